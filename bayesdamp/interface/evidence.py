@@ -116,7 +116,7 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
             blank,
             log_evidence=posterior.log_evidence,
             stderr=posterior.stderr,
-            diagnostic=f"{runs.size} runs of at most {runs.max()} temperature{'s' if runs.max() > 1 else ''}",
+            diagnostic=f"{runs.size} runs with at most {runs.max()} temperature{'s' if runs.max() > 1 else ''}",
             evaluations=int(posterior.log_likelihood.size),
             seconds=posterior.seconds,
             outcome=posterior.outcome,

@@ -240,7 +240,7 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
             yield from _evidence_rows(record, method, study.likelihood, by_model, shares)
         sampled = {}
         for model, smc in _sampled_posteriors(record).items():
-            diagnostic = f"temperatures: {smc.temperatures}, acceptance {smc.acceptance:.2f}"
+            diagnostic = f"temperatures: {smc.temperatures}, acceptance rate {smc.acceptance:.2f}"
             sampled[model] = Evidence(model, SMC, smc.log_evidence, smc.stderr, diagnostic)
         yield from _evidence_rows(record, SMC, study.deviation_of(spec), sampled, {})
 

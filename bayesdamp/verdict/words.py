@@ -290,7 +290,8 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
     if shares:
         sentences.append(f"Energy lost: {shares}.")
     if absent:
-        sentences.append(f"A damping term added to these would account for at most (95 %): {absent}.")
+        limits = "Of the energy lost, each of these other damping terms can account for at most (95 %)"
+        sentences.append(f"{limits}: {absent}.")
     return tuple(sentences)
 
 
@@ -405,7 +406,8 @@ def remarks(
         )
         weighted.append((1.0, text))
     if findings.unexplained >= thresholds.REMARK:
-        text = f"{_capitalise(_amplitude_share(findings.unexplained))} is not explained by the law."
+        size = _amplitude_share(findings.unexplained)
+        text = f"A residual of {size} is explained neither by the law nor by the noise."
         weighted.append((findings.unexplained, text))
     if (drift := abs(findings.midline)) >= thresholds.MIDLINE:
         text = f"The midline drifts by {percentage(drift)} % of the first amplitude over the record."

@@ -107,7 +107,10 @@ CONTRADICTIONS: dict[str, dict[str, Any]] = {
     "Importance sampling ranks Coulomb damping first": {"evidence": evidence(coulomb=0.7, viscous=0.3)},
     "Residuals: viscous damping does not fit: why.": {"fits": [{**ROW, **MISFIT}], "posteriors": chain()},
     "1 of 1 trajectory fits give ζ = 0.0600000, outside": {"estimates": [fitted(0.06)]},
-    "with Coulomb damping, to which the answer gives 0.02.": {"truth": "coulomb", "posteriors": chain()},
+    "with Coulomb damping, to which the answer gives the probability 0.02.": {
+        "truth": "coulomb",
+        "posteriors": chain(),
+    },
     "Truth: ζ = 0.06, which is outside": {"truth": "viscous", "estimates": [{**fitted(), "truth": 0.06}]},
     "The evidence of Coulomb (importance sampling): the posterior has no curvature at its mode.": {
         "evidence": [*evidence(viscous=0.99), {**evidence(coulomb=math.nan)[0], "outcome": NO_CURVATURE}]

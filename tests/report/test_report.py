@@ -48,7 +48,7 @@ def test_every_section_is_there_in_order(page):
 def test_what_warns_is_on_the_page(page):
     words = Page(page).words
     for text in (
-        "Most probable by evidence in 2 repeats of this record: viscous in 2 (probability at least 0.80).",
+        "Most probable damping by evidence in 2 repeats of this record: viscous in 2 (probability at least 0.80).",
         "changes by up to 4.1 times the standard deviation that is expected by chance",
         "predictive p 0.0030",
         "not converged: R̂ of stiffness is 1.034",

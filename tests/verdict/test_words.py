@@ -93,7 +93,7 @@ VISCOUS, DRAG = Share("viscous", 1.0, 0.0, 1.0, 0.991), Share("quadratic", 1.0, 
 POWER = replace(ABOUT, damping="quadratic", probability=0.22, rivals=(Rival("power", 0.78),), energy=(DRAG,))
 BOUNDS = (Bound("quadratic", 0.02), Bound("coulomb", 0.3), Bound("any other form", 0.0001))
 BEATEN = replace(SURE, probability=0.9, rivals=(Rival("viscous+coulomb", 0.1),), other_forms=BOUNDS)
-LIMITS = "A damping term added to these would account for at most (95 %): "
+LIMITS = "Of the energy lost, each of these other damping terms can account for at most (95 %): "
 
 
 @pytest.mark.parametrize(

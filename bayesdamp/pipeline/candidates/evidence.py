@@ -174,8 +174,8 @@ def compute_average(record: StudyRecord) -> Product:
             from_weights.append(model)
     covered = sum(weights[m] for m in drawn)
     if covered < LEAST_COVERED:
-        total = f"the models with draws have {covered:.2f} of the probability"
-        raise Refusal(f"not applicable: {total}, below {LEAST_COVERED}")
+        total = f"the models with draws have only {covered:.2f} of the probability"
+        raise Refusal(f"not applicable: {total}, and an average over models needs {LEAST_COVERED}")
     shared = np.array(sorted(set.intersection(*(set(a["amplitudes"]) for a in drawn.values()))))
     curves = {m: a[f"spread/{CURVE}"][:, np.isin(a["amplitudes"], shared)] for m, a in drawn.items()}
     arrays = {"amplitudes": shared, f"curve/{CURVE}": average_curves(curves, weights)}

@@ -251,7 +251,7 @@ def draw_motions(
         sizes = np.array([0.5 * np.ptp(y[a:b]) for a, b in periods])
         each.plot(middles, sizes / (2 * np.pi * modes[0].frequency) ** ORDERS[quantity], color=INKS[0])
         whole.set_title("The record")
-        each.set_title("Its amplitude in each period")
+        each.set_title("Amplitude in each period")
     at, middle = np.linspace(t[0], t[-1], _AMPLITUDE_POINTS), float(np.median(y))
     for mode, (ink, dash) in zip(modes, LOOKS, strict=False):
         if not np.isfinite(mode.damping_ratio):

@@ -147,13 +147,13 @@ class RecordChecks:
             text = f"Truth: the record was simulated with {words.model(true)} damping"
             if _same_sum([true], v.damping) is None:
                 share = next((r.probability for r in v.rivals if _same_sum([true], r.damping)), 0.0)
-                text = f"{text}, to which the answer gives {fmt.probability(share)}."
+                text = f"{text}, to which the answer gives the probability {fmt.probability(share)}."
                 checks.append(Check(text, fails=True))
             elif v.decided:
                 checks.append(Check(f"{text}, as the answer says."))
             else:
                 share = fmt.probability(v.probability)
-                checks.append(Check(f"{text}, the most probable in the answer ({share})."))
+                checks.append(Check(f"{text}, the most probable in the answer (probability {share})."))
         if self.exact_only and has_tables:
             text = (
                 "Chains, evidence and residual checks assume that the laws hold exactly. The answer does not assume "
@@ -400,8 +400,8 @@ class RecordChecks:
             wins = Counter(damping for damping, _ in firsts)
             counted = fmt.listing(f"{words.model(d)} in {n}" for d, n in wins.most_common())
             yield Check(
-                f"Most probable by evidence in {len(rankings)} repeats of this record: {counted} (probability at "
-                f"least {fmt.probability(min(p for _, p in firsts))})."
+                f"Most probable damping by evidence in {len(rankings)} repeats of this record: {counted} (probability "
+                f"at least {fmt.probability(min(p for _, p in firsts))})."
             )
 
     def _residuals(self) -> Iterator[Check]:

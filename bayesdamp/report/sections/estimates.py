@@ -398,7 +398,7 @@ def _error_table(along: ErrorSeries, methods: list[str], stage: str) -> Table:
     caption = (
         f"Root mean square error of the coefficients of {words.model(along.model)} damping, in % of the true values. "
         f"Each column is a value of: {FACTORS[along.factor]}. In brackets: the 95 % interval of the error, from the "
-        'repeats. "3 of 5" after it means that only 3 of 5 repeats gave an estimate.'
+        'repeats. "3 of 5" after an error means that only 3 of 5 repeats gave an estimate.'
     )
     return Table(headers, lines, (0,), caption)
 

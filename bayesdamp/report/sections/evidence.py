@@ -59,8 +59,8 @@ ANSWER = (
     "one method only."
 )
 _ONE_NOISE = (
-    'With deviation = "law" the evidence is computed for one noise model only. Deviations, and a larger noise variance '
-    "near the oscillation frequency, then account for coloured residuals."
+    'With the setting deviation = "law" the evidence is computed for one noise model only. Deviations, and a larger '
+    "noise variance near the oscillation frequency, then account for coloured residuals."
 )
 _NO_WIDTH = "No damping prior has a width that can be varied: the scale of default priors is unknown and averaged out."
 COMPARED = (

@@ -183,7 +183,7 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
         without = PosteriorContent.of(task_result).without
         if without:
             names = fmt.listing(words.symbol(n).text for n in without)
-            why = f"for {max(without.values())} draws they do not exist (no stable equilibrium, or the motion escapes)"
+            why = f"for {max(without.values())} draws they do not exist (no stable equilibrium, or unbounded motion)"
             sentences.add((task_result.parts.method, f"{names} are not shown, because {why}."))
     for sampler, sentence in sorted(sentences):
         parts.append(Markup('<p class="quiet">{}: {}</p>').format(words.method(sampler), sentence))
@@ -319,7 +319,11 @@ def _searches(mode: ModeContent) -> Table:
         "end: nats below the mode": lambda c: fmt.nats(max(mode.log_posterior - c.end, 0.0)),
     }
     touching = fmt.listing(words.symbol(n).text for n in mode.touching_zero)
-    notes = [f"These may be zero (less than one sd above it at the mode): {touching}."] if touching else []
+    notes = (
+        [f"Coefficients less than one sd above zero at the mode, which may be zero: {touching}."]
+        if touching
+        else []
+    )
     return replace(Table.of(mode.climbs, columns, (0, 4), SEARCHES, kind), notes=notes)
 
 
