@@ -119,7 +119,7 @@ def test_many_signals_fold(maker_of):
     folder = maker_of(signals=names, models=("viscous", "coulomb")).make()
     html = render(folder).read_text()
     assert html.count("<summary>sim-5</summary>") >= 3
-    assert "only the best model of each is drawn" in html
+    assert "show only the most probable model of each" in html
     drawn = {p.stem for p in (folder / "figures").glob("*.svg")}
     assert "marginals-sim-5-viscous" in drawn
     assert "marginals-sim-5-coulomb" not in drawn
