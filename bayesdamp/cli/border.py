@@ -8,7 +8,8 @@ import os
 import sys
 
 LONGEST_ERROR = 295
-"""Largest number of characters of an error line (conventional: three lines of a terminal)."""
+"""Largest number of characters of an error line; of a longer line the middle is left out (conventional: three lines of
+a terminal)."""
 _HEAD_LENGTH = 180
 """Number of characters from the beginning of an error that remain if its middle is left out."""
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT)

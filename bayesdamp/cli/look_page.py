@@ -16,7 +16,7 @@ from bayesdamp.records.files.contents import Contents
 from bayesdamp.report.drawing import MUTED, WIDTH, Drawings
 
 _INSIDE = "#0072B2"
-"""Colour of the free decay."""
+"""Colour of the free decay in the figures; the rest of the record is grey."""
 _POINTS = 4000
 """A record of at least twice as many samples is thinned for its figure: only every k-th sample is drawn, with the
 largest k that leaves at least this number of points."""

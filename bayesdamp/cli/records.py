@@ -233,7 +233,7 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
 
 
 def with_free_decay(record: FileRecord, options: ReadingOptions) -> FileRecord:
-    """Return the record with the `signal` that `clean` finds in it, or with the reason for none as `refusal`."""
+    """Return a copy of a record with its free decay as `signal`, or with the reason why it has none as `refusal`."""
     try:
         signal = clean(
             decimate(unwrap(record.raw, record.unit, record.quantity)),
@@ -345,7 +345,10 @@ def _choose(
 
 
 def doubt_lines(path: Path, records: Sequence[FileRecord], kinds: Iterable[Kind] = Kind) -> list[str]:
-    """Return a line, with the file's name, for the first finding of each of these kinds in the records of a file."""
+    """Return lines on what looks wrong with the records of a file: the first finding of each of the given kinds.
+
+    Each line begins with the file's name.
+    """
     first = {finding.kind: finding for record in reversed(records) for finding in record.findings}
     return [f"{path.name}: {finding}" for kind, finding in first.items() if kind in kinds]
 
@@ -446,7 +449,7 @@ def command_suggestions(records: Sequence[FileRecord], options: ReadingOptions) 
 
 
 def _answers(raw: RawRecord, options: ReadingOptions) -> dict[str, str]:
-    """Return the options that would settle the findings on a record: the most likely value of each, by its name.
+    """Return the options that would settle what looks wrong with a record: the most likely value of each, by its name.
 
     They contain the unit rad if it is assumed.
     """

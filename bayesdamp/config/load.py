@@ -65,7 +65,7 @@ _TABLES = (
     "system", "signal", "sweep", "estimators", "models", "posterior", "evidence", "calibration", "recovery", "plugins",
 )  # fmt: skip
 _PUBLISHED = ("estimator", "signal", "error_pct", "time")
-"""Columns of a CSV file of published results."""
+"""Columns of a CSV file of published results: the estimator, the signal, the error in per cent, the computing time."""
 _NO_STUDY = "give a study file (TOML), or a run's run.json"
 
 
@@ -271,10 +271,10 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
 
 
 def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> tuple[SignalSpec, ...]:
-    """Return the signals of the tables [[signal]], with [system] and expanded by [[sweep]]. Raises StudyError.
+    """Return the signals of a study: its tables [[signal]], completed by [system], and repeated for each [[sweep]].
 
     raw: all tables of the study file. folder: that of the study file. laws: the restoring laws of [models], which apply
-    to every signal without its own.
+    to every signal without its own. Raises StudyError if a table is wrong or a name is repeated.
     """
 
     def tables_of(name: str) -> list[dict[str, Any]]:

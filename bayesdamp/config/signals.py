@@ -255,9 +255,9 @@ def term_keys(law: tuple[str, ...]) -> dict[str, str]:
 
 
 def damping_order() -> list[str]:
-    """Return all damping terms, shipped and added, in the order in which sums are named.
+    """Return all damping terms, shipped and from plug-ins, in the order in which they are named in damping sums.
 
-    First viscous, coulomb and quadratic (`PAPER_TERMS`), then the others in alphabetical order.
+    These are viscous, coulomb and quadratic (`PAPER_TERMS`), then the others in alphabetical order.
     """
     return [*PAPER_TERMS, *(name for name in TERMS.names() if name not in PAPER_TERMS)]
 
@@ -265,8 +265,8 @@ def damping_order() -> list[str]:
 def _read_recording(entry: SignalTable, folder: Path, key: str) -> Recording:
     """Return the record of a signal that is read from a file; the file itself is not read.
 
-    `folder` is that of the study; `key` is the key of the signal, for messages. Raises StudyError if it does not exist,
-    if both time and rate are given, or if start is not before stop.
+    `folder` is that of the study; `key` is the key of the signal, for messages. Raises StudyError if the file does not
+    exist, if both time and rate are given, or if start is not before stop.
     """
     assert entry.file is not None
     path = folder / at_home(Path(entry.file))
@@ -405,7 +405,11 @@ def canonical_model(name: object, key: str) -> str:
 
 
 def canonical_models(names: tuple[str, ...], key: str) -> tuple[str, ...]:
-    """Return each damping sum as `canonical_model` does, in the order given. Raises StudyError if a sum is repeated."""
+    """Return damping sums, in the order given, each with its terms in the order of `damping_order`.
+
+    key: key of the study file with the sums, for messages. Raises StudyError if a name is not a sum of different
+    damping terms, or if a sum is repeated.
+    """
     models = tuple(canonical_model(name, key) for name in names)
     check_distinct(models, key, "the model")
     return models

@@ -45,7 +45,8 @@ error (conventional)."""
 MOST_CHAINS = 1000
 """Greatest number of Markov chains that a study may ask for; a larger number is an error (conventional)."""
 MOST_COLUMNS = 100_000
-"""Largest number, counted from 1, by which a study may select a column of a file (conventional)."""
+"""Largest number, counted from 1, by which a study may select a column of a file; a larger one is an error
+(conventional)."""
 ColumnName = Annotated[int, Field(ge=1, le=MOST_COLUMNS)] | Annotated[str, Field(min_length=1)]
 RunName = Annotated[int, Field(ge=0, le=MOST_COLUMNS**2)] | Annotated[str, Field(min_length=1)]
 UNIT = f"one of {', '.join(UNITS)} (of the displacement itself)"
@@ -382,7 +383,7 @@ class SignalSpec:
     specimen: str = ""
 
     def resolved(self) -> dict[str, Any]:
-        """Return all settings of the signal in JSON form, without absolute paths."""
+        """Return all settings of the signal as values for JSON, without absolute paths."""
         settings = split(self)
         settings["source"].pop("path", None)
         return settings
@@ -398,7 +399,7 @@ class SignalSpec:
         return () if self.is_envelope else self.laws or (self.system.restoring,)
 
     def under(self, restoring: str) -> System:
-        """Return the system under a restoring law; `system` if the law is none of the alternatives."""
+        """Return what is known of the system under a restoring law; for a law that is not compared, `system`."""
         return next((s for s in self.alternatives if s.restoring == restoring), self.system)
 
     @property
@@ -407,11 +408,17 @@ class SignalSpec:
         return self.source.repeats if isinstance(self.source, Simulation) else 1
 
     def candidate(self, damping: str, restoring: str) -> str:
-        """Return the name of a candidate: its damping sum, and its law if several are compared (`candidate_name`)."""
+        """Return the name of a candidate (a damping sum under a restoring law).
+
+        It contains the law only if several laws are compared on this signal.
+        """
         return candidate_name(damping, restoring if len(self.restoring) > 1 else "")
 
     def parts(self, candidate: str) -> tuple[str, str]:
-        """Return damping sum and restoring law of a candidate; without a law in its name, the signal's first one."""
+        """Return the damping sum and the restoring law of a candidate, from its name.
+
+        If the name contains no law, the law is the first one of the signal.
+        """
         damping, law = candidate_parts(candidate)
         return damping, law or self.restoring[0]
 
@@ -496,7 +503,7 @@ class Study:
         return tuple(spec.candidate(m, law) for m in self.dampings(spec) for law in spec.restoring)
 
     def estimate(self, spec: SignalSpec) -> tuple[str, ...]:
-        """Return the names of a signal's candidates under which estimators run."""
+        """Return the names of those candidates of a signal whose coefficients the estimators estimate."""
         wanted = self.dampings(spec) if spec.estimate is None else spec.estimate
         return tuple(name for name in self.compare(spec) if candidate_parts(name)[0] in wanted)
 
@@ -562,7 +569,7 @@ class Study:
         return given
 
     def resolved(self) -> dict[str, Any]:
-        """Return all settings with their defaults in JSON form, without absolute paths."""
+        """Return all settings of the study, including defaults, as values for JSON, without absolute paths."""
         settings = split(replace(self, signals=(), tables={}))
         del settings["source"], settings["plugins"], settings["tables"]
         if self.plugins:

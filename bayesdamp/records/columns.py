@@ -83,9 +83,10 @@ class OscillationMeasure:
     fills_periods
         Whether the oscillation fills at least `MIN_CYCLES` periods, which a single spike does not.
     decays
-        Whether the oscillation is smaller at the end (see `MAX_FINAL_SIZE`).
+        Whether the size of the oscillation at the end is less than `MAX_FINAL_SIZE` times the largest.
     grows_again
-        Whether it grows again after it has decayed (see `MAX_REGROWTH`), as beats and the residuals of a fit do.
+        Whether the oscillation grows again after it has decayed, by more than `MAX_REGROWTH` times the largest size, as
+        beats and the residuals of a fit do.
     """
 
     period: float
@@ -549,7 +550,7 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
 
 
 def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
-    """Return the candidates without those that equal another one up to a factor and an offset (see `SAME_SIGNAL`).
+    """Return the candidates without those that equal another one up to a factor and an offset (correlation ≈ 1).
 
     Of two equal ones with the same unit the one with the larger oscillation is kept, else the first one.
     """

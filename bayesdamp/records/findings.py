@@ -36,10 +36,11 @@ COARSE_STEP = 0.5
 """Times without a stated unit are probably not in s if they step by at least this, read as s, and the period is longer
 than `SLOW_PERIOD`."""
 DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
-"""Ranges (lowest, highest) of numbers that may count days and stand for a date between about 1970 and 2060: in
-spreadsheets or as modified Julian days, in MATLAB, and as Julian days."""
+"""Ranges (lowest, highest) of numbers that may be dates between about 1970 and 2060, counted in days: in spreadsheets
+or as modified Julian days, in MATLAB, and as Julian days."""
 SHORT_DAYS = 5e-4
-"""Times that begin at one of DAY_NUMBERS may be in days if the period, read as days, is shorter than this (43 s)."""
+"""Times without a stated unit that begin in one of the ranges DAY_NUMBERS may count days, if the period is shorter than
+this number of days (43 s); the user must then state their unit."""
 _BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}\s\d]{0,19}|\d[^()\[\]{}]{1,19})\s*[)\]}]\s*$")
 """Text in brackets at the end of a name of times that may be a unit: a word, or text that begins with a number, such as
 `1e-3 s` but not `probe 1`."""

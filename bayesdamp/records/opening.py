@@ -29,7 +29,8 @@ from bayesdamp.types import InputError
 
 Loaded = TypeVar("Loaded")
 TIME_LIMIT = 300.0
-"""A reader is stopped if it has not finished after this time in s (conventional)."""
+"""A reader in a child process is stopped, and its file is refused, if it has not finished after this time in s
+(conventional)."""
 HEAD_BYTES = 65536
 """Number of bytes at the start of a file by which its format is recognised."""
 LONGEST_MESSAGE = 280

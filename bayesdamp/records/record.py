@@ -16,8 +16,8 @@ from bayesdamp.units import UNITS
 GUESSED = "counts"
 """Unit of a record whose unit is not known, and whose values are too large for an angle in rad."""
 HALF_TURN, FULL_TURN = math.pi, 360.0
-"""Values without a stated unit are not taken for radians if their amplitude is above the first (a pendulum would go
-over the top), and not for degrees if it is above the second (conventional)."""
+"""Values without a stated unit are not taken for radians if their amplitude is above `HALF_TURN` (a pendulum would go
+over the top), and not for degrees if it is above `FULL_TURN` (conventional)."""
 _ANGLE = re.compile(
     r"^$|angle|angular|theta|phi|alpha|roll|pitch|yaw|tilt|pendul|rotation|encoder|winkel|angolo|[θφϕα]",
     re.IGNORECASE,
@@ -30,9 +30,9 @@ JUMP_TOLERANCE = 0.1
 """The step from one value to the next counts as a jump if it differs from a turn by less than this fraction of a
 turn."""
 MAX_SPAN = 1.001
-"""Largest range of the values of a wrapped angle, in turns."""
+"""Largest range of the values of a wrapped angle, in turns; values with a larger one are not unwrapped."""
 MAX_STEP = 0.25
-"""Largest step of a wrapped angle other than the jumps, in turns."""
+"""Largest step of a wrapped angle other than the jumps, in turns; values with a larger one are not unwrapped."""
 MAX_EXCESS = 1.5
 """A jump of a wrapped angle must differ from a turn by at most this multiple of the largest step other than the jumps;
 the difference is the change of the angle between the two samples."""

@@ -29,7 +29,8 @@ SENSOR = 0.002
 """Default of --sensor, the relative linearity error (standard deviation) of the sensor; `bayesdamp.compare` has the
 same default."""
 MOST_EARLY_LINES = 5
-"""Largest number of records in one command for which lines are printed before anything is fitted (`early_lines`)."""
+"""Largest number of records in one command for which a line on frequency and damping is printed before anything is
+fitted (`early_lines`); for more records these lines are left out."""
 MOST_ENVELOPES_HERE = 6
 """Largest number of envelope records that are computed in this process. More are shared among several processes; for
 fewer, starting a second process takes longer than the computation (measured)."""

@@ -14,7 +14,8 @@ import typer
 from bayesdamp.machine import cache_folder, cores
 
 LEAST_MEMORY = 2.0
-"""Required memory in GiB: twice the 0.95 GiB of a quick comparison of 2,001 samples on two processes (measured)."""
+"""Required memory in GiB; with less, the check of the machine fails. It is twice the 0.95 GiB that a quick comparison
+of 2,001 samples on two processes needs (measured)."""
 TRUE_RATE, TOLERATED_ERROR = 0.05, 0.1
 """True viscous coefficient in 1/s of the simulated test record, and the relative error of the estimate from which the
 installation check fails (conventional)."""
@@ -86,7 +87,7 @@ def kernels() -> CheckResult:
 
 
 def machine() -> CheckResult:
-    """Check whether the machine has at least `LEAST_MEMORY`, and state its cores and physical memory (GiB)."""
+    """Check whether the machine has at least `LEAST_MEMORY` GiB of physical memory, and state its cores and memory."""
     count = cores()
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     enough = memory >= LEAST_MEMORY

@@ -35,7 +35,7 @@ MOST_POWERS = 6
 number of cycles, but at most this (conventional)."""
 OUTLIER_SIGMAS = 8.0
 """A sample is an outlier if it differs from a harmonic fit to a window around it by more than this many standard
-deviations of the noise."""
+deviations of the noise. Outliers are counted, but not removed."""
 MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0
 """If the amplitude of an angle is more than `MAX_TURNS` turns (of 360°), a warning says that the values may have
 another unit. If the column's name states the unit, the limit is `MAX_TURNS_NAMED` turns (conventional)."""
@@ -56,8 +56,8 @@ TONE_BURST = (
 MOST_SAMPLES = 100_000
 """Records with more samples than this are decimated (conventional)."""
 SAMPLES_PER_CYCLE, LEAST_SAMPLES_PER_CYCLE = 100.0, 20.0
-"""Decimation aims at the first number of samples a cycle. In records of so many cycles that this would give more than
-`MOST_SAMPLES` samples, it aims at fewer, but not below the second number of samples a cycle."""
+"""Decimation aims at `SAMPLES_PER_CYCLE` samples a cycle. In records of so many cycles that this would give more than
+`MOST_SAMPLES` samples, it aims at fewer, but at least `LEAST_SAMPLES_PER_CYCLE`."""
 PASS_BAND = 0.7
 """The decimation filter is flat up to this fraction of the new Nyquist frequency; at 100 samples a cycle, 35 harmonics
 pass."""

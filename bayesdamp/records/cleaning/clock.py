@@ -22,8 +22,8 @@ EVEN_STEPS_RATIO = 1.5
 step / median step and median step / smallest step are both below this (conventional)."""
 MIN_PAUSES, SHORT_STEP = 8, 0.3
 """Time stamps come in bursts if at least `MIN_PAUSES` steps are longer than the mean step (the pauses between bursts),
-at least as many are not, and the median step is at most `SHORT_STEP` times the mean step (conventional).
-`_rows_are_missing` also needs `MIN_PAUSES` longer and as many other steps."""
+at least as many are not, and the median step is at most `SHORT_STEP` times the mean step (conventional). Rows of the
+file, too, count as missing only if there are at least `MIN_PAUSES` longer and as many other steps."""
 JUMP_RATIO = 2.0
 """If some time steps are multiples of the others, rows of the file count as missing at the longer steps if the mean
 squared change of the recorded values across them is more than this factor times that across the other steps
@@ -234,7 +234,7 @@ def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, flo
 def burst_begins(t: np.ndarray) -> np.ndarray:
     """Return the indices of the samples that begin a burst of time stamps t (n,), in s; all n if there are no bursts.
 
-    In bursts most steps are much shorter than the mean step (see `MIN_PAUSES`).
+    In bursts most steps are much shorter than the mean step; a burst begins after each step longer than the mean.
     """
     gaps = np.diff(t)
     pauses = gaps > gaps.mean()

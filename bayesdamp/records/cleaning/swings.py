@@ -35,8 +35,8 @@ SWINGS_PER_WINDOW = 4
 """To find a sudden change (break) of the decay rate, the rates in two windows before it and two windows after it are
 compared. This is the number of swings (half cycles) in each window."""
 MIN_RATE_CHANGE = 0.4
-"""At a break, the part of the change of the decay rate that no power of the amplitude (see `LARGEST_POWER`) explains
-must exceed this fraction of the larger of the two rates."""
+"""The decay rate counts as changing suddenly (a break) only if the part of the change that no power of the amplitude
+between ± `LARGEST_POWER` explains exceeds this fraction of the larger of the rates before and after."""
 LARGEST_POWER = 1.2
 """The decay rate of a free decay is assumed to change with the amplitude like a power between minus this and plus this:
 −1 is dry friction, 0 viscous damping, 1 drag."""
@@ -105,10 +105,11 @@ def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
 
 
 def _without_holes(marks: Iterable[int], across: np.ndarray) -> list[int]:
-    """Return the marks (indices of swings) that are more than two windows of `SWINGS_PER_WINDOW` away from any gap.
+    """Return those of the swings (half cycles) with a jump or break that are not near a gap in the samples.
 
-    across: indices of the swings that contain a gap in the samples. Over a gap the range falls as much as over several
-    swings, which must not count as a jump or break.
+    Over a gap the range falls as much as over several swings, which must not count as a jump or break. marks: indices
+    of the swings. across: indices of the swings that contain a gap. Near means within two windows of
+    `SWINGS_PER_WINDOW` swings.
     """
     return [m for m in marks if not np.any(np.abs(across - m) <= 2 * SWINGS_PER_WINDOW)]
 
@@ -192,7 +193,7 @@ def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
 
 
 def _find_jumps(ranges: np.ndarray, floor: float) -> list[int]:
-    """Return the indices of the swings with which a new stretch begins, because the range jumps there.
+    """Return the indices of the swings (half cycles) before which a decay must end, because the range jumps there.
 
     ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise,
     in the same unit; changes of the range below 4 `floor` are not jumps.
@@ -331,7 +332,8 @@ class Swings:
     def opens_like_later(self, begin: float) -> bool:
         """Return whether the samples from `begin` (s) to the first turning point have the shape of the swings after it.
 
-        The misfits of fits to both are compared (see `misfit`). Return True if there are too few samples to decide.
+        A slowly changing sinusoid with an overtone is fitted to both, and the residuals are compared. Return True if
+        there are too few samples to decide.
         """
         end = float(self.turns.times[0])
         samples = int(np.count_nonzero((self.t >= begin) & (self.t <= end)))

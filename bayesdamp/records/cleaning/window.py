@@ -122,10 +122,10 @@ class _Decays:
         return self.turns.cut(*self.best)
 
     def is_relevant(self, stretch: tuple[int, int]) -> bool:
-        """Return whether a stretch has at least `OTHER_INFORMATION` times the `information` of the best one.
+        """Return whether a stretch has enough information on the damping to count as another free decay.
 
-        One with less may be a hum in the noise instead of another free decay.
-        """
+        It needs `OTHER_INFORMATION` times the `information` of the best stretch; with less it may be a hum in the
+        noise. stretch: start and end (exclusive) among the turning points."""
         return information(self.turns, stretch) >= OTHER_INFORMATION * information(self.turns, self.best)
 
 
@@ -254,10 +254,10 @@ def free_decay(
 def _find_decays(
     t: np.ndarray, y: np.ndarray, periods: Sequence[tuple[float, float]], step: float, name: str
 ) -> _Decays:
-    """Return the stretches of free decay for the period whose best stretch has the most `information`.
+    """Return the free decays with the period among `periods` for which the best one has the most `information`.
 
-    The arguments are those of `free_decay`; periods that explain less than `MIN_VARIANCE_SHARE` are not tried. Raises
-    InputError if no period has a stretch.
+    The arguments are those of `free_decay`; periods that explain less than `MIN_VARIANCE_SHARE` of the variance are not
+    tried. Raises InputError if there is no free decay with any of them.
     """
     options: list[_Decays] = []
     for period, share in periods:
@@ -284,7 +284,7 @@ def _find_decays(
 
 
 def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Decays | None:
-    """Return the stretches of free decay with about the given period in s; None if there are none.
+    """Return the free decays with about the given period in s; None if there are none.
 
     t, y: times in s and values, (n,). step: recording step in the unit of y.
     """

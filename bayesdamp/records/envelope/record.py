@@ -66,7 +66,7 @@ class EnvelopeRecord:
 
     @property
     def logarithmic(self) -> bool:
-        """Return whether it was recorded in dB, so that the absolute amplitude is unknown."""
+        """Return whether the record is in dB, so that the absolute amplitude is unknown."""
         return self.unit in DECIBELS
 
     def amplitude(self, level: float) -> tuple[float, str]:

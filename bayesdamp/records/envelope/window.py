@@ -85,8 +85,9 @@ LINES_AHEAD = 2
 """The misfit of a short line is compared with the median misfit of the lines after it, but only of those within this
 many line lengths, because the misfit grows towards the noise floor."""
 SLOWEST_RATE, FASTEST_RATE = 0.4, 5.0
-"""A short line that falls more slowly or faster than these multiples of the rate of the lines after it is not part of
-the decay, if it also exceeds the limit of `SLOPE_CHANGES`."""
+"""To find the start of the decay, short straight lines are fitted to the level. A line that falls more slowly than
+`SLOWEST_RATE` or faster than `FASTEST_RATE` times the rate of the lines after it is not part of the decay, if the
+difference also exceeds the limit of `SLOPE_CHANGES`."""
 NOISE_SCATTER, SCATTER_BLOCKS = 2.5, 15
 """The decay ends where the level scatters from block to block by more than `NOISE_SCATTER` dB (standard deviation) over
 `SCATTER_BLOCKS` blocks, as noise does: by 5.6 dB if its phase is random."""
@@ -95,11 +96,13 @@ LEAST_LAST_READINGS, ROUGHNESS_RATIO = 8, 3.0
 decay that steepens. They are a floor if their scatter from reading to reading is at least `ROUGHNESS_RATIO` times that
 in the first eighth of the decay (noise of random phase scatters by 5.6 dB)."""
 LEVEL_RATE = 0.15
-"""A short line that falls at less than this fraction of the rate of the lines after it is not part of the decay,
-whatever `SLOPE_CHANGES` says."""
+"""To find the start of the decay, short straight lines are fitted to the level. A line that falls at less than this
+fraction of the rate of the lines after it is not part of the decay, even if the rate changes as much between other
+lines."""
 SLOPE_CHANGES = 3.0
-"""A short line whose rate is outside `SLOWEST_RATE` and `FASTEST_RATE` is not part of the decay if its rate also
-differs from that of the lines after it by more than this many times the median change of the rate between lines."""
+"""A short straight line, fitted to the level to find the start of the decay, is not part of the decay if its rate is
+outside of the limits `SLOWEST_RATE` and `FASTEST_RATE` and also differs from the rate of the lines after it by more
+than this many times the median change of the rate between lines."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +175,7 @@ def measure_floor(t: np.ndarray, power: np.ndarray, decay: np.ndarray, rate: flo
     -------
     NoiseFloor
         The floor. Its power is the mean of `power` minus that of `decay`, at least a tenth of the former. If there are
-        too few readings (see `LEAST_FLOOR_READINGS`) or they do not fluctuate, only this power is set.
+        fewer than about `LEAST_FLOOR_READINGS` readings or they do not fluctuate, only this power is set.
     """
     rest = float(decay.mean())
     mean = max(float(power.mean()) - rest, 0.1 * float(power.mean()))

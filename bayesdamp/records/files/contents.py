@@ -14,7 +14,7 @@ from bayesdamp.types import Fact, InputError
 from bayesdamp.units import UNITS
 
 LARGEST_FILE = 2**31
-"""Largest size of a file in bytes, also after unpacking (conventional)."""
+"""Largest size of a file in bytes, also after unpacking; larger files are refused (conventional)."""
 
 
 @dataclass(frozen=True, eq=False)

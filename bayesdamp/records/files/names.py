@@ -107,7 +107,7 @@ def _normalise_unit(text: str) -> str:
 
 
 _WRITTEN = {_normalise_unit(text): unit for unit in UNITS.values() for text in (unit.name, *unit.written)}
-"""The unit for each way of writing it, as `_normalise_unit` returns it."""
+"""The unit for each way of writing it: small letters without blanks, dots and superscripts (`_normalise_unit`)."""
 
 
 def _normalise_time_unit(text: str) -> str:
@@ -255,7 +255,7 @@ def seconds_of_unit(column: Column) -> float | None:
 
 
 def unit_of_column(column: Column) -> tuple[str, str]:
-    """Return the unit and the quantity of a column (see `unit_written`); each is "" if the file does not state it.
+    """Return the unit and the quantity of a column, such as deg and velocity; each is "" if the file states none.
 
     The unit is a name in UNITS; one that is not in UNITS is returned as it is written, if shorter than 20 characters.
     """

@@ -113,9 +113,9 @@ class Walk:
         self.columns.append(Column(path or "1", values, group, run, unit))
 
     def contents(self, format_name: str) -> Contents:
-        """Return the collected columns and facts (see `trim_facts`). Raises InputError if there is no column.
+        """Return the collected columns and facts. Raises InputError if there is no column.
 
-        format_name: the short name of the file's format, as in `Contents`.
+        Very long and very many facts are cut. format_name: short name of the file's format, such as "JSON".
         """
         if not self.columns:
             raise InputError(

@@ -41,12 +41,12 @@ MIN_MEDIAN = 0.3
 """In a rectified record, the median of the values in a half cycle must be above this fraction of the peak: it is 0.71
 for |sin|, 0.5 for sin², and 0 for pulses."""
 ENVELOPE_PER_PERIOD, MOST_ENVELOPE_SAMPLES = 24, 200_000
-"""`is_tone_burst` computes the envelope from about the first number of samples in a period, and from at most the second
-number in total."""
+"""To decide whether a record is a tone burst, its envelope is computed from about `ENVELOPE_PER_PERIOD` samples in a
+period, but at most `MOST_ENVELOPE_SAMPLES` samples in total."""
 FLANK_LEVEL, FLANK_CYCLES, MAX_ASYMMETRY = 0.2, 3, 0.15
-"""The two flanks of an envelope are compared above this fraction of its peak, if they last at least this many cycles.
-In a tone burst they differ by less than the third number, relative to the peak. Measured: tone bursts with 5 % noise
-differ by up to 0.13, real decays with so long a rise by at least 0.6."""
+"""A record is a tone burst if the two flanks of its envelope, above `FLANK_LEVEL` times the peak, both last at least
+`FLANK_CYCLES` cycles and differ by less than `MAX_ASYMMETRY` times the peak. Measured: the flanks of tone bursts with
+5 % noise differ by up to 0.13, those of real decays with so long a rise by at least 0.6."""
 
 CLIPPED = "The peaks are cut off: the record stays at its extreme value."
 RISES_AGAIN = "The amplitude rises again, which beats, a second mode or a drive would cause."

@@ -126,7 +126,7 @@ class Sinusoids:
 
     @property
     def scaled_times(self) -> np.ndarray:
-        """Return the times scaled to −1 to 1 along the record, (k,)."""
+        """Return the middle times of the windows, scaled to −1 (first window) to 1 (last window), (k,)."""
         first, last = self.times[0], self.times[-1]
         return 2 * (self.times - first) / (last - first) - 1
 
@@ -399,7 +399,10 @@ def amplitude_curves(signal: Signal) -> Curves:
 
 
 def _fit_line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial:
-    """Return a polynomial in scaled time (−1 to 1), fitted to log amplitudes (k,) with weights from their errors."""
+    """Return a polynomial in time, fitted to the log amplitudes `sizes`, (k,), in the windows.
+
+    The time is scaled to −1 (first window) to 1 (last window); the weights are 1 / standard error.
+    """
     degree = min(DEGREE, max(sizes.size // STARTS_PER_WINDOW, 1))
     return np.polynomial.Polynomial.fit(windows.scaled_times, sizes, degree, w=1 / windows.errors)
 

@@ -58,8 +58,8 @@ SUCCESSIVE_PERIODS = 2
 """A rise of the amplitude counts only if the ranges of this many successive periods are all larger than those of as
 many successive periods before."""
 GONE_FRACTION, TRANSIENT_CYCLES = 0.01, 15.0
-"""A second oscillation that falls below the first number, as a fraction of the first oscillation, within the second
-number of cycles is only a transient."""
+"""A second oscillation is only a transient if its amplitude falls below `GONE_FRACTION` times that of the other one
+within `TRANSIENT_CYCLES` cycles of the other one."""
 STEADY_RATE_RATIO = 0.1
 """Of two oscillations, one counts as sustained by a drive if its decay rate is below this fraction of the other
 one's."""
@@ -79,8 +79,8 @@ MIN_FALL = 2.0
 """A decay together with a sustained oscillation of close frequency is recognised only if the amplitude falls by at
 least this factor before it stays constant."""
 RISE_RATIO, MIN_RISES, RISE_PERIODS = 1.5, 4, 3
-"""In a record that is excited throughout, the amplitude rises by at least the first factor, at least the second number
-of times, and each time over at least the third number of periods."""
+"""A record counts as excited throughout only if its amplitude rises at least `MIN_RISES` times, each time by at least
+the factor `RISE_RATIO` and over at least `RISE_PERIODS` periods."""
 MIN_RISING_FRACTION = 0.25
 """A record counts as excited throughout only if the amplitude rises in at least this fraction of its duration. Under
 random excitation it rises half of the time, after repeated releases only during a small part."""
@@ -256,7 +256,7 @@ def _add_mode(
 
 
 def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Average a record in the largest blocks that leave `LEAST_AVERAGED` samples, and `PER_CYCLE` samples a period.
+    """Average a record in blocks, the largest that leave `LEAST_AVERAGED` samples and `PER_CYCLE` samples a period.
 
     A record with less than twice as many samples is not averaged. t, period: in s. Return the mean times and values,
     (m,) each; an incomplete last block is dropped.

@@ -175,8 +175,8 @@ def residuals(
 def roughness(t: np.ndarray, y: np.ndarray, period: float) -> float:
     """Return the standard deviation of the noise of a sample of y (n,), in its unit.
 
-    t, period: in s. The result is the median over windows of about a period (see `residuals`); 0 if no window has
-    enough samples.
+    t, period: in s. Smooth oscillations are fitted in windows of about a period, without outliers, and the result is
+    the median of the residuals' standard deviations in the windows; 0 if no window has enough samples.
     """
     sd = residuals(t, y, period, ENOUGH_WINDOWS)[1]
     return float(np.nanmedian(sd)) if np.any(np.isfinite(sd)) else 0.0

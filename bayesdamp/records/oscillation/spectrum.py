@@ -110,10 +110,11 @@ def coarse_period(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[float, float]]:
-    """Return up to `most` (at least one) pairs of period (s) and fraction as in `coarse_period`.
+    """Return up to `most` (at least one) possible periods (s), each with the fraction of the variance it explains.
 
-    The first has the largest `explained_power`; the others follow in falling order of this power times the fraction. If
-    a hand moves the object to and fro in a part of the record, the first period may be that of the hand.
+    The fraction is that which sinusoids of this period explain. The first period has the largest `explained_power`; the
+    others follow in falling order of this power times the fraction. If a hand moves the object to and fro in a part of
+    the record, the first period may be that of the hand. t, y: increasing times in s and values, each (n,).
     """
     spacing, coarse = on_grid(t, y)
     periods = _search_periods(coarse, spacing, most)

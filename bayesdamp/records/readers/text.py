@@ -54,7 +54,7 @@ _DATES = (
 )
 _SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(?:\d{4}|\d\d)[ ,]\s*")
 """Pattern of a date such as `5/3/2024`, whose order of day and month is ambiguous. Only the time of day after it is
-used; a new day begins where the time of day falls back (see `join_stamps`)."""
+used; a new day begins where the time of day falls back by almost a day."""
 _TIME = re.compile(
     r"(\d{1,2}):(\d\d)(?::(\d\d(?:[.,]\d+)?))?\s*(AM|PM|Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE
 )

@@ -15,15 +15,16 @@ from bayesdamp.types import Fact, InputError
 
 _SETS = re.compile(rb"(?:^|[\r\n])    -1[ \t]*\r?\n[ \t]{0,5}(\d{1,5})(b?)(?=[ \t\r\n])")
 TIME_RESPONSE = (0, 1)
-"""Function types that are time records: general, time response."""
+"""Codes in a data set 58 for functions that are time records: general, time response; other data sets are left out."""
 TIME_AXIS = (0, 17)
-"""Data types of an abscissa that may be time: unknown, time."""
+"""Codes in a data set 58 for an abscissa that may be time: unknown, time."""
 _ORDINATES = {8: ("m", "angle"), 11: ("m", "velocity"), 12: ("m", "acceleration")}
-"""Unit and quantity of the ordinate for each of its data types, in SI units unless the data set states a unit."""
+"""Unit and quantity of the values by the code for them in a data set 58; the unit applies if the data set states
+none."""
 _DIRECTIONS = dict(
     zip(range(-6, 7), ("-RZ", "-RY", "-RX", "-Z", "-Y", "-X", "", "X", "Y", "Z", "RX", "RY", "RZ"))
 )
-"""Name of each direction code of a degree of freedom."""
+"""Name of the direction of a degree of freedom, by its code in a data set 58: rotations begin with R."""
 
 
 class UffReader(Reader):
