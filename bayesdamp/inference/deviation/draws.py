@@ -524,7 +524,7 @@ def log_ratio_over_law(
 
 
 def _energies(result: CandidateResult, knots: int) -> np.ndarray:
-    """Return weights, (k,), of k equidistant knots in proportion to the squared amplitude there; their sum is 1.
+    """Return weights, (k,), of k equidistant times in proportion to the squared amplitude there; their sum is 1.
 
     With fewer than two half cycles they are equal.
     """

@@ -354,7 +354,8 @@ class LinearPosterior:
     def posteriors(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return means (k, K) and covariance factors (k, K, K) of k components before the cut-off at zero.
 
-        The covariance of a factor F is F Fᵀ. places: indices of the components, (k,).
+        Scores of coefficients are cut off where they would be negative. The covariance of a factor F is F Fᵀ. places:
+        indices of the components, (k,).
         """
         combos, rows = np.unique(self.combos[places], return_inverse=True)
         normals = self.whole(combos)

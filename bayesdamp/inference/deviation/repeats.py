@@ -67,7 +67,7 @@ class RecordLikelihood:
     def of_scores(
         priors: Mapping[str, Prior], coefficients: Sequence[str], z: np.ndarray, likelihood: DampingLikelihood
     ) -> RecordLikelihood:
-        """Convert the likelihood of scores to the likelihood of parameters.
+        """Convert the likelihood of standard normal scores to the likelihood of the parameters in their units.
 
         Parameters
         ----------

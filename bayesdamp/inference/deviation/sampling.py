@@ -172,9 +172,9 @@ class LinearProposal:
     def log_ratio(self, u: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
         """Return the log importance weights of draws u, (n,): log posterior minus log proposal density.
 
-        Neither density is normalised, so the mean weight is the evidence with exact motions divided by that of the
-        linear model. squares: sums of squared residuals of the exact motions, (n,). variance: variance of the noise, in
-        the record's unit squared.
+        Neither density is normalised, so the mean weight is the evidence with exact motions (the equation of motion is
+        solved for each draw) divided by that of the linear model. squares: sums of squared residuals of the exact
+        motions, (n,). variance: variance of the noise, in the record's unit squared.
         """
         prior = self.parameters.log_prior_ratio(u[:, : self.parameters.free.size])
         return 0.5 * (self.model.squares(u) - squares) / variance + prior

@@ -325,7 +325,8 @@ class Single:
     def sizes(self, u: Array) -> tuple[Array, Array]:
         """Return the energy-weighted means over the record of |g − mean of g| and |h − mean of h|, (n,) each.
 
-        g is the log deviation of the damping, h the relative deviation of the frequency. u: draws, (n, K).
+        g is the log deviation of the damping, h the relative deviation of the frequency. u: draws of all unknowns, (n,
+        K).
         """
         g, h = self.deviations(u)
         return mean_deviation(self.result, g), mean_deviation(self.result, h)

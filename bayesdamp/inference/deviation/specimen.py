@@ -216,7 +216,7 @@ class SpecimenComparison:
     repeats : mapping of Model to Repeats
         Joint posterior of each probable damping and law that has a likelihood on every record.
     runs : mapping of Model to tuple of RatioLikelihood
-        The likelihood of each record, with coefficients converted to the specimen's reference, for the models in
+        The likelihood of each record, with coefficients converted to the specimen's `reference`, for the models in
         `repeats`.
     reference : Reference
         Amplitude and frequency with which the specimen's default priors scale.

@@ -67,8 +67,8 @@ POINTS_PER_ROUND = 16
 """Number of points that are added in each round of importance sampling of the parameters that terms have besides their
 coefficients."""
 MOST_ROUNDS = 12
-"""Greatest number of rounds of importance sampling. A posterior that is a thousand times narrower than the prior needs
-eight."""
+"""Greatest number of rounds of importance sampling of the parameters that terms have besides their coefficients. A
+posterior that is a thousand times narrower than the prior needs eight."""
 ENOUGH_EFFECTIVE = 32.0
 """Importance sampling of the parameters that terms have besides their coefficients ends when the effective number of
 points reaches this."""
@@ -76,8 +76,9 @@ VARIANCE_FACTOR = 1.5
 """The points of the next round of importance sampling are from a normal distribution, whose covariance is that of the
 weighted points times this factor: it is wider than the posterior on purpose."""
 FLATTENING_STEP = 0.8
-"""Before the normal distribution of the next round is fitted, the points' weights are raised to a power. Starting from
-1, the power is multiplied by this until the effective number of points suffices for the fit."""
+"""Between rounds of importance sampling a normal distribution is fitted to the weighted points. Before this, their
+weights are raised to a power: starting from 1, the power is multiplied by this factor until the effective number of
+points suffices for the fit."""
 LARGEST_SCORE = 5.0
 """Largest absolute value of the points' coordinates in importance sampling, which are parameters as standard normal
 scores; points beyond are moved to it."""
@@ -102,8 +103,8 @@ COMPARED_AMPLITUDES = 65
 SAME_LAW_RMS = 1e-4
 """Two decay laws count as equal if the root mean square of the relative difference of their rates is at most this."""
 EXCLUDED_NATS = 7.0
-"""Two sums do not count as indistinguishable if the log posterior probability of one is more than this many nats below
-that of the most probable sum."""
+"""Two sums are reported as indistinguishable only if the log posterior probability of the less probable one is at most
+this many nats below that of the most probable sum."""
 Sums = tuple[tuple[str, ...], ...]
 
 
