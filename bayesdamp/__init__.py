@@ -55,7 +55,7 @@ _NAMES = {
 """The public names that each module provides; the key is the module's path below `bayesdamp`."""
 _HOME = {name: f"bayesdamp.{module}" for module, names in _NAMES.items() for name in names}
 _NAME_THERE = {"trajectory": "simulate"}
-"""The name in the module, by public name, for each public name that differs from it."""
+"""For each public name that is called otherwise in the module which provides it: its name in that module."""
 __all__ = ["__version__", "trajectory", *(_HOME.keys() - {"trajectory"})]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from pathlib import Path
 from bayesdamp.types import InputError
 
 MOST_BYTES = 2**24
-"""Largest size in bytes of a file that is read (conventional)."""
+"""Largest size in bytes of a file that is read; a larger one is refused (conventional)."""
 
 
 def read_plain(path: Path, right: str) -> str:

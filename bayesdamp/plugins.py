@@ -38,7 +38,7 @@ cleared when a user's plug-ins change."""
 _EXTENDED: list[str] = []
 """Names of all plug-ins that were ever added in this process."""
 _REGISTRIES: dict[str, Registry[Any]] = {}
-"""All registries, by package."""
+"""All registries of plug-ins, by the package that contains the shipped plug-ins of the kind."""
 _USED: list[PluginModule] = []
 """The user's modules whose plug-ins are registered."""
 
@@ -95,7 +95,7 @@ class Registry(Generic[T]):
 
     @cached_property
     def _modules(self) -> dict[str, str]:
-        """Return the modules of shipped plug-ins, by name."""
+        """Return the full module name of each plug-in that ships with bayesdamp, by the name of the plug-in."""
         path = importlib.import_module(self.package).__path__
         modules = [m.name for m in pkgutil.walk_packages(path, f"{self.package}.") if not m.ispkg]
         return {m.rpartition(".")[2]: m for m in modules if "._" not in m}

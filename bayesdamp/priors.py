@@ -57,7 +57,10 @@ def _field_names(kind: type[BaseModel]) -> tuple[str, ...]:
 
 
 class _Prior(BaseModel):
-    """Base class of priors. `reflected`: whether the parameter depends on |z| only, so that scores are kept ≥ 0."""
+    """Base class of priors, each of which is a transformation of a standard normal score z to the parameter.
+
+    reflected: whether the parameter depends on |z| only, so that scores are kept ≥ 0.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -107,7 +110,10 @@ class _Prior(BaseModel):
         raise NotImplementedError
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """Return the normalised log density at x, −∞ outside the support."""
+        """Return the normalised log density of the prior at values x of the parameter (any shape).
+
+        It is −∞ outside the support.
+        """
         raise NotImplementedError
 
     def slope(self, x: ArrayLike) -> np.ndarray:
@@ -490,9 +496,9 @@ Prior = Normal | HalfNormal | SharedHalfNormal | LogNormal | Uniform | LogUnifor
 
 FURTHER_TERM = 0.125
 """Factor of a model's prior probability for each damping term beyond the first. Measured on 82 simulated records with a
-damping ratio of 0.01 (3/7 of them with one term, 3/7 with two, 1/7 with three): with this factor the damping is named
-without reservation on nearly as many records, and on as many of these correctly, as with half-normal priors of fixed
-scale 0.1."""
+damping ratio of 0.01 (3/7 of them with one term, 3/7 with two, 1/7 with three): with this factor the answer states one
+damping without reservation on nearly as many records, and on as many of these correctly, as with half-normal priors of
+the fixed scale 0.1."""
 OTHER_FORMS_ODDS, OTHER_FORMS_COUNT = 0.1, 9
 """Prior odds of all rivals (sums with another form of damping) together, relative to a single term (conventional), and
 the number of rivals in a full comparison (`add_rivals`). Each rival has the same share of these odds, however many are

@@ -25,12 +25,12 @@ class Storable:
     _STORED: type
 
     def _reduced(self) -> Any:
-        """Return the `_STORED` instance."""
+        """Convert this object to the form in which it is stored, an instance of `_STORED`, and return it."""
         raise NotImplementedError
 
     @classmethod
     def _restored(cls, stored: Any) -> Any:
-        """Return an instance from the `_STORED` instance."""
+        """Restore an object of this class from its stored form, an instance of `_STORED`, and return it."""
         raise NotImplementedError
 
 

@@ -20,7 +20,7 @@ NORMAL_95 = 1.959963984540054
 LAW_MARK = "@"
 """Separator between damping sum and restoring law in the name of a candidate."""
 _OPTIONS = {"value": "angle", "channels": "channel"}
-"""Names of command line options that differ from those of the arguments of `read`."""
+"""For each argument of the function `read` whose command line option has another name: the name of the option."""
 
 
 class BayesdampError(Exception):
@@ -366,7 +366,7 @@ class Ratio:
 
 @dataclass(frozen=True)
 class ChainStart:
-    """The starting point of a chain.
+    """The starting point of a chain of a sampler, and how well the chain agrees with the others.
 
     seed: source of the point. seed_distance, distance: distances of the seed, and of the starting point, from the mode.
     shift: largest distance between the means of this chain and of all chains. All are in posterior standard deviations.

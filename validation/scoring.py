@@ -142,7 +142,7 @@ def in_columns(**quantities: Iterable[float]) -> dict[str, float]:
 
 
 def terms_of(damping: str) -> frozenset[str]:
-    """Return the terms of a damping sum."""
+    """Return the names of the terms of a damping sum such as "viscous+coulomb", without their order."""
     return frozenset(damping.split("+"))
 
 
@@ -248,7 +248,7 @@ def _true_probability(rows: pd.DataFrame) -> str:
 
 
 def answered(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with an answer."""
+    """Return the rows of the records that were answered, without those that were refused."""
     return where(rows, outcome=OK)
 
 

@@ -35,12 +35,12 @@ class Expression:
 
     @classmethod
     def constant(cls, value: float) -> Expression:
-        """Return a constant expression."""
+        """Return the expression that has the same value for all velocities."""
         return cls((((), float(value)),))
 
     @classmethod
     def variable(cls, weight: float) -> Expression:
-        """Return the velocity times a weight."""
+        """Return the expression weight · v, the velocity times a number."""
         return cls((((Atom("v"),), float(weight)),))
 
     @property
@@ -55,7 +55,7 @@ class Expression:
         return _collect([(a + b, x * y) for a, x in self.terms for b, y in other.terms])
 
     def scaled(self, factor: float) -> Expression:
-        """Return the expression times a factor."""
+        """Return the expression multiplied by a constant factor."""
         return Expression(tuple((atoms, factor * c) for atoms, c in self.terms))
 
     def apply(self, kind: str, largest: float = np.inf) -> Expression:
@@ -80,7 +80,7 @@ class Expression:
         return Expression((((Atom(kind, inner),), outer),))
 
     def __call__(self, v: np.ndarray) -> np.ndarray:
-        """Return the values at v (n,), shape (n,)."""
+        """Return the values of the expression at velocities v (n,), shape (n,)."""
         total = np.zeros_like(v)
         for atoms, c in self.terms:
             product = np.full_like(v, c)

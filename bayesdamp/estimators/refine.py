@@ -40,7 +40,8 @@ TOLERANCE = 1e-11
 """Largest error of a trajectory, as a fraction of the amplitude. It is small so that records without noise are fitted
 to their last digits, and the sum of squares is smooth along combinations that the record hardly determines."""
 STEPS = 400
-"""Greatest number of Levenberg–Marquardt steps."""
+"""Greatest number of Levenberg–Marquardt steps of a fit; if they are not enough, the outcome says that the fit did not
+converge."""
 SCHEDULE = Schedule(less=0.1, more=10.0)
 """Factors by which λ, the damping of Levenberg and Marquardt, changes after a step: `less` after one that lowers the
 sum of squares, `more` otherwise. Such large changes are possible because the residuals are nearly linear near the

@@ -107,7 +107,7 @@ def free_names(problem: Problem) -> list[str]:
 
 
 def free_start(problem: Problem, theta0: float, omega0: float) -> dict[str, float]:
-    """Return the start values, theta0 and omega0, without those that are known."""
+    """Return, by name, those of the given start values theta0 and omega0 that the problem does not state as known."""
     start = {"theta0": float(theta0), "omega0": float(omega0)}
     return {name: value for name, value in start.items() if name not in problem.system.known}
 

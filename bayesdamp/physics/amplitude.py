@@ -237,7 +237,7 @@ class PowerLaw(DecayLaw):
     terms: tuple[str, ...] = ("log_rate", "exponent")
 
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Raise NotImplementedError, because the shape depends on the exponent."""
+        """Raise NotImplementedError, because the shape of this law is not fixed: it depends on the exponent."""
         raise NotImplementedError
 
     def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:

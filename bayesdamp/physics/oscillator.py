@@ -52,12 +52,12 @@ class Oscillator:
 
     @property
     def terms(self) -> tuple[DampingTerm, ...]:
-        """Return the damping term objects."""
+        """Return the damping terms as objects, in the order of their names in `damping`."""
         return tuple(TERMS.get(name) for name in self.damping)
 
     @property
     def law(self) -> RestoringLaw:
-        """Return the restoring law object."""
+        """Return the restoring law as an object."""
         return LAWS.get(self.restoring)
 
     @property

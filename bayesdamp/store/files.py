@@ -30,7 +30,7 @@ READ_ERRORS = (
 )  # fmt: skip
 """Exceptions that reading an archive can raise if the file is damaged, truncated or of another program."""
 TEMPORARY_NAME = re.compile(r"\.bayesdamp-[0-9a-f]{32}\.tmp")
-"""Pattern of the names of temporary files."""
+"""Pattern of the names of the temporary files that are renamed to their own names when they are complete."""
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 
 

@@ -174,7 +174,7 @@ class TaskResult:
 
     @property
     def parts(self) -> TaskName:
-        """The parts of its task's name."""
+        """The parts of the task's name: kind, record, repeat, candidate and method."""
         return TaskName.of(self.name)
 
 

@@ -58,7 +58,7 @@ RECORDS = (
     Measured("ship", "ship_roll/model_test_21338.csv", ReadingOptions(time="time", angle="phi")),
 )  # fmt: skip
 RUNS = Measured("ten-runs", "ten_runs/Run_1-10_no_magnet.csv", ReadingOptions())
-"""Ten runs of one rig in one file."""
+"""A file with ten runs of one rig, which are also answered together as one specimen."""
 
 
 def signals() -> Iterator[tuple[str, list[Signal]]]:

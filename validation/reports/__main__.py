@@ -29,9 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0: success; 1: a report is stale, or making it failed; 2: an option is wrong, or the tree has uncommitted changes.
     """
     parser = argparse.ArgumentParser(prog="python -m validation.reports", description=__doc__)
-    parser.add_argument(
-        "names", nargs="*", help="reports to make; by default all stale ones, the fastest first"
-    )
+    parser.add_argument("names", nargs="*", help="reports to make; by default all stale ones")
     parser.add_argument("--check", action="store_true", help="only list which reports are stale")
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.names) - {r.name for r in RECIPES})

@@ -91,4 +91,4 @@ RECIPES: tuple[Recipe, ...] = (
         (*ESTIMATORS, "bayesdamp/claims", "reports/paper/estimates.csv", "reports/noise/estimates.csv"),
     ),
 )  # fmt: skip
-"""All reports, the fastest first."""
+"""All reports, in the order in which they are made. A report comes after those whose files it reads."""

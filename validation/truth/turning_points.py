@@ -13,7 +13,7 @@ OMEGA = 2 * np.pi * FREQUENCY
 START = 0.2
 """Displacement at the release in rad."""
 SHARP = 1e-4
-"""Velocity in rad/s within which friction changes its sign."""
+"""Width of the velocity in rad/s within which the smoothed friction changes its sign."""
 FLOOR = 1e-3
 """Noise floor as a fraction of the displacement at the release."""
 Force = Callable[[float, float], float]

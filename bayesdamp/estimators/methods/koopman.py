@@ -193,7 +193,10 @@ def decompose(
 
 
 def _log(matrix: np.ndarray) -> np.ndarray:
-    """Return the real logarithm of a matrix, (d, d) each. Raises Refusal if an eigenvalue is real and not positive."""
+    """Return the real matrix logarithm, (d, d), of a real matrix, (d, d).
+
+    Raises Refusal if an eigenvalue is real and not positive, because there is then no real logarithm.
+    """
     values = np.linalg.eigvals(matrix)
     if np.any((np.abs(values.imag) <= 1e-12 * np.abs(values).max()) & (values.real <= 0)):
         raise Refusal(

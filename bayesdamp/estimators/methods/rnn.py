@@ -34,11 +34,13 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 WIDEST = float(np.log(5.0))
-"""Half width of the first range of the logarithm of the coefficient (conventional)."""
+"""Half width of the first range of ln(damping coefficient) in which records are simulated: a factor of 5 on either side
+(conventional)."""
 NARROWEST = float(np.log(1.1))
-"""Half width of the narrowest range, with which the training ends (conventional)."""
+"""Half width of the narrowest range of ln(damping coefficient), ±10 %, with which the training ends (conventional)."""
 MOST_ROUNDS = 6
-"""Largest number of rounds, each with a new range of the coefficient (conventional)."""
+"""Largest number of training rounds, each with a new range of the coefficient (conventional). The estimate is then that
+of the last round, even if its range is wider than `NARROWEST`."""
 LEAST_SAMPLES = 5
 """Least number of samples in a stretch, which is a part of the record between equidistant phases, usually of half a
 cycle. Stretches with fewer are not used (conventional)."""
@@ -98,9 +100,10 @@ class Rnn(Estimator[RnnOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: RnnOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Train a network in narrower and narrower ranges of the coefficient; return its answer for the record.
+        """Train a network in narrower and narrower ranges of the damping coefficient; its output is the estimate.
 
-        Raises Refusal if the last answer is near or outside the ends of the range.
+        Raises Refusal if the coefficient that the network gives in the last round is near an end of the range in which
+        it was trained, or outside.
         """
         optional_package("torch")
         from bayesdamp.estimators.networks.recurrent import RecurrentNetwork

@@ -52,13 +52,14 @@ NEGLIGIBLE = 1e-4
 
 
 class SymbolicRegressionOptions(Options):
-    """Options of the search.
+    """Options of the search for an expression of the damping force by genetic programming.
 
-    searches: number of independent searches, whose Pareto fronts are joined. population, generations: of each search.
-    length: largest number of nodes of an expression. polish: Levenberg–Marquardt steps for the constants of each
-    expression. samples: number of samples on which expressions are compared during the search, half of which are copies
-    with the signs of velocity and force reversed. penalty: cost of a node, in units of ln(n), where n is the number of
-    independent samples (Schwarz's criterion).
+    searches: number of independent searches, whose Pareto fronts are joined. population: number of expressions in a
+    generation of a search. generations: largest number of generations. length: largest number of nodes of an
+    expression. polish: number of Levenberg–Marquardt steps that fit the constants of each expression. samples: number
+    of samples on which expressions are compared during the search, half of which are copies with the signs of velocity
+    and force reversed. penalty: cost of a node when one expression of the front is chosen, in units of ln(n), where n
+    is the number of independent samples (1 is Schwarz's criterion).
     """
 
     population: int = Field(default=500, ge=20, le=100_000)

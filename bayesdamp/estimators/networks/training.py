@@ -34,7 +34,7 @@ REAL = torch.float64
 MOST_SAMPLES = 750
 """Largest number of samples of a record; longer ones are thinned (conventional)."""
 BIAS = 0.5
-"""Standard deviation of a network's first biases."""
+"""Standard deviation of the biases of a network before its training."""
 FIRST, LOWEST, LESS, MORE = 1e-3, 1e-14, 0.2, 5.0
 """Damping λ of the first step, its lowest value, its factor after a step that lowers the loss (applied only if the step
 tried before did too), and its factor after a step that does not (conventional)."""
@@ -42,7 +42,7 @@ AHEAD, STRAIGHT = 0.1, 0.375
 """Fraction of a step over which the second derivative of the residuals along the step is measured, and largest length
 of the correction for it (geodesic acceleration) as a fraction of the step's length (Transtrum & Sethna 2012)."""
 TRIALS = 12
-"""Largest number of steps that are tried from one point (conventional)."""
+"""Largest number of steps that are tried from one point; if none lowers the loss, the descent ends (conventional)."""
 WINDOW = 8
 """Number of rounds over which the numbers that `train` watches must be steady (conventional)."""
 

@@ -1,4 +1,4 @@
-"""Define the library of candidate terms of a regression, predict records from sums of them, and read off parameters.
+"""Define the candidate terms of a regression, predict records from sums of them, and compute the model's parameters.
 
 Sections 3.4 and 3.12 of the paper that `bayesdamp.estimators` cites.
 """

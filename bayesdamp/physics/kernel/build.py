@@ -94,7 +94,7 @@ def _kernel_of(terms: tuple[str, ...], laws: tuple[str, ...], *_registered: obje
 
 
 def most_parameters(laws: tuple[str, ...]) -> int:
-    """Return the largest number of parameters of any of the laws."""
+    """Return the largest number of parameters of any of the named restoring laws."""
     return max(len(LAWS.get(name).parameters) for name in laws)
 
 

@@ -1,8 +1,8 @@
 """Estimate the damping by PySINDy with its defaults, on a library of spring and damping terms.
 
 The method is thresholded least squares with the threshold 0.1 in SI units. The states are the displacement, and the
-velocity by PySINDy's smoothed differences. The damping terms whose coefficients are not set to zero are the damping
-that this peer names.
+velocity by PySINDy's smoothed differences. The damping terms with a positive coefficient are the damping that this
+peer names; the method sets small coefficients to zero.
 """
 
 from __future__ import annotations
