@@ -227,8 +227,8 @@ def _register(plugin: Any, module: PluginModule) -> None:
     )
     if registry is None:
         raise InputError(
-            f"PLUGIN is of type {type(plugin).__name__}, which is not a plug-in; derive its class from one such as "
-            "bayesdamp.physics.damping.DampingTerm",
+            f"PLUGIN is of type {type(plugin).__name__}, which is not a plug-in; derive its class from a base class "
+            "such as bayesdamp.physics.damping.DampingTerm",
             where,
         )
     name = getattr(plugin, "name", None)
@@ -239,7 +239,9 @@ def _register(plugin: Any, module: PluginModule) -> None:
     if registry.ships(name):
         raise InputError(f"a {registry.kind} {name!r} ships with bayesdamp; give yours another name", where)
     if name in registry.added():
-        raise InputError(f"there is another {registry.kind} {name!r}; give it another name", where)
+        raise InputError(
+            f"another plug-in is a {registry.kind} {name!r} too; give one of them another name", where
+        )
     registry.add(name, plugin, module.source)
 
 

@@ -91,7 +91,8 @@ class Generator:
                 continue
             return DrawnRecord(truth, signal, replace(self.blank, signal=signal))
         raise InputError(
-            f"{self.model}: none of {MOST_ESCAPES} draws from the prior gave a record; the last error: {escaped}"
+            f"{self.model}: no record could be simulated with {MOST_ESCAPES} successive draws from the prior; the last "
+            f"error: {escaped}"
         )
 
 
@@ -130,7 +131,8 @@ def make_generator(
     spec = study.signals[0]
     if not isinstance(spec.source, Simulation):
         raise InputError(
-            f"{study.source}: signal[{spec.name}] is a file; calibration simulates: the first signal must too"
+            f"{study.source}: signal[{spec.name}] is read from a file; a calibration simulates all records, so the "
+            "first signal must be simulated"
         )
     free = {**spec.system.free, **(priors or {})}
     known = {k: v for k, v in spec.system.known.items() if k not in free}

@@ -22,7 +22,7 @@ def thin(draws: np.ndarray, count: int) -> np.ndarray:
     """
     flat = draws.reshape(-1)
     if flat.size < count:
-        raise ValueError(f"{count} thinned draws are needed, and there are {flat.size}")
+        raise ValueError(f"{count} thinned draws are needed, but there are only {flat.size} draws")
     return flat[np.round(np.linspace(0, flat.size - 1, count)).astype(int)]
 
 

@@ -62,7 +62,7 @@ FAULTS = {
     "no noise_sd": (swap(", noise_sd = 0.003", ""), "signal[one].simulate: noise_sd is missing; a simulation needs"),
     "free": (swap("20.0", '"free"'), "signal[one].simulate: stiffness is missing; a simulation needs the true value"),
     "no epsilon": (swap("viscous", "coulomb"), "signal[one].simulate: epsilon is missing; a simulation needs"),
-    "no rest": (swap("20.0", "-20.0"), "signal[one].simulate: linear has no stable equilibrium within 10 rad"),
+    "no rest": (swap("20.0", "-20.0"), "signal[one].simulate: the law linear has no stable equilibrium within 10 rad"),
     # a file
     "no file": (rig(old='"rig.csv"', new='"rg.csv"'), "signal[rig].file: 'rg.csv' does not exist; paths are relative to"),
     "two clocks": (rig("rate = 3\n"), "signal[rig].rate: is given together with time; give one of the two"),

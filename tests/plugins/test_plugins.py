@@ -103,7 +103,7 @@ WRONG = {
     "syntax.py": ("x = 1\ndef f(:\n", "plug-in .*syntax.py, line 2: invalid syntax"),
     "fails.py": ("x = 1\ny = x / 0\n", "plug-in .*fails.py, line 2: ZeroDivisionError: division by zero"),
     "nothing.py": ("x = 1\n", "contains neither PLUGIN nor PLUGINS; end it with"),
-    "number.py": ("PLUGIN = 3\n", "PLUGIN is of type int, which is not a plug-in; derive its class from"),
+    "number.py": ("PLUGIN = 3\n", "PLUGIN is of type int, which is not a plug-in; derive its class from a"),
     "class.py": (DRAG.replace("CubicDrag()", "CubicDrag"), r"is a class; give an instance, CubicDrag\(\)"),
     "ships.py": (
         DRAG.replace('"cubic_drag"', '"viscous"'),

@@ -57,7 +57,7 @@ class Motion:
                 state[:, first:last] = piece(times[first:last])
             first = last
         if first < times.size:
-            raise ValueError("times after the last turning point of the motion")
+            raise ValueError("some times are after the last turning point, up to which the motion was solved")
         return state[0], state[1]
 
     def displacements(self, times: np.ndarray) -> np.ndarray:

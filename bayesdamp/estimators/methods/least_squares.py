@@ -83,7 +83,9 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
         arguments |= further
         a = columns(further)
         if np.linalg.matrix_rank(a / np.linalg.norm(a, axis=0)) < a.shape[1]:
-            raise Refusal("the record does not determine each of the unknown parameters")
+            raise Refusal(
+                "the record determines only combinations of the unknown parameters, not each of them"
+            )
 
         terms = len(osc.coefficients)
         count = terms + len(others)

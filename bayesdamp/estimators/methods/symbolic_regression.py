@@ -97,7 +97,9 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
         x, y = force.thin(options.samples)
         fastest, scale = float(np.abs(x).max()), float(np.std(y))
         if not (fastest > 0 and scale > 0 and np.all(np.isfinite(y))):
-            raise Refusal("the record shows no damping force to search an expression for")
+            raise Refusal(
+                "the damping force in the record is constant or not finite, so no expression can be searched"
+            )
         candidates: list[ScoredExpression] = []
         models = 0
         for _ in range(options.searches):

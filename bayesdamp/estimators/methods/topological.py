@@ -193,7 +193,8 @@ def significant_pairs(
     v, p, born = v[above], p[above], born[above]
     if v.size < 2:
         raise Refusal(
-            f"{v.size} persistence lifetimes exceed the noise cutoff of {cutoff:.2g}; at least 2 are needed"
+            f"only {v.size} persistence lifetimes (rises from a minimum to a maximum) exceed the noise cutoff of "
+            f"{cutoff:.2g}; at least 2 are needed"
         )
     if options.variant == "published":
         amplitude = 0.5 * float(np.median(p - v))
@@ -246,7 +247,9 @@ def _published_coefficient(damping: str, pairs: Pairs, omega: float) -> float:
         low, high = 1e-9 / v, 0.5 / p * (1 - 1e-12)
         coefficients.append(brentq(excess, low, high) if excess(low) < 0 < excess(high) else 0.0)
     if not coefficients:
-        raise Refusal("there are too few persistence lifetimes for a half cycle from a minimum to a maximum")
+        raise Refusal(
+            "no two successive cycles of the record have persistence lifetimes above the noise cutoff"
+        )
     return float(np.median(coefficients))
 
 

@@ -242,7 +242,7 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
     parts = np.array([[f.ratio(a / size) for f in fits] for a in amplitudes])
     values = parts[..., 0] @ weights
     if not min(values) > LEAST_RATIO:
-        raise Refusal("no damping is found")
+        raise Refusal("the estimated damping ratio is not positive at every amplitude")
     low, high = (
         [_quantile(level, m, s, weights) for m, s in parts.transpose(0, 2, 1)] for level in (0.025, 0.975)
     )

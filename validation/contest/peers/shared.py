@@ -16,7 +16,7 @@ GAP = 1.5
 def one_number(value: float, amplitudes: tuple[float, ...]) -> Reply:
     """Return a reply with the same damping ratio `value` at every amplitude. Raises Refusal if it is not positive."""
     if not value > 0:
-        raise Refusal("no damping is found")
+        raise Refusal("the estimated damping ratio is not positive")
     return Reply((value,) * len(amplitudes))
 
 

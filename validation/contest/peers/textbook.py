@@ -47,7 +47,7 @@ def decrement(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Re
     peaks = find_peaks(x, distance=max(APART / (f * (grid[1] - grid[0])), 1))[0]
     peaks = peaks[(x[peaks] > 0) & is_recorded(grid, t)[peaks]]
     if peaks.size < LEAST_PEAKS:
-        raise Refusal("fewer than three peaks")
+        raise Refusal("the record has fewer than three peaks")
     number = np.round((grid[peaks] - grid[peaks[0]]) * f)
     delta = -float(np.polyfit(number, np.log(x[peaks]), 1)[0])
     return one_number(delta / float(np.hypot(2 * np.pi, delta)), amplitudes)
@@ -72,7 +72,7 @@ def local_envelope(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) 
             raise Refusal("the envelope has too few samples near an amplitude")
         ratios.append(_ratio(times[near], size[near], omega))
     if min(ratios) <= 0:
-        raise Refusal("no damping is found")
+        raise Refusal("the estimated damping ratio is not positive at every amplitude")
     return Reply(tuple(ratios))
 
 
@@ -146,6 +146,6 @@ def decaying_cosine(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...])
             raise Refusal(" ".join(str(fault).split())) from None
     value, half = float(best[1]), float(norm.ppf(0.975) * np.sqrt(covariance[1, 1]))
     if not value > 0:
-        raise Refusal("no damping is found")
+        raise Refusal("the estimated damping ratio is not positive")
     n = len(amplitudes)
     return Reply((value,) * n, (value - half,) * n, (value + half,) * n)
