@@ -30,7 +30,7 @@ def compare_answer(c: Comparison, where: str, v: Any, unit: float, texts: list[s
     limits = {f["form"]: 100 * f["share_below"] for f in v["other_forms"]}
     c.check(f"{where} answer", texts[0], expected.of_sentence(v, unit))
     limits = limits and {"95": 95.0, **limits}
-    for start, stored in (("Energy lost", expected.of_energy(v)), ("A damping term", limits)):
+    for start, stored in (("Energy lost", expected.of_energy(v)), ("Of the energy lost", limits)):
         c.check(f"{where} {start}", next((t for t in texts if t.startswith(start)), ""), stored)
 
 
