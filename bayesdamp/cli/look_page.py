@@ -41,7 +41,11 @@ def page_of(file: Path, contents: Contents, views: Sequence[RecordView]) -> str:
     records = Markup("")
     for view in views:
         lines = items(view.lines) + items(view.doubts, "doubt")
-        drawing = Drawings(None).add(view.name, view.reading, partial(_figure, view))
+        parts = (
+            "No free decay is found in it" if view.window is None else "Its free decay is blue, the rest grey"
+        )
+        caption = f"The record over time: {view.reading}. {parts}."
+        drawing = Drawings(None).add(view.name, caption, partial(_figure, view))
         records += Markup("<h2>{}</h2><ul>{}</ul>{}").format(view.name, lines, drawing)
     return Markup(
         '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'

@@ -246,7 +246,7 @@ def _complete_rows(value: Column, time: Column | None, content: Contents) -> tup
             complete &= ~column.empty
     if not complete.any():
         raise InputError(
-            "no row has a number in all of the columns that you gave; give columns of the same table"
+            "no row has entries in both the column of times and that of values; give columns of the same table"
         )
     bad = np.flatnonzero(complete & ~np.all([np.isfinite(c.values) for _, c in columns], axis=0))
     if bad.size:
