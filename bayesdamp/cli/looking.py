@@ -137,7 +137,7 @@ def view_envelope(
         inside = float(t[window.start]), float(t[window.stop - 1])
         lines = [
             f"The decay {' and '.join(why for why in window.why if why)}.",
-            f"It falls by {level[window.start] - level[window.stop - 1]:.3g} dB.",
+            f"In the decay the level falls by {level[window.start] - level[window.stop - 1]:.3g} dB.",
             f"The oscillation's frequency is {record.frequency:.9g} Hz."
             if record.frequency is not None
             else f"To get Q, give the frequency: bayesdamp compare {shlex.quote(str(path))} --frequency HZ",

@@ -338,7 +338,13 @@ def _make_block(content: Contents, run: str, group: str, timed: list[Column], ra
         named = time.name and len(content.columns) > 2
         return _Block(run, own, time, None, (f"Times are those of column {time.name!r}.",) if named else ())
     if stated is not None:
-        return _Block(run, own, None, stated[0], (f"The file says {stated[1]!r}: {stated[0]:g} Hz.",))
+        return _Block(
+            run,
+            own,
+            None,
+            stated[0],
+            (f"The sampling rate is that in the file, {stated[1]!r}: {stated[0]:g} Hz.",),
+        )
     if any(c.rate is not None for c in own):
         return _Block(run, own)
     # Without any clock: the column that is named like times, even if it does not increase, which cleaning reports.

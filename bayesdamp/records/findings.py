@@ -15,8 +15,8 @@ from bayesdamp.records.record import HALF_TURN, RawRecord, half_swing
 from bayesdamp.units import UNITS
 
 _ASSUMED = {
-    "deg": ("degrees", "--unit rad, mm, V ... if they are not"),
-    "counts": ("a signal of unknown scale, in counts", "--unit deg, rad, mm, V ... if that is known"),
+    "deg": ("degrees", "--unit rad, mm, V ... changes this"),
+    "counts": ("a signal of unknown scale, in counts", "--unit deg, rad, mm, V ... if its scale is known"),
 }
 """For each unit that is assumed for values which have no stated unit and are too large for radians: its description,
 and the command-line option that changes it."""
@@ -184,7 +184,10 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
     if unknown is not None and unknown[1].lower() not in _NO_UNITS:
         sentence = f"the unit of its times, {unknown[1]!r}, is not known; the times are read as s"
         return Finding(
-            Kind.TIME_UNIT, sentence, f"--time-unit s if they are, or {TIME_UNIT_NAMES}", ("time-unit", "s")
+            Kind.TIME_UNIT,
+            sentence,
+            f"--time-unit s if they are in s, or {TIME_UNIT_NAMES}",
+            ("time-unit", "s"),
         )
     oscillation, period = raw.oscillation, raw.oscillation.period * step
     if (
@@ -195,12 +198,14 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
         sentence = (
             f"its times begin at {t[0]:.7g} and a period would last {period:.3g} s; do they count days?"
         )
-        return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are", ("time-unit", "d"))
+        return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are in s", ("time-unit", "d"))
     if not oscillation.oscillates or step < COARSE_STEP or period < SLOW_PERIOD:
         return None
     better = next((u for u in ("ms", "us", "ns") if period * SECONDS[u] < SLOW_PERIOD), "us")
     sentence = f"its times step by {step:.4g} and a period would last {period:.3g} s; are they in {better}?"
-    return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are", ("time-unit", better))
+    return Finding(
+        Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are in s", ("time-unit", better)
+    )
 
 
 def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
@@ -227,5 +232,5 @@ def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
         f"implausible; are its times in {better}?"
     )
     known = next((u for u in ("s", "ms", "us", "ns", "ps") if SECONDS[u] == own), "as the header says")
-    option = f"--time-unit {better}, or {known} if they are"
+    option = f"--time-unit {better}, or {known} if they are in {known}"
     return Finding(Kind.TIME_UNIT, sentence, option, ("time-unit", better))

@@ -85,7 +85,7 @@ def test_look_says_where_there_are_no_samples(tmp_path, capsys) -> None:
 def test_times_in_an_unlikely_unit_are_asked_about_and_not_computed_with(tmp_path) -> None:
     """What else is asked about is in tests/records/test_findings.py."""
     path = write_table(tmp_path / "a.csv", "t,angle", 1e6 * T, Y)
-    with pytest.raises(InputError, match=r"are they in us\? \(--time-unit us, or s if they are\)"):
+    with pytest.raises(InputError, match=r"are they in us\? \(--time-unit us, or s if they are in s\)"):
         select_records([path], ReadingOptions())
     with pytest.raises(InputError, match=r"time_unit="):
         bayesdamp.read(path)
@@ -210,7 +210,7 @@ def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:
     said = said_by_look(level, capsys)
     assert "an envelope in dBm: 600 readings from 0 to 29.95 s" in said
     assert "The decay starts at 2" in said
-    assert "It falls by 2" in said
+    assert "the level falls by 2" in said
     assert "--frequency HZ" in said
     plain = levels(tmp_path / "b.csv", "magnitude")
     asked = said_by_look(plain, capsys, "--quantity", "envelope", "--start", "5")
