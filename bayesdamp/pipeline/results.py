@@ -43,8 +43,9 @@ class Candidate(ResultView):
     restoring law. values, sd: the inferred parameters at the posterior mode, by name and in their units, and their
     standard deviations; empty without a mode. log_posterior: log posterior density (nats, not normalised) at the mode,
     in the coordinates of the search (standard normal scores); nan without a mode. estimates: the estimates of each
-    stage, by estimator. posteriors: the posterior by each sampler. evidence: the log evidence by each method. outcome:
-    "ok", also if no mode was searched, or the reason why there is no mode.
+    stage, by estimator. posteriors: the posterior by each sampler; its log likelihoods are nan if the file of its
+    draws is missing. evidence: the log evidence by each method. outcome: "ok", also if no mode was searched, or the
+    reason why there is no mode.
     """
 
     record: str
@@ -301,7 +302,7 @@ def _candidate(folder: Path, key: tuple[str, int, str], results: Sequence[TaskRe
             estimates[method] = tuple(stages)
         elif kind == "posterior":
             draws = result.arrays.get("draws", np.empty((0, 0, 0)))
-            likelihood, content = np.empty(draws.shape[:2]), PosteriorContent.of(result)
+            likelihood, content = np.full(draws.shape[:2], np.nan), PosteriorContent.of(result)
             if content.file and (folder / content.file).is_file():
                 import xarray as xr
 

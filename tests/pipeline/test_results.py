@@ -84,3 +84,12 @@ def test_misuse_is_one_line_and_nothing_is_written(run: bd.Run, tmp_path: Path) 
     ]
     assert not_refused(wrong) == []
     assert not out.exists()
+
+
+def test_likelihoods_are_unknown_if_the_file_of_draws_is_missing(run: bd.Run, tmp_path: Path) -> None:
+    copy = run.save(tmp_path / "copy")
+    for path in copy.rglob("*.nc"):
+        path.unlink()
+    posterior = bd.load(copy).candidate("bench", "viscous").posteriors["nuts"]
+    assert posterior.log_likelihood.shape == posterior.draws.shape[:2]
+    assert np.all(np.isnan(posterior.log_likelihood))

@@ -93,7 +93,8 @@ class Emcee(Sampler):
                 break
         thin = max(1, draws.shape[0] * draws.shape[1] // 40_000) if settings.grows else 1
         log_density = np.concatenate([s.get_log_prob().T for s, _ in ensembles])[:, ::thin]
-        z = at.scores(draws[:, ::thin])
+        u = draws[:, ::thin]
+        z = at.scores(u)
         values, full = target.values(z), target.values(at.scores(draws))
         summaries = {n: summarise(v, ensembles=ENSEMBLES) for n, v in full.items()}
         outcome = verdict(summaries)
@@ -105,7 +106,7 @@ class Emcee(Sampler):
             sampler=self.name,
             names=target.names,
             draws=np.stack(list(values.values()), axis=-1),
-            log_likelihood=log_density - mode.likelihood.log_prior(z),
+            log_likelihood=log_density - at.log_volume(u) - mode.likelihood.log_prior(z),
             stats={"acceptance_rate": acceptance * np.ones(z.shape[1])},
             diagnostics={"walkers": walkers, "thinned_by": thin},
             outcome=outcome,

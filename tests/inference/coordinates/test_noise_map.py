@@ -10,7 +10,7 @@ import pytest
 from bayesdamp.inference.evidence import Draws, bridge
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers import Settings, nuts
+from bayesdamp.inference.samplers import Sampler, Settings, emcee, nuts
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import LogNormal, LogUniform
@@ -76,3 +76,17 @@ def test_evidence_and_time_under_any_correlation(correlation_time: float | None)
     bridged = bridge.PLUGIN.evidence("m", target, mode, 5, draws)
     assert bridged.stderr < 0.05
     assert abs(bridged.log_evidence - log_evidence) < 4 * bridged.stderr
+
+
+@pytest.mark.parametrize("sampler", [nuts.PLUGIN, emcee.PLUGIN])
+def test_log_likelihoods_do_not_contain_the_volume_of_the_map(sampler: Sampler) -> None:
+    target, mode = of_noise_alone(0.03)
+    few = Settings(chains=4, warmup=20, draws=20, seed=1, grows=False)
+    posterior = sampler.sample(target, mode, few)
+    residual, gaps = mode.likelihood.residual(mode.z), mode.likelihood.gaps
+    values = dict(zip(posterior.names, np.moveaxis(posterior.draws[:3, -1], -1, 0), strict=True))
+    expected = [
+        target.noise_model.log_likelihood(residual, gaps, {n: v[i] for n, v in values.items()})
+        for i in range(3)
+    ]
+    assert posterior.log_likelihood[:3, -1] == pytest.approx(np.array(expected, float), abs=1e-6)
