@@ -167,6 +167,21 @@ def start_parameters(signal: Signal, problem: Problem, features: Features) -> di
     return p | {name: float(known[name]) for name in ("theta0", "omega0") if name in known}
 
 
+def rest_position(signal: Signal, problem: Problem, features: Features) -> float:
+    """Return the position about which the motion oscillates, in rad or m.
+
+    It is the midline of a record of displacements. A velocity or acceleration has no midline: then it is the
+    equilibrium of the restoring law, or 0 if there is none.
+    """
+    if ORDER[signal.quantity] == 0:
+        return features.rest
+    osc = oscillator(problem)
+    try:
+        return osc.equilibrium(osc.law.start(features.frequency, features.rest, known_restoring(problem)))
+    except ValueError:
+        return 0.0
+
+
 def decay_start(problem: Problem, features: Features) -> dict[str, float]:
     """Estimate damping coefficients from the energy that the record loses between turning points.
 
@@ -361,7 +376,8 @@ def _motion_without_gap(
     t, y = signal.t, signal.y
     if t.size < LEAST_SAMPLES:
         raise Refusal(
-            "the record has too few samples before its first gap; choose a record that begins after it"
+            f"the record has {t.size} samples before its first gap, and at least {LEAST_SAMPLES} are needed; choose a "
+            "record that begins after the gap"
         )
     gap = (t[-1] - t[0]) / (t.size - 1)
     order = ORDER[signal.quantity]
@@ -470,13 +486,7 @@ def integrate(
     else:
         guessed += 1
         middle = np.r_[_midline(t, raw(t), features.period, guessed - 1), 0.0]
-        osc = oscillator(problem)
-        try:
-            law = osc.law.start(features.frequency, features.rest, known_restoring(problem))
-            rest = osc.equilibrium(law)
-        except ValueError:
-            rest = 0.0
-        offset, slope = rest - middle[0], 0.0 - middle[1]
+        offset, slope = rest_position(signal, problem, features) - middle[0], 0.0 - middle[1]
 
     def displacement(x: np.ndarray) -> np.ndarray:
         return raw(x) + offset + slope * (x - t[0])

@@ -21,6 +21,7 @@ from bayesdamp.estimators.shared import (
     noise_level,
     oscillator,
     ratios_per_unit,
+    rest_position,
     start_parameters,
 )
 from bayesdamp.physics.trajectories import Trajectories
@@ -113,7 +114,7 @@ class _EnvelopeMatch:
         self.base = start_parameters(signal, problem, features)
         self.priors = further_priors(problem, features)
         self.names = (*self.osc.coefficients, *self.priors)
-        self.midline = features.rest
+        self.midline, self.rest = features.rest, rest_position(signal, problem, features)
         self.evaluations = 0
         self.record_times, period = signal.t, features.period
         self.times = signal.t if signal.uniform else np.linspace(signal.t[0], signal.t[-1], signal.t.size)
@@ -146,11 +147,11 @@ class _EnvelopeMatch:
     def parameters(self, x: np.ndarray, scale: float = 1.0) -> dict[str, float]:
         """Return all parameters of the trajectory, by name, for values x (k,) of the unknowns in the order of `names`.
 
-        The initial velocity, and the initial displacement from the record's midline (from 0 for a recorded velocity or
-        acceleration), are multiplied by `scale`.
+        The initial velocity, and the initial displacement from the record's midline (from the equilibrium for a
+        recorded velocity or acceleration), are multiplied by `scale`.
         """
         p = {**self.base, **dict(zip(self.names, map(float, x)))}
-        theta0 = self.midline + scale * (p["theta0"] - self.midline)
+        theta0 = self.rest + scale * (p["theta0"] - self.rest)
         return p | {"theta0": theta0, "omega0": scale * p["omega0"]}
 
     def log_difference(self, x: np.ndarray, scale: float = 1.0) -> np.ndarray:

@@ -26,6 +26,7 @@ from bayesdamp.estimators.shared import (
     noise_level,
     oscillator,
     phase_of,
+    rest_position,
     start_parameters,
     thin_record,
 )
@@ -198,7 +199,7 @@ class Simulator:
         (term,) = osc.terms
         self.rng, self.osc, self.parameter = rng, osc, term.parameter
         self.base = start_parameters(signal, problem, features)
-        self.known, self.rest = problem.system.known, features.rest
+        self.known, self.rest = problem.system.known, rest_position(signal, problem, features)
         t, y = thin_record(signal, features, MOST_SAMPLES)
         self.size = float(np.abs(features.turning_amplitudes).max())
         self.sd = noise_level(signal) * np.sqrt(t.size / signal.t.size) / self.size

@@ -1,0 +1,43 @@
+"""Motions fitted to a velocity do not depend on where the equilibrium is, also if the start is unknown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bayesdamp as bd
+from bayesdamp.estimators.methods.envelope import EnvelopeOptions, _EnvelopeMatch
+from bayesdamp.estimators.methods.rnn import Simulator
+from bayesdamp.estimators.shared import checked_features
+from bayesdamp.types import Problem, Signal, System
+
+START = {"theta0": None, "omega0": None}
+
+
+def velocity_about(rest: float) -> tuple[Signal, Problem]:
+    signal = bd.simulate(
+        {"viscous": 0.05}, "linear", stiffness=20.0, rest_angle=rest, theta0=rest + 0.3, quantity="velocity",
+        duration=12.0, samples=600, noise_sd=0.002, seed=1,
+    )  # fmt: skip
+    return signal, Problem(("viscous",), System("linear", {"stiffness": 20.0, "rest_angle": rest}, START))
+
+
+def test_the_start_of_a_velocity_is_scaled_about_the_equilibrium() -> None:
+    own, shifted = (
+        _EnvelopeMatch(signal, problem, EnvelopeOptions(), checked_features(signal)).log_difference(
+            np.array([0.05]), 1.3
+        )
+        for signal, problem in map(velocity_about, (0.0, 5.0))
+    )
+    assert shifted == pytest.approx(own, abs=1e-4)
+    assert np.mean(own) == pytest.approx(np.log(1.3), abs=0.01)
+
+
+def test_simulated_velocities_start_about_the_equilibrium() -> None:
+    own, shifted = (
+        Simulator(signal, problem, checked_features(signal), np.random.default_rng(0)).quadratures(
+            np.log([0.04, 0.05, 0.06])
+        )
+        for signal, problem in map(velocity_about, (0.0, 5.0))
+    )
+    assert shifted == pytest.approx(own, abs=1e-4)
