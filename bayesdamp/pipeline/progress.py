@@ -22,11 +22,13 @@ ACTIVITIES = {
     "fit": "estimating and fitting {models} on {records}",
     "evidence": "computing the evidence of {models} on {records}",
     "sample": "sampling {models} on {records}",
+    "check": "checking the evidence of {models} on {records}",
     "average": "averaging over damping models",
     "specimen": "fitting the records of {specimens} together",
     "population": "inferring the population of the specimens",
 }
-"""What the jobs of a stage do, by the `task_group` of the first one. Sensitivity is in the stage of "sample"."""
+"""What the jobs of a stage do, by the `task_group` of the first one. Sensitivity is in the stage of "sample". In a
+study without samplers, "check" describes this stage."""
 
 
 def describe_stage(study: Study, jobs: list[Job]) -> str:
@@ -35,7 +37,10 @@ def describe_stage(study: Study, jobs: list[Job]) -> str:
     specs = [spec for spec in study.signals if spec.name in names]
     sums = {candidate_parts(job.model)[0] for job in jobs if job.model}
     laws = max((len(spec.restoring) for spec in specs), default=0)  # an envelope has none
-    return ACTIVITIES[str(jobs[0].task_group)].format(
+    task_group = str(jobs[0].task_group)
+    if task_group == "sample" and not study.posterior.samplers:
+        task_group = "check"
+    return ACTIVITIES[task_group].format(
         records=_with_count(len({(job.signal, job.repeat) for job in jobs}), "record"),
         models=_with_count(
             len(sums) or max((len(study.dampings(spec)) for spec in specs), default=0), "damping model"

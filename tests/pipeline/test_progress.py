@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
+import pytest
 from rich.console import Console
 
 from bayesdamp.pipeline import progress as p
 from bayesdamp.pipeline.jobs import Job
+from tests.studies import COMPARED, WEIGHED, study_text, write_study
 
 
 def test_plain_lines_where_there_is_no_terminal() -> None:
@@ -20,3 +23,15 @@ def test_plain_lines_where_there_is_no_terminal() -> None:
         for _ in range(40):
             shown.advance()
     assert out.getvalue().splitlines() == ["estimating"]
+
+
+@pytest.mark.parametrize(
+    ("samplers", "activity"), [("[]", "checking the evidence of"), ('["nuts"]', "sampling")]
+)
+def test_a_study_without_samplers_does_not_say_that_it_samples(
+    tmp_path: Path, samplers: str, activity: str
+) -> None:
+    simulated = "viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003"
+    text = study_text(COMPARED, WEIGHED.replace("[]", samplers), simulate=simulated)
+    stage = [Job("rig", 0, "viscous", task_group="sample")]
+    assert p.describe_stage(write_study(tmp_path, text), stage) == f"{activity} 1 damping model on 1 record"

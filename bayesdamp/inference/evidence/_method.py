@@ -114,6 +114,12 @@ def choose_evidence(evidences: Sequence[Evidence]) -> Evidence:
     result is finite, it is the first one. The outcome is not "ok" if no method is reliable, or if the averaged methods
     disagree. The `method` of the result is `ADOPTED`; its `diagnostic` says where it is from.
     """
+    evidences = [
+        e
+        if np.isfinite(e.log_evidence) or e.outcome != OK
+        else replace(e, outcome="the evidence is not finite")
+        for e in evidences
+    ]
     if not any(np.isfinite(e.log_evidence) for e in evidences):
         return replace(evidences[0], method=ADOPTED)
     others = [e for e in evidences if e.method != REFEREE]

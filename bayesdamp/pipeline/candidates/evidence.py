@@ -66,7 +66,8 @@ def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Produ
     """
     study = candidate.study
     if method == REFEREE and REFEREE not in study.evidence.methods and study.evidence.referee == "auto":
-        others = [e for e in list_evidence(candidate.record, candidate.model) if e.method != FIRST_METHOD]
+        stored = list_evidence(candidate.record, candidate.model)
+        others = [e for e in stored if e.method not in (FIRST_METHOD, REFEREE)]
         if others and not disagreement(others):
             return Product(EvidenceContent(), seconds=0.0)
     draws, outcome = None, OK
@@ -82,13 +83,15 @@ def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Produ
 
 
 def list_evidence(record: StudyRecord, model: str) -> list[Evidence]:
-    """Return the stored evidence for a model on a record by each method of the study and by nested sampling.
+    """Return the stored evidence for a model on a record by each method of the study and by its referee.
 
-    They are in the order of the methods, nested sampling last if the study does not name it. For a method that failed,
-    the evidence has an outcome but no number. A referee that was not needed is left out.
+    They are in the order of the methods; the referee, nested sampling, is last if the study does not name it as a
+    method. For a method that failed, the evidence has an outcome but no number. A referee that was not needed, and one
+    of an earlier run if the study no longer has a referee, are left out.
     """
-    evidences = []
-    for method in dict.fromkeys((*record.study.evidence.methods, REFEREE)):
+    evidences, options = [], record.study.evidence
+    referee = () if options.referee == "never" else (REFEREE,)
+    for method in dict.fromkeys((*options.methods, *referee)):
         result = record.store.find(f"evidence/{record.name}/{model}/{method}", arrays=False)
         if result is None:
             continue

@@ -50,3 +50,10 @@ def test_without_a_referee_a_quarrel_is_not_settled():
         assert evidence.outcome.startswith("not settled: importance and bridge are")
     poor = [of(method, -3.0, outcome="not to be trusted") for method in ("importance", "bridge")]
     assert choose_evidence(poor).outcome == "not settled: the result of importance and bridge is unreliable"
+
+
+def test_an_evidence_that_is_not_finite_is_not_ok():
+    none = choose_evidence([of("importance", math.nan, math.nan), of("bridge", -math.inf)])
+    assert none.outcome == "the evidence is not finite"
+    for broken in (of("importance", math.nan), of("nested", math.nan)):
+        assert choose_evidence([broken, of("bridge", -3.0)]).log_evidence == -3.0

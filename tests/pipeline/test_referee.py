@@ -1,0 +1,42 @@
+"""Which stored evidence counts in a run whose folder contains results of an earlier one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bayesdamp.config import Study
+from bayesdamp.pipeline.candidates.candidate import StudyCandidate
+from bayesdamp.pipeline.candidates.evidence import compute_evidence, list_evidence
+from bayesdamp.pipeline.records import StudyRecord
+from bayesdamp.store import Store, TaskResult
+from bayesdamp.store.contents import EvidenceContent
+from bayesdamp.types import Evidence
+from tests.studies import COMPARED, WEIGHED, study_text, write_study
+
+SIMULATED = "viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003"
+
+
+def stored(folder: Path, referee: str) -> tuple[Study, Store]:
+    """A study whose two methods agree, and a folder with these and with the referee of an earlier run."""
+    settings = WEIGHED.replace("'laplace'", "'importance', 'bridge'").replace("never", referee)
+    study = write_study(folder, study_text(COMPARED, settings, simulate=SIMULATED))
+    store = Store(folder / "out")
+    for method, value in {"importance": -3.0, "bridge": -3.0, "nested": -9.0}.items():
+        content = EvidenceContent(Evidence("viscous", method, value, 0.01))
+        store.write(TaskResult(f"evidence/rig/0/viscous/{method}", "key", content.meta()))
+    return study, store
+
+
+@pytest.mark.parametrize(("referee", "counts"), [("never", False), ("auto", True)])
+def test_the_referee_of_an_earlier_run_does_not_count(tmp_path: Path, referee: str, counts: bool) -> None:
+    study, store = stored(tmp_path, referee)
+    evidences = list_evidence(StudyRecord(study, study.signals[0], 0, store), "viscous")
+    assert [e.method for e in evidences] == ["importance", "bridge", *["nested"] * counts]
+
+
+def test_the_referee_of_an_earlier_run_does_not_call_the_referee(tmp_path: Path) -> None:
+    study, store = stored(tmp_path, "auto")
+    candidate = StudyCandidate(study, study.signals[0], 0, "viscous", store)
+    assert compute_evidence(candidate, "nested", 0).content == EvidenceContent()
