@@ -9,8 +9,9 @@ from __future__ import annotations
 from enum import Enum
 
 P_LIMIT = 0.01
-"""A model counts as not fitting if its posterior predictive p-value is below this or above 1 minus this
-(conventional)."""
+"""A model counts as not fitting if its posterior predictive p-value is below this (conventional). A p-value near 1 is
+not a misfit: the residuals are then less autocorrelated than most white noise, because the fit absorbs a part of the
+noise."""
 
 
 class _Beginning(Enum):

@@ -78,7 +78,7 @@ def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]
     """
     return max(
         _compare(first, ratios),
-        key=lambda i: max(i.moved / AGREEMENT_SDS, abs(log(i.wider)) / log(WIDTHS_AGREE)),
+        key=lambda i: max(i.moved / AGREEMENT_SDS, abs(log(max(i.wider, 1e-300))) / log(WIDTHS_AGREE)),
     )
 
 

@@ -177,11 +177,12 @@ def describe_motion(v: Verdict, motion: MotionKind) -> str:
     if motion is MotionKind.STEADY:
         # Upper limit of the damping ratio, if nothing drives the oscillation.
         limit = max(first.damping_ratio, 0.0) + 0.5 * (first.high - first.low)
+        quality = f", Q above {float(f'{0.5 / limit:.2g}'):,.0f}" if limit > 0 else ""
         cycles = f" over {v.window.cycles:.0f} cycles" if v.window else ""
         return (
             f"no decay is detected: it oscillates at {_frequency_of(first)} Hz with a constant amplitude of "
             f"{first.first:.3g} {first.unit}{cycles}. Either something drives it, or its damping ratio is "
-            f"below {percentage(limit)} % (95 %), Q above {float(f'{0.5 / limit:.2g}'):,.0f}"
+            f"below {percentage(limit)} % (95 %){quality}"
         )
     if motion is MotionKind.EXCITED:
         return (

@@ -47,7 +47,7 @@ METHODS = (
 
 
 DETAILS = {
-    "sindy": {"selected": ["2θ̇", "θ"], "coefficients": [0.0502, 20.1], "knots_per_period": 4.4},
+    "sindy": {"selected": ["2θ̇", "θ"], "coefficients": [0.0502, -20.1], "knots_per_period": 4.4},
     "symbolic_regression": {
         "chosen": "f(v) = 0.1·v",
         "pareto_chosen": 1,

@@ -86,7 +86,7 @@ def test_a_record_on_which_everything_agrees_has_no_failure() -> None:
     tables = {
         "posteriors": chain() + chain("emcee"),
         "evidence": evidence(viscous=0.99, coulomb=0.01),
-        "fits": [{**ROW, "model": "viscous", "verdict": "fits", "window_spread": 0.7, "predictive_p": 0.5}],
+        "fits": [{**ROW, "model": "viscous", "verdict": "fits", "window_spread": 0.7, "predictive_p": 0.995}],
         "estimates": [fitted(), fitted(estimator="koopman")],
     }
     passed, failed = checked(run_of(verdict(), truth="viscous", **tables))
@@ -106,6 +106,10 @@ CONTRADICTIONS: dict[str, dict[str, Any]] = {
     "NUTS contradicts the answer: its ζ differs by 2.0": {"posteriors": chain(at=0.052)},
     "Importance sampling ranks Coulomb damping first": {"evidence": evidence(coulomb=0.7, viscous=0.3)},
     "Residuals: viscous damping does not fit: why.": {"fits": [{**ROW, **MISFIT}], "posteriors": chain()},
+    "look different from this one (predictive p 0.0050).": {
+        "fits": [{**ROW, **MISFIT, "predictive_p": 0.005}],
+        "posteriors": chain(),
+    },
     "1 of 1 trajectory fits give ζ = 0.0600000, outside": {"estimates": [fitted(0.06)]},
     "with Coulomb damping, to which the answer gives the probability 0.02.": {
         "truth": "coulomb",

@@ -11,8 +11,10 @@ from matplotlib.figure import Figure
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.report.drawing import RC, Drawings, fix_margins
 from bayesdamp.report.figures.answer import answer
+from bayesdamp.report.figures.estimators import estimate_panels
 from bayesdamp.report.figures.posterior import contours, marginals
 from bayesdamp.report.figures.record import draw_raw_record, thin_line
+from bayesdamp.report.results.estimators import CoefficientEstimates
 
 
 def test_thinning_keeps_the_extremes():
@@ -100,3 +102,12 @@ def test_the_density_of_any_coefficient_ends_at_zero():
     figure = marginals("sticky", {"nuts": {"c_sticky": half, "slope": half}}, {}, {}, ["c_sticky"])
     coefficient, other = (ax.lines[0].get_xdata() for ax in figure.axes[:2])
     assert np.min(coefficient) >= 0 > np.min(other)
+
+
+def test_a_panel_of_estimates_says_which_name_is_the_records() -> None:
+    """Also if the record has the name of another model."""
+    estimate = CoefficientEstimates(
+        "viscous", "coulomb", "mu_c", "rad/s²", 0.03, {"envelope": 0.031}, {}, None
+    )
+    (ax,) = (ax for ax in estimate_panels([estimate]).axes if ax.get_visible())
+    assert ax.get_title() == "record viscous,\nmodel Coulomb"

@@ -79,3 +79,11 @@ def test_a_table_of_another_program(maker):
     (folder / "fits.csv").write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match=r"fits\.csv: column deviation, .* predictive_p"):
         render(folder)
+
+
+@pytest.mark.parametrize("content", ["", "{", "[3]", '[{"record": "sim"}]', "\udcff"])
+def test_a_damaged_verdict_is_one_line(maker, content):
+    folder = maker.make()
+    (folder / "verdict.json").write_text(content, encoding="utf-8", errors="surrogateescape")
+    with pytest.raises(InputError, match=r"verdict\.json: this file is damaged; run the study again"):
+        render(folder)

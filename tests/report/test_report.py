@@ -57,6 +57,12 @@ def test_what_warns_is_on_the_page(page):
         assert text in words
 
 
+def test_negative_terms_of_a_regression_are_subtracted(page):
+    words = Page(page).words
+    assert "0.05020·2θ̇ − 20.10·θ" in words
+    assert "+ −" not in words
+
+
 def test_measured_signals_have_no_truth(page):
     """Error columns: ζ of the simulated signal, under the two models that have it, none for μ = 0."""
     section = page[page.index('id="estimates"') : page.index('id="posteriors"')]

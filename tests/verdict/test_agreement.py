@@ -38,6 +38,8 @@ def test_the_worst_amplitude_counts_and_an_interval_may_reach_zero() -> None:
     assert worst_agreement(first, [(0.02, 0.01, 0.03)] * 3).confirms  # the control
     assert abs(worst.wider - 3.0) < 1e-9
     assert abs(worst_agreement(first, [(0.02, 0.012, 0.022)] * 3).wider - 0.5) < 1e-9
+    point = worst_agreement(first, [(0.02, 0.01, 0.03), (0.02, 0.02, 0.02), (0.021, 0.011, 0.031)])
+    assert (point.amplitude, point.wider, point.confirms) == (0.1, 0.0, False)
     moved = worst_agreement(first, [(0.02, 0.01, 0.03), (0.02, 0.0101, 0.03), (0.05, 0.04, 0.06)])
     assert (moved.amplitude, moved.confirms) == (0.03, False)
     assert abs(moved.moved - 3 * 1.959963984540054) < 1e-9

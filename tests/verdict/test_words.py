@@ -226,3 +226,10 @@ def test_a_verdict_in_words(verdict: Verdict, text: str) -> None:
     shown = sentence(verdict)
     assert shown.startswith(text[1:]) if text.startswith("^") else text in shown
     assert shown.endswith(text) or not text.endswith(".") or text.startswith("^")
+
+
+def test_a_steady_oscillation_without_any_width_has_no_limit_of_q() -> None:
+    """Control: a limit of 0.1 % is a Q of 500."""
+    texts = [sentence(steady(0.0, -width, width)) for width in (0.0, 0.001)]
+    assert ["damping ratio is below" in text for text in texts] == [True, True]
+    assert ["Q above 500" in text for text in texts] == [False, True]

@@ -132,9 +132,9 @@ def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
     ax.set(
         xlim=(low, high),
         ylim=(len(methods) - 0.4, -0.6),
-        title=f"{e.signal}, {words.model(e.model)}" if e.signal != e.model else e.signal,
         xlabel=words.axis(e.parameter, e.unit),
     )
+    ax.set_title(f"record {e.signal},\nmodel {words.model(e.model)}", fontsize=8)
     ax.locator_params(axis="x", nbins=4)
     ax.tick_params(axis="y", length=0)
     ax.spines["left"].set_visible(False)

@@ -423,7 +423,7 @@ class RecordChecks:
                     f"above {WINDOW_SPREAD:g} the model is doubtful."
                 )
                 yield Check(text, fails=True)
-            if math.isfinite(row["predictive_p"]) and not P_LIMIT < row["predictive_p"] < 1 - P_LIMIT:
+            if row["predictive_p"] < P_LIMIT:
                 p = fmt.number(row["predictive_p"], 2)
                 text = f"Records simulated from the model look different from this one (predictive p {p})."
                 yield Check(text, fails=not self.exact_only)

@@ -119,10 +119,8 @@ class RunFolder:
         self._read: dict[str, TaskResult | None] = {}
         path = self.folder / VERDICT_JSON
         try:
-            self.verdicts = load_verdicts(path)
-        except (OSError, ValueError):
-            self.verdicts = []
-        except (AttributeError, KeyError, TypeError):
+            self.verdicts = load_verdicts(path) if path.is_file() else []
+        except (OSError, AttributeError, KeyError, TypeError, ValueError):
             raise InputError(f"{path}: this file is damaged; run the study again") from None
 
     @classmethod

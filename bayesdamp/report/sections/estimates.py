@@ -235,6 +235,7 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
         if "selected" in d:
             pairs = zip(d["selected"], d.get("coefficients") or [math.nan] * len(d["selected"]))
             terms = " + ".join(f"{fmt.number(c, 4)}·{name}" for name, c in pairs) or "none"
+            terms = terms.replace("+ −", "− ")
             damping.append([words.method(method), terms])
         elif "chosen" in d:
             damping.append([words.method(method), str(d["chosen"])])
