@@ -136,10 +136,10 @@ class Registry(Generic[T]):
         self._added.pop(name, None)
         self._sources.pop(name, None)
 
-    def get(self, name: str) -> T:
+    def get(self, name: str, where: str = "") -> T:
         """Return the plug-in with a name, importing it if necessary; that of an installed package is then added.
 
-        Raises InputError, with a similar valid name, if there is none.
+        Raises InputError, with a similar valid name, if there is none; its message begins with `where`.
         """
         if name in self._added:
             return self._added[name]
@@ -151,7 +151,7 @@ class Registry(Generic[T]):
             plugin = _load_entry(self._entries[name], self.kind)
             self.add(name, plugin)
             return plugin
-        raise InputError(f"unknown {self.kind} {name!r}{nearest(name, self.names())}")
+        raise InputError(f"unknown {self.kind} {name!r}{nearest(name, self.names())}", where)
 
     def source(self, name: str) -> str:
         """Return the SHA-256 of a plug-in's source; if it ships, also of the modules that it imports, at any depth.

@@ -280,8 +280,7 @@ def compare(
     amplitudes
         Amplitudes at which to give the damping ratio, in the unit of the recorded file (in rad or m if that is a unit
         of velocity or acceleration); by default three in the range of the record. They may be outside each record's
-        range by a factor of at most 1.3. For files in different units, each record's own answer takes them in its unit,
-        and the verdict on the specimen in the unit of the first.
+        range by a factor of at most 1.3. For files in different units, they are in the unit of the first file.
     sample
         Whether to replace the linear approximations of the most probable models by sampling with the full equation of
         motion.
@@ -296,7 +295,8 @@ def compare(
     Raises
     ------
     InputError
-        If an argument is invalid, or an amplitude is too far outside the range of a record.
+        If an argument is invalid, an amplitude is too far outside the range of a record, or `amplitudes` is given for
+        records whose units cannot be converted to each other.
 
     Examples
     --------
@@ -342,11 +342,16 @@ def compare(
         together = specimen_of_envelopes(name, answers) if len(every) > 1 else None
     else:
         units = tuple(Signal.of(s).own_unit.name for s in motions)
+        bases = dict.fromkeys(UNITS[unit].base for unit in units)
+        if amplitudes is not None and len(bases) > 1:
+            raise InputError(
+                f"compare: amplitudes: the records are in {' and '.join(bases)}; remove it, or give records in one unit"
+            )
         answers = tuple(
             answer(
                 s,
                 amplitudes,
-                unit=UNITS[unit],
+                unit=UNITS[units[0]],
                 deviation=deviation,
                 noise=noise,
                 damping=sums,
@@ -358,7 +363,7 @@ def compare(
                 seed=seed,
                 repeated=len(every) > 1,
             )
-            for s, unit in zip(motions, units, strict=True)
+            for s in motions
         )
         good = [a.of_specimen() for a in answers if a.arrays]
         scale = UNITS[units[0]].displacement.factor

@@ -137,7 +137,7 @@ class Model(Result):
             damping = canonical_model(self.damping, "damping")
         except StudyError as error:
             raise InputError(f"Model: {error}") from None
-        LAWS.get(self.restoring)
+        LAWS.get(self.restoring, "Model")
         check_deviation("Model", self.deviation)
         object.__setattr__(self, "damping", damping)
         object.__setattr__(self, "noise", self.noise if isinstance(self.noise, str) else tuple(self.noise))

@@ -101,7 +101,8 @@ def simulate(
     >>> signal.t[-1].item(), round(signal.y[0].item(), 3)
     (6.0, 0.3)
     """
-    needed, terms = LAWS.get(restoring).parameters, [TERMS.get(term) for term in damping]
+    needed = LAWS.get(restoring, "simulate").parameters
+    terms = [TERMS.get(term, "simulate") for term in damping]
     numbers = (
         *needed,
         *START,

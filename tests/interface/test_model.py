@@ -47,7 +47,7 @@ def test_one_dictionary_of_what_is_known_serves_with_and_without_friction() -> N
 WRONG: list[tuple[dict, str]] = [
     ({"damping": "viscos"}, "did you mean 'viscous'"),
     ({"damping": ""}, "sum of different terms"),
-    ({"restoring": "pendulm"}, "did you mean 'pendulum'"),
+    ({"restoring": "pendulm"}, "^Model: unknown restoring law 'pendulm'; did you mean 'pendulum'"),
     ({"noise": ()}, "noise is empty"),
     ({"restoring": None}, "unknown restoring law None"),
     ({"priors": ["viscous"]}, "dictionary by parameter name"),

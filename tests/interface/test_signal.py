@@ -81,6 +81,11 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: bd.signal(TIMES[::-1], TIMES, cleaned=False), "times must increase"),
     (lambda: bd.simulate({"viscous": 1.0}, duration=1.0, samples=99), "give stiffness=NUMBER"),
     (lambda: bd.simulate({"viscous": 1}, duration=1, samples=99, stifness=3), "did you mean 'stiffness'"),
+    (
+        lambda: bd.simulate({"viscous": 1}, "liner", duration=1, samples=99),
+        "^simulate: unknown restoring law 'liner'",
+    ),
+    (lambda: bd.simulate({"viscos": 1}, duration=1, samples=99), "^simulate: unknown damping term 'viscos'"),
     (lambda: bd.read("nowhere.csv"), "no such file"),
 ]
 

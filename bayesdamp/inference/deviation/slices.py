@@ -64,8 +64,8 @@ class Slice:
         The linear model as a function of the other d − 1 standard normal scores (with t in place of s, if there is an
         s; see `SlicedProposal`) and the deviations g and h from the laws, and its posterior.
     slopes : ndarray, shape (d − 1,)
-        Derivatives by a of the mode of the other scores, divided by t, the score of the term's size (see
-        `SlicedProposal`); 0 for coefficients whose mode is near zero (`MOVING_SDS`).
+        Derivatives by a of the mode of the other scores, divided by the score `SlicedProposal.size`; 0 for coefficients
+        whose mode is near zero (`MOVING_SDS`).
     pivot : float
         Score of the term's coefficient at the mode; 1 if `SlicedProposal.product` is None.
     """
@@ -89,8 +89,9 @@ class SlicedProposal:
     - c and t instead of c and s. c is the score of the coefficient of the term with the parameter a. If the term has a
       further parameter with the score s that multiplies c (such as the static excess of friction), the force is linear
       in c and t = s c / pivot, but not in c and s. Without such a parameter t is c.
-    - The mode of the other scores depends on a. If a is not at the middle, they are shifted by their slopes times t:
-      a changes the force in proportion to t.
+    - The mode of the other scores depends on a. If a is not at the middle, they are shifted by their slopes times the
+      score to which the change of the force with a is proportional: t, but c if a multiplies c too (such as one of two
+      slopes of friction).
 
     Attributes
     ----------
@@ -101,7 +102,8 @@ class SlicedProposal:
     product : tuple of int, optional
         Indices of c and s; None without a parameter s.
     size : int
-        Index of the score that t replaces: c or s.
+        Index of the score to which the change of the force with a is proportional: that of c, or of s (in place of
+        which w contains t).
     width : float
         Width of each slice, in units of a.
     slices : tuple of Slice
@@ -310,8 +312,8 @@ def _product_and_size(
 ) -> tuple[tuple[int, int] | None, int]:
     """Return the attributes `product` and `size` of `SlicedProposal` for the sliced parameter with the index `place`.
 
-    product: indices of the term's coefficient and of another parameter that multiplies it; None if the term has no such
-    parameter. size: index of the score that t replaces.
+    product: indices of the term's coefficient c and of another parameter that multiplies it; None if the term has no
+    such parameter. size: index of that parameter, or of c if there is none or if the sliced parameter multiplies c too.
     """
     names = base.free_names
     term = next(
