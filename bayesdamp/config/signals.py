@@ -230,7 +230,7 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
     try:
         cycles = oscillator.rough_frequency(truth, near=truth["theta0"]) * duration / (2 * math.pi)
     except ValueError as error:
-        raise StudyError(key, f"{error}; choose parameters that let it oscillate") from None
+        raise StudyError(key, f"{error} {settings.unit}; choose parameters that let it oscillate") from None
     if not cycles >= LEAST_CYCLES:
         what = f"is {duration:g} s, only {cycles:.2g} of a cycle; it must be at least {LEAST_CYCLES:g}"
         raise StudyError(length, f"{what}: choose parameters that let it oscillate, or a longer duration")
@@ -329,7 +329,7 @@ def resolve_signal(
     if entry.quantity == "envelope":
         return _read_envelope(entry, given, folder, key)
     if entry.unit not in UNITS:
-        raise StudyError(join_keys(key, "unit"), f"is {show(entry.unit)}; it must be {UNIT}")
+        raise StudyError(join_keys(key, "unit"), f"unknown unit {show(entry.unit)}; it must be {UNIT}")
     if entry.frequency is not None:
         right = 'give quantity = "envelope", or remove it'
         raise StudyError(join_keys(key, "frequency"), f"is for an envelope; {right}")

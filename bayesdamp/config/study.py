@@ -49,7 +49,7 @@ MOST_COLUMNS = 100_000
 (conventional)."""
 ColumnName = Annotated[int, Field(ge=1, le=MOST_COLUMNS)] | Annotated[str, Field(min_length=1)]
 RunName = Annotated[int, Field(ge=0, le=MOST_COLUMNS**2)] | Annotated[str, Field(min_length=1)]
-UNIT = f"one of {', '.join(UNITS)} (of the displacement itself)"
+UNIT = f"one of {', '.join(UNITS)} (for a velocity or an acceleration the unit of its displacement, such as m for m/s)"
 Samples = Annotated[int, Field(ge=10, le=MOST_SAMPLES, description="a whole number from 10 to 10,000,000")]
 Count = Annotated[int, Field(ge=1, le=MOST_RECORDS, description="a whole number from 1 to 1,000,000")]
 Positive = Annotated[float, Field(gt=0, description="a positive number")]

@@ -166,7 +166,7 @@ class Oscillator:
 
 
 def _no_rest(restoring: str, near: float, reach: float) -> ValueError:
-    return ValueError(f"the law {restoring} has no stable equilibrium within {reach:g} rad of {near:.3g}")
+    return ValueError(f"the law {restoring} has no stable equilibrium within {reach:g} of {near:.3g}")
 
 
 @lru_cache(maxsize=4096)

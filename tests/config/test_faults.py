@@ -62,12 +62,13 @@ FAULTS = {
     "no noise_sd": (swap(", noise_sd = 0.003", ""), "signal[one].simulate: noise_sd is missing; a simulation needs"),
     "free": (swap("20.0", '"free"'), "signal[one].simulate: stiffness is missing; a simulation needs the true value"),
     "no epsilon": (swap("viscous", "coulomb"), "signal[one].simulate: epsilon is missing; a simulation needs"),
-    "no rest": (swap("20.0", "-20.0"), "signal[one].simulate: the law linear has no stable equilibrium within 10 rad"),
+    "no rest": (swap("20.0", "-20.0"), "signal[one].simulate: the law linear has no stable equilibrium within 10 of 0.3 rad; choose"),
+    "no rest in metres": (swap("20.0", "-20.0").replace("samples = 100", 'samples = 100, unit = "m"'), "linear has no stable equilibrium within 10 of 0.3 m; choose"),
     # a file
     "no file": (rig(old='"rig.csv"', new='"rg.csv"'), "signal[rig].file: 'rg.csv' does not exist; paths are relative to"),
     "two clocks": (rig("rate = 3\n"), "signal[rig].rate: is given together with time; give one of the two"),
     "forces of a sensor's unit": (rig('unit = "mV"\nsystem = { restoring = "linear", inertia = 2.0 }\n'), "signal[rig].unit: is 'mV', in which forces have no unit; remove inertia, or use rad or m"),
-    "unit": (rig('unit = "degrees"\n'), "signal[rig].unit: is 'degrees'; it must be one of rad, mrad, deg"),
+    "unit": (rig('unit = "degrees"\n'), "signal[rig].unit: unknown unit 'degrees'; it must be one of rad, mrad, deg"),
     # [[sweep]]
     "sweep key": (sweep("noise", "[1]"), "sweep[1].key: is 'noise', which is not a key of a signal; it must be like"),
     "sweep nothing": (sweep("start", "[1]"), "sweep[1].key: is 'start', which no signal has"),

@@ -50,7 +50,8 @@ def test_a_name_that_says_another_unit_is_told_of(tmp_path):
     raw = read_record(write_table(tmp_path / "x.csv", "t,phi (deg)", T, Y), time=1, value=2)
     notes = [clean(raw, name="x", unit=unit).provenance.warnings for unit in ("rad", "deg")]
     told = [
-        any("'phi (deg)'; its values are read as displacements in rad." in n for n in some) for some in notes
+        any("'phi (deg)', but its values are used as displacements in rad; if" in n for n in some)
+        for some in notes
     ]
     assert told == [True, False]
 

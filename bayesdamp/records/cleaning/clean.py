@@ -212,7 +212,7 @@ def clean(
         raise InputError(CLIPPED.format(free), name)
     cycles, period = measured.cycles, measured.period
     if cycles < 1.95:
-        raise InputError(f"needs at least two periods of free decay, has {cycles:.1f}", name)
+        raise InputError(f"has {cycles:.1f} periods of free decay; at least two are needed", name)
     outliers = count_outliers(signal, period, float(measured.turning_amplitudes.max()))
     rate = (t.size - 1) / float(t[-1] - t[0])
     label = UNITS[unit].of(quantity)
@@ -225,8 +225,8 @@ def clean(
         quantity,
     ):
         warnings.append(
-            f"the column is named {raw.provenance.value_column!r}; its values are read as {PLURAL[quantity]} in "
-            f"{label}."
+            f"the column is named {raw.provenance.value_column!r}, but its values are used as {PLURAL[quantity]} in "
+            f"{label}; if this is wrong, give another unit or quantity."
         )
     turns = measured.amplitude / (2 * np.pi)
     if base == "rad" and turns > (MAX_TURNS if named is None else MAX_TURNS_NAMED):

@@ -76,7 +76,7 @@ def test_two_cycles_pass_and_one_does_not():
     t = np.linspace(0, 2.2 * 2 * np.pi / 9, 400)
     assert clean(record(t, decay(t)), name="x").provenance.more["cycles"] == pytest.approx(2.2, abs=0.05)
     t = np.linspace(0, 1.1 * 2 * np.pi / 9, 400)
-    with pytest.raises(InputError, match=r"x: needs at least two periods of free decay, has 1\.1"):
+    with pytest.raises(InputError, match=r"x: has 1\.1 periods of free decay; at least two are needed"):
         clean(record(t, decay(t)), name="x")
 
 
