@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from bayesdamp.claims import CLAIMS, Claim, Judgement, judge_all, write_page
-from bayesdamp.claims.accuracy import PRINTED_TIMES, verdict_of
+from bayesdamp.claims.accuracy import PRINTED_TIMES, _best_clean, verdict_of
 from bayesdamp.claims.judge import Runs, initial_error
 from bayesdamp.claims.mechanisms import (
     _nonlinearity_is_the_cause,
     _regression_is_accurate,
     _topological_fails,
 )
+from bayesdamp.report.results.estimators import EstimatorComparison
 
 NONE = Runs()
 
@@ -62,3 +65,23 @@ def test_the_page_counts_and_escapes():
     assert "holds 1, does not hold 1." in page
     assert "a \\| b" in page
     assert "**does not hold**" in page
+
+
+@pytest.mark.parametrize(
+    ("error", "seconds", "expected"),
+    [
+        (0.001, 0.1, "holds"),
+        (0.001, 3.0, "holds in part"),
+        (0.1, 0.1, "holds in part"),
+        (0.1, 3.0, "does not hold"),
+    ],
+)
+def test_least_squares_must_be_the_fastest_and_accurate(error: float, seconds: float, expected: str) -> None:
+    """The other method takes 1 s for an error of 0.05 %; the fastest one has no estimate, so it does not count."""
+    errors = {("least_squares", "a", "initial"): error, ("sindy", "a", "initial"): 0.05}
+    times = {("least_squares", "initial"): seconds, ("sindy", "initial"): 1.0, ("envelope", "initial"): 0.01}
+    methods = ["least_squares", "sindy", "envelope"]
+    compared = EstimatorComparison(methods, ["a"], errors, {}, times, {}, {})
+    judgement = _best_clean(SimpleNamespace(compared=compared))
+    assert judgement.verdict == expected
+    assert ("the fastest is least squares" in judgement.measured) == (seconds < 1)

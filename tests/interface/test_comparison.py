@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import bayesdamp as bd
+from bayesdamp.inference.deviation import model_comparison
 from bayesdamp.inference.deviation.model_comparison import BEHIND
 from bayesdamp.physics.damping import TERMS
 from tests.interface.problems import TIMES, TRUTH, not_refused, record
@@ -31,7 +32,9 @@ def compared() -> bd.Comparison:
     return bd.compare(MADE.signal, restoring=LAW)
 
 
-def quick(signal: bd.Signal, *damping: str, restoring: Sequence[str] = LAW, **how: Any) -> bd.Comparison:
+def quick(
+    signal: bd.Signal | list[bd.Signal], *damping: str, restoring: Sequence[str] = LAW, **how: Any
+) -> bd.Comparison:
     """Compare dampings without sampling; by default viscous damping alone."""
     return bd.compare(signal, damping=damping or ("viscous",), restoring=restoring, sample=False, **how)
 
@@ -72,6 +75,13 @@ def test_a_term_without_a_kernel_costs_its_own_sums_alone() -> None:
     assert len(said) == 1
     assert "has no `kernel`" in said[0]
     assert "has no `kernel`" in alone.outcome
+
+
+def test_without_any_fit_the_outcome_is_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(model_comparison.ModelComparison, "evaluate", lambda *_: None)
+    result = quick(MADE.signal)
+    assert result.outcome == "The equation of motion cannot be fitted with any of the damping models."
+    assert not result.verdict.decided
 
 
 def test_a_hopeless_sum_is_in_the_table_but_needs_no_remark() -> None:
@@ -120,6 +130,7 @@ def test_records_of_one_specimen_share_a_damping(tmp_path: Path) -> None:
 
 WRONG: list[tuple[dict, str]] = [
     ({"damping": ["viscuos"]}, "viscous"),
+    ({"restoring": "pendulm"}, "^compare: unknown restoring law 'pendulm'"),
     ({"deviation": "no"}, "did you mean 'none'"),
     ({"known": {"stifness": 20.0}}, "did you mean 'stiffness'"),
     ({"known": {"cubic": 1.0}, "restoring": "linear"}, "unknown parameter 'cubic'"),
@@ -249,3 +260,18 @@ def test_the_noise_is_that_of_a_sample(samples: int) -> None:
     result = quick(bd.simulate({"viscous": 0.08}, noise_sd=sd, seed=3, **how), restoring=["linear"])
     assert result.verdict.noise_pct == pytest.approx(100 * sd / amplitude, rel=0.15)
     assert result.table["rms"].min() == pytest.approx(sd, rel=0.15)
+
+
+def test_amplitudes_for_records_in_different_units_are_in_the_first_unit() -> None:
+    """Control: the same records, all in degrees."""
+    values = [record(seed).y for seed in (3, 4)]
+    deg = [bd.signal(TIMES, np.degrees(y), unit="deg", cleaned=False) for y in values]
+    rad = bd.signal(TIMES, values[1], cleaned=False)
+    how: dict[str, Any] = {"repeats": True, "amplitudes": [13.0, 11.0], "restoring": ["linear"]}
+    mixed, control = (quick(signals, **how) for signals in ([deg[0], rad], deg))
+    for one, other in zip((mixed.verdict, *mixed.records), (control.verdict, *control.records), strict=True):
+        ratios, expected = (getattr(x, "verdict", x).damping_ratio for x in (one, other))
+        assert [r.value for r in ratios] == pytest.approx([r.value for r in expected], rel=1e-6)
+    metres = bd.signal(TIMES, values[1], unit="m", cleaned=False)
+    with pytest.raises(bd.InputError, match="amplitudes: the records are in rad and m; remove it"):
+        quick([deg[0], metres], **how)

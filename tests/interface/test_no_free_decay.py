@@ -16,6 +16,7 @@ from bayesdamp.interface.answer import answer
 from bayesdamp.store import Store
 from bayesdamp.store.contents import RecordContent
 from bayesdamp.types import Signal
+from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Grade, MotionKind
 from bayesdamp.verdict.types import Verdict
 from tests.records.oscillation.test_modes import OMEGA, sum_of
@@ -61,6 +62,16 @@ def test_a_close_second_oscillation_counts_if_no_law_fits(
     assert verdict.motion is kind
     assert verdict.modes[0].low < 0.01 < verdict.modes[0].high  # 95 %, seed fixed
     assert verdict_on((0.3, 1.0, 0.01), samples=1000, noise=0.001).damping == "viscous"
+
+
+def test_a_close_second_oscillation_does_not_count_if_a_law_explains_nearly_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Control: the test above, with the same record and the usual limit."""
+    monkeypatch.setattr(thresholds, "REMARK", 1.0)
+    verdict = verdict_on((0.3, 1.0, 0.01), (0.024, 1.08, 0.01), samples=1000, noise=0.001)
+    assert verdict.law_free is not None
+    assert verdict.motion is None
 
 
 def test_compare_tells_it_in_python(tmp_path: Path) -> None:
