@@ -23,9 +23,8 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 
-# Writes reports/benchmarks, and says where a ratio has lost against the page that was there.
+# Writes reports/benchmarks, and prints the ratios that are lower than on the page before.
 bench: $(READY)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev,bench]"
 	$(ONE_THREAD) $(BIN)/python -m pytest tests/benchmarks --override-ini addopts= -s -p no:xdist $(ARGS)
 
 # The slow checks, which `make test` leaves out.

@@ -1,24 +1,26 @@
-"""Times as ratios: CPU seconds of both sides in one process of one thread, in turns, the best of several."""
+"""CPU seconds of functions that are compared in one process of one thread."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 
+SHORTEST = 0.02
+"""Seconds of a measurement: so short a function is called until they are over."""
 
-def seconds(run: Callable[[], object], least: float = 0.02) -> float:
-    """CPU seconds a call, from as many calls as fill `least` seconds."""
-    began = time.process_time()
-    calls = 0
-    while (spent := time.process_time() - began) < least:
-        run()
+
+def seconds(function: Callable[[], object]) -> float:
+    """Return the CPU seconds of a call."""
+    start, calls = time.process_time(), 0
+    while (spent := time.process_time() - start) < SHORTEST:
+        function()
         calls += 1
     return spent / calls
 
 
-def in_turns(*runs: Callable[[], object], rounds: int = 15) -> list[float]:
-    """Best CPU seconds a call of each, measured in turns so that a busy machine hits all of them."""
-    for run in runs:
-        run()
-    measured = [[seconds(run) for run in runs] for _ in range(rounds)]
+def in_turns(*functions: Callable[[], object], rounds: int) -> list[float]:
+    """Return the least CPU seconds of a call of each, measured in turns so that a busy machine slows all of them."""
+    for function in functions:
+        function()
+    measured = [[seconds(function) for function in functions] for _ in range(rounds)]
     return [min(column) for column in zip(*measured, strict=True)]
