@@ -1,4 +1,4 @@
-"""`bayesdamp calibrate`: what it refuses and draws, how it resumes, what its tables say of a wrong posterior."""
+"""`bayesdamp calibrate`: refusals, simulated records, resuming, and the results for right and wrong posteriors."""
 
 from __future__ import annotations
 
@@ -40,40 +40,32 @@ def write(folder: Path, text: str = STUDY) -> Path:
     return file
 
 
-# What is refused, before anything is written.
-
-
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message", "options"),
     [
-        ("theta0 = 0.3", 'theta0 = "free"', "prior of theta0 depends on the record"),
-        ("frequency = 4.5, stiffness = 20.0", 'stiffness = "free"', "system.frequency is missing"),
-        ("draws = 250", "draws = 20", "it must be at most the 80 draws"),
-        ("records = 120", "records = 120, binz = 8", "did you mean 'bins'?"),
+        ("theta0 = 0.3", 'theta0 = "free"', "prior of theta0 depends on the record", ()),
+        ("frequency = 4.5, stiffness = 20.0", 'stiffness = "free"', "system.frequency is missing", ()),
+        ("draws = 250", "draws = 20", "it must be at most the 80 draws", ()),
+        ("records = 120", "records = 120, binz = 8", "did you mean 'bins'?", ()),
+        ('"viscous", "coulomb"', '"viscous"', "has 1 models to compare", ("--models",)),
+        ("amplitude = 0.3, frequency = 4.5, ", "", "amplitude and frequency", ("--models",)),
     ],
 )
-def test_what_cannot_be_calibrated_is_refused_in_one_line(tmp_path, capsys, old, new, said):
+def test_a_study_that_cannot_be_calibrated_is_refused_in_one_line(
+    tmp_path, capsys, old, new, message, options
+):
+    """And nothing is written."""
     assert old in STUDY
     text = STUDY.replace(old, new, 1).replace("simulate = {", "simulate = { theta0 = 0.3, stiffness = 20.0,")
     out = tmp_path / "out"
-    assert main(["calibrate", str(write(tmp_path, text)), "--out", str(out)]) == 2
+    assert main(["calibrate", str(write(tmp_path, text)), "--out", str(out), *options]) == 2
     line = capsys.readouterr().err
-    assert said in line
+    assert message in line
     assert line.count("\n") == 1
     assert not out.exists()
 
 
-def test_models_need_a_reference_and_company(tmp_path):
-    alone = load_study(write(tmp_path, STUDY.replace('"viscous", "coulomb"', '"viscous"')))
-    with pytest.raises(InputError, match="has 1 models to compare"):
-        run_calibration(alone, tmp_path / "out", models=True)
-    bare = load_study(write(tmp_path, STUDY.replace("amplitude = 0.3, frequency = 4.5, ", "")))
-    with pytest.raises(InputError, match="amplitude and frequency"):
-        run_calibration(bare, tmp_path / "out", models=True)
-    assert not (tmp_path / "out").exists()
-
-
-def test_the_studies_that_ship_can_be_run():
+def test_the_included_studies_can_be_run():
     ranks.check(load_study(STUDIES / "calibration.toml"))
     study = load_study(STUDIES / "model_recovery.toml")
     recovery.check(study)
@@ -83,20 +75,17 @@ def test_the_studies_that_ship_can_be_run():
     assert len(recovery.models_of(study, "recovery")) == 7
 
 
-# What is drawn.
-
-
-def test_what_is_drawn_has_the_prior_that_the_posterior_uses(tmp_path):
-    made = problem.make_generator(load_study(STUDIES / "calibration.toml"), "viscous")
-    assert made.blank.names == ("zeta", "stiffness", "theta0", "omega0", "noise_sd")
-    drawn = made.draw(problem.record_rng(1, "a"), "a")
-    assert drawn.target.priors is made.blank.priors
-    assert set(drawn.truth) == set(made.blank.names)
-    np.testing.assert_array_equal(made.draw(problem.record_rng(1, "a"), "a").signal.y, drawn.signal.y)
-    assert made.draw(problem.record_rng(1, "b"), "b").truth["zeta"] != drawn.truth["zeta"]
-    # The noise of the record is that which was drawn: four standard errors.
-    p, rng = {**made.blank.known, **drawn.truth}, np.random.default_rng(0)
-    clean = simulate_signal(made.blank.oscillator, p, duration=10.0, samples=401, rng=rng)
+def test_simulated_records_have_the_prior_and_the_noise_that_the_posterior_uses(tmp_path):
+    """The noise within four standard errors. The name of a record is its seed."""
+    generator = problem.make_generator(load_study(STUDIES / "calibration.toml"), "viscous")
+    assert generator.blank.names == ("zeta", "stiffness", "theta0", "omega0", "noise_sd")
+    drawn = generator.draw(problem.record_rng(1, "a"), "a")
+    assert drawn.target.priors is generator.blank.priors
+    assert set(drawn.truth) == set(generator.blank.names)
+    np.testing.assert_array_equal(generator.draw(problem.record_rng(1, "a"), "a").signal.y, drawn.signal.y)
+    assert generator.draw(problem.record_rng(1, "b"), "b").truth["zeta"] != drawn.truth["zeta"]
+    p, rng = {**generator.blank.known, **drawn.truth}, np.random.default_rng(0)
+    clean = simulate_signal(generator.blank.oscillator, p, duration=10.0, samples=401, rng=rng)
     ratio = np.std(drawn.signal.y - clean.y) / drawn.truth["noise_sd"]
     assert abs(ratio - 1) < 4 / np.sqrt(2 * 401)
 
@@ -111,8 +100,9 @@ def test_what_is_drawn_has_the_prior_that_the_posterior_uses(tmp_path):
         ),
     ],
 )
-def test_the_reference_follows_from_the_study_alone(tmp_path, law, simulated):
-    """An equilibrium by iterations has rounding errors, and a stated frequency needs no law. Control: no amplitude."""
+def test_the_reference_amplitude_and_frequency_are_those_of_the_study(tmp_path, law, simulated):
+    """An equilibrium by iterations has rounding errors; a stated frequency needs no law. Control: without an amplitude
+    the study is refused."""
     old = '"linear", amplitude = 0.3, frequency = 4.5, stiffness = 20.0, rest_angle = 0.0'
     assert old in STUDY
     text = STUDY.replace(old, law).replace("simulate = {", f"simulate = {{ {simulated}")
@@ -123,16 +113,12 @@ def test_the_reference_follows_from_the_study_alone(tmp_path, law, simulated):
         problem.make_generator(load_study(write(tmp_path, bare)), "viscous")
 
 
-# How it resumes.
-
-
-# The whole way, with draws from the Laplace fit, which compile soon; the samplers' own calibration is below.
-
 KNOWN = STUDY.replace("records = 120", 'records = 12, samplers = ["laplace"]').replace(', "coulomb"', "")
+"""Posteriors are draws from the Laplace fit, which compiles fast."""
 
 
 class Misjudged(Gaussian):
-    """A likelihood made wrong on purpose: the noise is taken to be 0.8 of what the parameter says."""
+    """A wrong likelihood, whose noise is 0.8 of its parameter."""
 
     def log_likelihood(self, r, gaps, p):
         return super().log_likelihood(r, gaps, smaller(p))
@@ -159,18 +145,18 @@ def misjudged():
 
 
 @pytest.mark.parametrize("right", [True, False])
-def test_a_wrong_likelihood_fails_and_a_right_one_does_not(tmp_path, monkeypatch, misjudged, right):
+def test_only_a_wrong_likelihood_fails(tmp_path, monkeypatch, misjudged, right):
+    """The false-alarm rate of the right one is 1 %. A chunk that is lost is computed again, to the same table."""
     monkeypatch.setattr(ranks, "RECORDS_PER_TASK", 12)
     text = KNOWN if right else KNOWN.replace("posterior = {", f"posterior = {{ {misjudged},")
     study, out = load_study(write(tmp_path, text)), tmp_path / "out"
     assert run_calibration(study, out, workers=1) == 0
     result = json.loads((out / "run.json").read_text())["result"]
     posterior = result["families"]["posterior"]
-    # false-alarm rate 1 % for the right one
     assert (posterior["wrong"] == 0) is right
     assert result["families"]["classical"]["wrong"] == 0
-    said = f"{posterior['wrong'] or 'None'} of {posterior['tests']} checks of the posteriors failed"
-    assert said in (out / "report.html").read_text(encoding="utf-8")
+    sentence = f"{posterior['wrong'] or 'None'} of {posterior['tests']} checks of the posteriors failed"
+    assert sentence in (out / "report.html").read_text(encoding="utf-8")
     counts = result["counts"]["viscous"]
     assert sum(counts["refused"].values()) == counts["tried"] - counts["counted"]
     for text in read_rows(out / "ranks.csv")["ranks"]:
@@ -180,7 +166,6 @@ def test_a_wrong_likelihood_fails_and_a_right_one_does_not(tmp_path, monkeypatch
         assert max(ranked) <= 255
     if not right:
         return
-    # A lost chunk alone is computed again, to the same table.
     before, calls, compute = (out / "ranks.csv").read_bytes(), [], ranks.compute_chunk
     monkeypatch.setattr(ranks, "compute_chunk", lambda *given: calls.append(given[2]) or compute(*given))
     lost = sorted((out / "cells").rglob("viscous/*.npz"))[-1]
@@ -192,8 +177,8 @@ def test_a_wrong_likelihood_fails_and_a_right_one_does_not(tmp_path, monkeypatch
 
 @pytest.mark.slow
 @pytest.mark.parametrize("right", [True, False])
-def test_both_samplers_are_calibrated_and_see_a_wrong_likelihood(tmp_path, misjudged, right):
-    """Free start and stiffness, friction and viscous damping that touch zero; false-alarm rate 1 %."""
+def test_both_samplers_are_calibrated_and_detect_a_wrong_likelihood(tmp_path, misjudged, right):
+    """With free start and stiffness, and friction and viscous damping near zero. False-alarm rate 1 %."""
     text = (STUDIES / "calibration.toml").read_text().replace("records = 500", "records = 96")
     text = text.replace('"viscous", "coulomb", "quadratic", ', "")
     text = text if right else text.replace("[posterior]", f"[posterior]\n{misjudged}")
@@ -204,43 +189,39 @@ def test_both_samplers_are_calibrated_and_see_a_wrong_likelihood(tmp_path, misju
         assert {"nuts", "emcee"} <= set(where(wrong, parameter="noise_sd")["method"])
 
 
-# The models' probabilities.
+def simulated_chunks(sharper: float):
+    """Return a function that draws chunks of probabilities whose log odds are `sharper` times the right ones."""
 
-
-def invented(sharper: float):
-    """Chunks of probabilities whose log odds are `sharper` times what they should be."""
-
-    def recovered(study, kind, first):
+    def chunk(study, kind, first):
         rng = np.random.default_rng([first, len(kind)])
         models, size = recovery.models_of(study, kind), recovery.RECORDS_PER_TASK
         odds = 1.5 * rng.standard_normal((size, len(models)))
         right = np.exp(odds - logsumexp(odds, axis=1, keepdims=True))
         truth = [rng.choice(len(models), p=p) for p in right]
-        told = np.exp(sharper * odds - logsumexp(sharper * odds, axis=1, keepdims=True))
+        stated = np.exp(sharper * odds - logsumexp(sharper * odds, axis=1, keepdims=True))
         meta = {
             "first": first, "models": models, "outcomes": ["ok"] * size, "accepted": [True] * size,
             "evidence_outcomes": [["ok"] * len(models)] * size,
         }  # fmt: skip
         design = np.array([recovery.design_of(study, kind, first + i) for i in range(size)])
-        arrays = {"model": np.array(truth), "probability": told, "log_evidence": odds, "design": design}
+        arrays = {"model": np.array(truth), "probability": stated, "log_evidence": odds, "design": design}
         return Product(RecoveryContent.of_meta(meta), {**arrays, "loss": np.ones(size)})
 
-    return recovered
+    return chunk
 
 
 @pytest.mark.parametrize(("sharper", "inside"), [(1.0, True), (2.0, False)])
-def test_overconfident_probabilities_are_seen(tmp_path, monkeypatch, sharper, inside):
+def test_overconfident_probabilities_are_detected(tmp_path, monkeypatch, sharper, inside):
+    """False-alarm rate 1 % for each series. Right probabilities have the log score that they predict."""
     study, out = load_study(write(tmp_path)), tmp_path / "out"
-    monkeypatch.setattr(recovery, "compute_chunk", invented(sharper))
+    monkeypatch.setattr(recovery, "compute_chunk", simulated_chunks(sharper))
     assert run_calibration(study, out, models=True, workers=1) == 0
     result = json.loads((out / "run.json").read_text())["result"]
     for series in ("recovery", "single"):
         hits = result[series]["hits"]
-        # false-alarm rate 1 % each
         assert (hits["low"] <= hits["excess"] <= hits["high"]) is inside
         confused = sum(map(sum, result[series]["confusion"]))
         assert confused == hits["records"] == (240 if series == "recovery" else 200)
-        # Probabilities that are right promise the log score that they get.
         gap = result[series]["log_score_expected"] - result[series]["log_score"]
         assert (gap < 0.15) is inside
     assert len(read_rows(out / "recovery.csv")) == 440

@@ -1,4 +1,4 @@
-"""The paper's claims: what is measured for them, and the page."""
+"""The paper's claims: judgements and the page."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from bayesdamp.report.results.estimators import EstimatorComparison
 NONE = Runs()
 
 
-def test_every_claim_occurs_once_and_has_a_place():
+def test_every_claim_occurs_once_and_has_its_place_in_the_paper():
     assert len({c.text for c in CLAIMS}) == len(CLAIMS) > 30
     assert all(c.where for c in CLAIMS)
 
 
-def test_the_topological_failure_is_a_unit():
-    """As printed 77.67 % off on the pendulum, and as far on a linear spring: 1 − 1/ω_n."""
+def test_the_failure_of_the_topological_method_is_a_wrong_unit():
+    """The error is 77.67 % on the pendulum, as printed, and on a linear spring too: 1 − 1/ω_n."""
     assert initial_error("topological", "viscous", {"variant": "as_printed"}) == pytest.approx(
         77.67, abs=0.05
     )
@@ -34,12 +34,12 @@ def test_the_topological_failure_is_a_unit():
     assert "77.6" in _nonlinearity_is_the_cause(NONE).measured
 
 
-def test_without_a_run_a_claim_about_it_cannot_be_told():
+def test_a_claim_about_a_missing_run_cannot_be_judged():
     of_runs = [c for c in CLAIMS if c.where == "Table 3"]
     assert {c.judge(NONE).verdict for c in of_runs} == {"cannot be judged"}
 
 
-def test_a_time_is_judged_on_both_sides():
+def test_a_time_is_judged_against_the_printed_range():
     cases = [
         (90.0, "pinn", "holds"),
         (30.0, "pinn", "holds"),
@@ -56,7 +56,7 @@ def test_an_error_far_below_the_printed_one_does_not_confirm_it():
     assert _regression_is_accurate(NONE).verdict == "better than claimed"
 
 
-def test_the_page_counts_and_escapes():
+def test_the_page_counts_judgements_and_escapes_bars():
     claims = [
         Claim("a | b", "1", lambda _: Judgement("holds", "x")),
         Claim("c", "2", lambda _: Judgement("does not hold", "y")),

@@ -1,4 +1,4 @@
-"""Shared problems: records with references, their targets and modes, computed once in a process."""
+"""Problems with reference posteriors, computed once in a process, and targets with a linear spring."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from pydantic import TypeAdapter
 
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.search import find_mode
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import Prior
+from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Posterior, Seed, Signal
 
@@ -35,32 +37,52 @@ FEATURES = Features(
     turning_amplitudes=np.empty(0),
     crossing_times=np.empty(0),
 )
-"""Features of no record in particular, for default priors."""
+"""Features for default priors."""
+
+
+PRIORS: dict[str, Prior] = {
+    "zeta": HalfNormal(scale=0.8), "mu_c": HalfNormal(scale=1.0), "mu_q": HalfNormal(scale=3.0),
+    "stiffness": LogNormal(median=20.0, sigma=0.5), "theta0": Normal(mean=0.0, sd=0.6),
+    "omega0": Normal(mean=0.0, sd=2.7),
+    "noise_sd": LogNormal(median=0.004, sigma=1.0), "noise_dof": LogNormal(median=6.0, sigma=0.8),
+}  # fmt: skip
+"""Priors that are wide for amplitudes of a few tenths of a rad and 20 rad²/s²."""
+
+
+def linear_target(
+    t: np.ndarray, y: np.ndarray, damping: str, known: dict[str, float], noise: str = "gaussian"
+) -> Target:
+    """Return the target of an oscillator with a linear spring and one damping term. All parameters that are not known
+    have wide priors, and the rest angle is 0."""
+    parameters = TERMS.get(damping).parameter, "stiffness", "theta0", "omega0", *NOISES.get(noise).parameters
+    priors = {name: PRIORS[name] for name in parameters if name not in known}
+    known = {"rest_angle": 0.0, **known}
+    return Target(Signal(t, y), Oscillator((damping,), "linear"), noise, priors, known)
 
 
 @lru_cache
 def reference(name: str) -> dict:
-    """A reference posterior with its record, problem and provenance."""
+    """Return a reference posterior with its record, problem and provenance."""
     return json.loads((REFERENCES / f"{name}.json").read_text())
 
 
 @lru_cache
 def target(name: str) -> Target:
-    """The target of a reference problem."""
-    built = reference(name)
-    problem = built["problem"]
+    """Return the target of a reference problem."""
+    content = reference(name)
+    problem = content["problem"]
     priors = {n: TypeAdapter(Prior).validate_python(p) for n, p in problem["priors"].items()}
-    signal = Signal(np.array(built["record"]["t"]), np.array(built["record"]["y"]), name=name)
+    signal = Signal(np.array(content["record"]["t"]), np.array(content["record"]["y"]), name=name)
     osc = Oscillator(tuple(problem["damping"]), problem["restoring"])
     return Target(signal, osc, problem["noise"], priors, problem["known"])
 
 
 @lru_cache
 def mode(name: str) -> Mode:
-    """Its mode, from the truth with every number moved by a tenth."""
-    built = reference(name)
-    seed = {n: 1.1 * v for n, v in built["truth"].items()}
-    return find_mode(target(name), {Seed("near the truth"): seed}, noise_level=built["truth"]["noise_sd"])
+    """Return the mode of a reference problem, by a search from parameters a tenth above the true ones."""
+    content = reference(name)
+    seed = {n: 1.1 * v for n, v in content["truth"].items()}
+    return find_mode(target(name), {Seed("near the truth"): seed}, noise_level=content["truth"]["noise_sd"])
 
 
 SETTINGS = Settings(chains=4, warmup=500, draws=2500, seed=4)
@@ -68,5 +90,5 @@ SETTINGS = Settings(chains=4, warmup=500, draws=2500, seed=4)
 
 @lru_cache
 def posterior(name: str, sampler: str) -> Posterior:
-    """Draws of a reference problem."""
+    """Return draws of a sampler for a reference problem."""
     return SAMPLERS.get(sampler).sample(target(name), mode(name), SETTINGS)

@@ -1,4 +1,4 @@
-"""Hand-made runs of one specimen, and their evidence and posterior by quadrature."""
+"""Likelihoods of several runs of a specimen, and their evidence and posterior by quadrature."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bayesdamp.inference.deviation.repeats import SPREAD_SCALE, RecordLikelihood
 
 NODES, MASSES = np.polynomial.legendre.leggauss(60)
 LARGEST = 0.6
-"""Of the spread: the prior beyond is below 1e-8."""
+"""Largest spread in the quadrature. The prior beyond it is below 1e-8."""
 
 
 def run_of(
@@ -24,8 +24,8 @@ def run_of(
     log: float | np.ndarray = 0.0,
     shared: Sequence[str] = (),
 ) -> RecordLikelihood:
-    """A run whose likelihood is a normal about a place, (k,), exp(log) high, under every combination of sizes that log,
-    (c,), has. shared: parameters that are no coefficients."""
+    """Return a run whose likelihood is normal about a place, (k,), with a maximum of exp(log) for each of the c
+    combinations of sizes, (c,). shared: the parameters that are not coefficients."""
     at, information = np.asarray(place, float), np.linalg.inv(np.atleast_2d(covariance))
     logs = np.atleast_1d(np.asarray(log, float))
     count = logs.size
@@ -35,14 +35,14 @@ def run_of(
 
 
 def log_likelihood(run: RecordLikelihood, x: np.ndarray, combo: int = 0) -> np.ndarray:
-    """Of parameters x, (..., k): (...)."""
+    """Return the log likelihood of parameters x, (..., k), shape (...)."""
     result = run.likelihood
     square = np.einsum("...i,ij,...j->...", x, result.information[combo], x)
     return result.log[combo] + x @ result.slope[combo] - 0.5 * square
 
 
 class Summed(NamedTuple):
-    """Log evidence; posterior masses of the grid's points, (m,), and of each with each spread, (m, s), and spreads."""
+    """Log evidence, posterior masses of m points of the grid and of each point with each of s spreads, and spreads."""
 
     log_evidence: float
     mass: np.ndarray
@@ -58,7 +58,7 @@ def by_quadrature(
     factors: int = 1601,
     reach: float = 1.6,
 ) -> Summed:
-    """Evidence and posterior of the specimen's parameters.
+    """Return evidence and posterior of the parameters of the specimen.
 
     Parameters
     ----------
@@ -67,16 +67,16 @@ def by_quadrature(
     log_prior
         Log prior mass of each, (m,).
     spread
-        Of the runs' factors where it is known; else it is summed over its half-normal prior.
+        Spread of the factors of the runs. If it is None, the sum is over its half-normal prior.
     factors, reach
-        How many logarithms of a run's factor are summed over, and how large they are at most.
+        Number and largest value of the logarithms of a run's factor in the sum.
     """
     if spread is None:
         spreads = 0.5 * LARGEST * (NODES + 1)
         prior = np.log(0.5 * LARGEST * MASSES) + halfnorm.logpdf(spreads, scale=SPREAD_SCALE)
     else:
         spreads, prior = np.array([spread]), np.zeros(1)
-    # Of a run's log factor t: the mass of its normal in each cell, (t, s): right for spreads below a cell too.
+    # Probabilities of the cells of a log factor t, (t, s), which are also right for spreads smaller than a cell.
     t = np.linspace(-reach, reach, factors)
     edges = np.concatenate([[-np.inf], 0.5 * (t[1:] + t[:-1]), [np.inf]])
     masses = np.diff(ndtr(edges[:, None] / np.maximum(spreads, 1e-12)), axis=0)

@@ -1,12 +1,12 @@
-"""Reference posteriors by other means: emcee on DOP853 trajectories, nothing of the package used.
+"""Reference posteriors without the package: emcee on trajectories of SciPy's DOP853.
 
-    python tests/reference/make_reference.py viscous_coulomb      # or another; ten minutes each
+    python tests/reference/make_reference.py viscous_coulomb      # ten minutes for each name
 
-`<name>.json` beside this file states the problem: the model, the priors in natural units, and the truth of the record,
-which is made here, from DOP853 and NumPy's generator. The same file receives the record, moments and quantiles, their
-Monte Carlo errors, and how they were made. Raw emcee, stretch and differential-evolution
-moves, independent ensembles; parameters are sampled in natural units (logarithms of those with a lognormal
-prior), the half-normal coefficients with a wall at zero.
+`<name>.json` in this folder states the problem: the model, the priors in natural units, and the truth. The record is
+simulated here with DOP853 and NumPy's generator. Record, moments, quantiles, their Monte Carlo errors and the settings
+are written to the same file. Independent ensembles of emcee use stretch and differential-evolution moves. Parameters
+are sampled in natural units, those with a lognormal prior as logarithms, and half-normal coefficients with a wall at
+zero.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pathlib import Path
 import emcee
 import numpy as np
 import scipy
+from scipy import stats
 from scipy.integrate import solve_ivp
 
 LOG_2PI = math.log(2 * math.pi)
@@ -33,7 +34,7 @@ STEPS = 700
 
 
 def slope_of(problem: dict, p: dict[str, np.ndarray]):
-    """(θ, θ̇) to its derivative; parameters of shape (w,) for w trajectories at once."""
+    """Return the function from (θ, θ̇) to its derivative. Parameters have shape (w,), for w trajectories at once."""
     q = {**problem["known"], **p}
     zeta, mu_c, eps, k = q.get("zeta", 0.0), q.get("mu_c", 0.0), q["epsilon"], q["stiffness"]
 
@@ -50,7 +51,7 @@ def slope_of(problem: dict, p: dict[str, np.ndarray]):
 
 
 def record_of(problem: dict) -> tuple[np.ndarray, np.ndarray]:
-    """Times in s and the noisy angle in rad; a jittered clock for the correlated noise."""
+    """Return times in s, jittered if the noise is correlated, and the noisy angle in rad."""
     rng = np.random.default_rng(problem["seed"])
     truth, n = problem["truth"], problem["samples"]
     t = np.linspace(0.0, problem["duration"], n)
@@ -67,23 +68,18 @@ def record_of(problem: dict) -> tuple[np.ndarray, np.ndarray]:
 
 
 def log_prior(problem: dict, p: dict[str, np.ndarray]) -> np.ndarray:
-    total = np.zeros_like(p["theta0"])
-    for name, prior in problem["priors"].items():
-        x = p[name]
-        kind = prior["prior"]
-        if kind == "halfnormal":
-            z, scale = x / prior["scale"], 0.5 * prior["scale"]
-        elif kind == "normal":
-            z, scale = (x - prior["mean"]) / prior["sd"], prior["sd"]
-        else:
-            z, scale = np.log(x / prior["median"]) / prior["sigma"], prior["sigma"] * x
-        total = total - 0.5 * (z * z + LOG_2PI) - np.log(scale)
-    return total
+    """Return the log prior density of w parameter sets, (w,)."""
+    densities = {
+        "halfnormal": lambda x, prior: stats.halfnorm.logpdf(x, scale=prior["scale"]),
+        "normal": lambda x, prior: stats.norm.logpdf(x, prior["mean"], prior["sd"]),
+        "lognormal": lambda x, prior: stats.lognorm.logpdf(x, prior["sigma"], scale=prior["median"]),
+    }
+    return sum(densities[prior["prior"]](p[name], prior) for name, prior in problem["priors"].items())
 
 
 def log_likelihood(problem: dict, t: np.ndarray, y: np.ndarray, p: dict[str, np.ndarray]) -> np.ndarray:
-    """Of w parameter sets in one run of DOP853, shape (w,); the correlated noise by its covariance as a product
-    of one-step conditionals. The error control is of the mean square over all w: a hundredth of what is needed."""
+    """Return the log likelihood of w parameter sets, (w,), by one run of DOP853, whose error is that of the mean square
+    over all w: a hundredth of the admissible one. Correlated noise is a product of one-step conditionals."""
     w = p["theta0"].size
     start = np.concatenate([p["theta0"], p["omega0"]])
     run = solve_ivp(slope_of(problem, p), (0.0, t[-1]), start, "DOP853", t_eval=t, rtol=1e-9, atol=1e-11)
@@ -97,6 +93,7 @@ def log_likelihood(problem: dict, t: np.ndarray, y: np.ndarray, p: dict[str, np.
 
 
 def make(name: str) -> dict:
+    """Return the content of the file of a problem."""
     stated = json.loads((FOLDER / f"{name}.json").read_text())
     problem = {**stated["problem"], "truth": stated["truth"]}
     t, y = record_of(problem)
@@ -175,7 +172,7 @@ def make(name: str) -> dict:
 
 
 if __name__ == "__main__":
-    for wanted in sys.argv[1:] or NAMES:
-        path = FOLDER / f"{wanted}.json"
-        path.write_text(json.dumps(make(wanted), indent=1) + "\n")
+    for argument in sys.argv[1:] or NAMES:
+        path = FOLDER / f"{argument}.json"
+        path.write_text(json.dumps(make(argument), indent=1) + "\n")
         print(path)

@@ -1,4 +1,4 @@
-"""Does the model fit? Calibrated where it is true, small where it is not."""
+"""Checks of a fit: their p values under true and wrong models, and draws of the Laplace approximation."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
-from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import FitCheck, Refusal, Seed, Signal
+from bayesdamp.types import FitCheck, Refusal, Seed
+from tests.inference.problems import linear_target
 
 TIMES = np.linspace(0.0, 8.0, 240)
 NOISE = 0.004
@@ -35,35 +35,23 @@ def clean(damping: str) -> np.ndarray:
 def fit(
     truth: str, model: str, seed: int, dof: float = np.inf, noise: str = "gaussian"
 ) -> tuple[Target, FitCheck, dict[str, np.ndarray]]:
-    """The checks of a model on a record of another (or the same): coefficient, start and noise unknown.
+    """Return the checks of a model, with unknown coefficient, start and noise, on a record of a true damping.
 
-    dof: degrees of freedom of the record's noise, Student's t; noise: the model's.
+    dof: degrees of freedom of the noise of the record, Student's t. noise: the noise of the model.
     """
     rng = np.random.default_rng(seed)
     drawn = rng.standard_normal(TIMES.size) if np.isinf(dof) else rng.standard_t(dof, TIMES.size)
     y = clean(truth) + NOISE * drawn
     name, value = TRUTHS[model]
-    priors = {
-        name: HalfNormal(scale=10 * value),
-        "theta0": Normal(mean=0.0, sd=0.6),
-        "omega0": Normal(mean=0.0, sd=2.7),
-        "noise_sd": LogNormal(median=NOISE, sigma=1.0),
-    }
-    if noise == "student_t":
-        priors["noise_dof"] = LogNormal(median=6.0, sigma=0.8)
-    known = {"stiffness": 20.0, "rest_angle": 0.0}
-    target = Target(Signal(TIMES, y), Oscillator((model,), "linear"), noise, priors, known)
+    target = linear_target(TIMES, y, model, {"stiffness": 20.0}, noise)
     mode = find_mode(target, {Seed("s"): {name: value, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
     return target, *check_fit(target, mode, PERIOD, seed)
 
 
-def test_true_models_fit_and_predictive_p_is_calibrated():
-    """Twelve records of the model itself.
-
-    At most 4 of 12 below 0.05 (a binomial says 5 or more with 2e-4), none to speak of below the limit of 0.01 (3 or
-    more with 2e-4), and the small half is not empty (none below 0.5: 2e-4). The largest of three shifts between
-    windows and the whole, in its own sd, has a median near 1.2, and above 4 there is next to none.
-    """
+def test_predictive_p_values_of_true_models_are_uniform():
+    """Of twelve records at most 4 have a p value below 0.05, at most 2 below 0.01, and at least 1 below 0.5 (false
+    alarm 2e-4 each). The largest of three shifts between windows and the whole record, in its own sd, has a median
+    near 1.2, and hardly any is above 4."""
     fits = [fit("viscous", "viscous", seed)[1] for seed in range(RECORDS)]
     p = np.array([f.predictive_p for f in fits])
     assert np.sum(p < 0.05) <= 4
@@ -77,8 +65,8 @@ def test_true_models_fit_and_predictive_p_is_calibrated():
     assert np.sum(shifts > 4) <= 1
 
 
-def test_wrong_damping_is_seen():
-    """Negative control: a viscous model of a quadratic record leaves structure and drifts with the window."""
+def test_wrong_damping_is_detected():
+    """Negative control: a viscous model of a quadratic record does not fit. Its coefficient depends on the window."""
     target, result, arrays = fit("quadratic", "viscous", 1)
     assert result.predictive_p < 0.01
     assert result.verdict.startswith("does not fit")
@@ -86,8 +74,8 @@ def test_wrong_damping_is_seen():
     assert arrays["fit"] == pytest.approx(target.signal.y - arrays["residual"])
 
 
-def test_a_half_without_a_covariance_is_not_counted(monkeypatch):
-    """Only two of the three halves have shifts, so Bonferroni's factor is 2."""
+def test_a_half_without_a_covariance_does_not_count_as_a_test(monkeypatch):
+    """Two of the three halves have shifts, so that Bonferroni's factor is 2."""
     factor, calls = checks.covariance_factor, count()
 
     def last_half_refused(information):
@@ -101,9 +89,9 @@ def test_a_half_without_a_covariance_is_not_counted(monkeypatch):
     assert result.window_p == pytest.approx(4 * norm.sf(result.window_spread), rel=1e-9)
 
 
-def test_outliers_are_told_where_the_noise_model_does_not_allow_for_them():
-    """Noise of two degrees of freedom under gaussian noise: a record has a sample beyond six robust sds with a chance
-    above 0.998. The negative control: the same record under Student's t."""
+def test_outliers_are_reported_under_gaussian_noise():
+    """Noise with two degrees of freedom has a sample beyond six robust sds with a probability above 0.998. Negative
+    control: the same record under Student's t."""
     for seed in range(2):
         assert "outliers" in fit("viscous", "viscous", seed, dof=2.0)[1].verdict
     check = fit("viscous", "viscous", 0, dof=2.0, noise="student_t")[1]
@@ -111,15 +99,13 @@ def test_outliers_are_told_where_the_noise_model_does_not_allow_for_them():
     assert check.kurtosis < 1.0
 
 
-def test_laplace_draws_lean_on_the_wall():
-    """A swing that grows a little: its damping is at zero, with a slope, and the posterior is what is left of a normal
-    with its mean beyond. Mean by a sum over a grid; of 20,000 draws its error is 0.7 %, the limit seven of them.
-    Negative control: half a normal at the wall is more than a tenth wider."""
+def test_laplace_draws_near_a_wall_have_the_mean_of_the_truncated_posterior():
+    """An oscillation that grows a little has no damping, and a normal posterior with a mean below zero, truncated. The
+    mean is a sum over a grid. The error of 20,000 draws is 0.7 %. Control: half a normal has a mean a tenth larger."""
     y = 0.3 * np.exp(0.004 * TIMES) * np.cos(np.sqrt(20.0) * TIMES)
     y = y + NOISE * np.random.default_rng(3).standard_normal(TIMES.size)
-    known = {"stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0, "noise_sd": NOISE}
-    osc = Oscillator(("viscous",), "linear")
-    target = Target(Signal(TIMES, y), osc, "gaussian", {"zeta": HalfNormal(scale=0.8)}, known)
+    known = {"stiffness": 20.0, "theta0": 0.3, "omega0": 0.0, "noise_sd": NOISE}
+    target = linear_target(TIMES, y, "viscous", known)
     mode = find_mode(target, {Seed("s"): {"zeta": 0.01}}, noise_level=NOISE)
     assert abs(mode.z[0]) < 1e-6
     grid = np.linspace(0.0, 8 * float(mode.sd()[0]), 2001)

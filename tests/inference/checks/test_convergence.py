@@ -1,4 +1,4 @@
-"""R̂, effective sample sizes, intervals and Pareto shapes: ArviZ's own to rounding, without its imports."""
+"""R̂, effective sample sizes, errors and Pareto shapes against those of ArviZ."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def chains(kind: str, shape: tuple[int, int]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["white", "slow", "walk", "apart", "heavy", "ties"])
-def test_the_same_as_arviz(kind: str) -> None:
+def test_diagnostics_are_those_of_arviz(kind: str) -> None:
     for shape in ((4, 1000), (4, 1001), (3, 7), (1, 500)):
         x = chains(kind, shape)
         for name, (ours, theirs) in NUMBERS.items():
@@ -47,7 +47,7 @@ def test_the_same_as_arviz(kind: str) -> None:
             np.testing.assert_allclose(ours(x), expected, rtol=SAME, err_msg=f"{name} of {shape}")
 
 
-def test_what_has_no_number_is_nan() -> None:
+def test_diagnostics_of_missing_or_too_few_draws_are_nan() -> None:
     broken = chains("white", (4, 100))
     broken[1, 3] = np.nan
     for function, _ in NUMBERS.values():
@@ -58,7 +58,7 @@ def test_what_has_no_number_is_nan() -> None:
 
 
 @pytest.mark.parametrize(("size", "degrees"), [(30, 1.2), (226, 3.0), (5000, 30.0)])
-def test_the_same_pareto_shape_as_arviz(size: int, degrees: float) -> None:
+def test_the_pareto_shape_is_that_of_arviz(size: int, degrees: float) -> None:
     rng = np.random.default_rng(size)
     for weights in (rng.exponential(size=size) / degrees, -0.5 * rng.chisquare(degrees, size)):
         with np.errstate(all="ignore"):

@@ -1,4 +1,4 @@
-"""What stands out of white noise: calibrated where nothing does, named where something does."""
+"""The test for a line in the spectrum of the residuals: false alarms for white noise, and names of structures."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ ABSORBED = residual_tests.orthonormal(TANGENTS.T)
 
 
 def fitted(values: np.ndarray) -> np.ndarray:
-    """What a least-squares fit by the tangents leaves, in units of its own noise."""
+    """Return the residuals of a least-squares fit by the tangents, in units of their sd."""
     q = np.linalg.qr(TANGENTS.T)[0]
-    left = values - q @ (q.T @ values)
-    return left / np.sqrt(np.sum(left**2) / (T.size - len(TANGENTS)))
+    residuals = values - q @ (q.T @ values)
+    return residuals / np.sqrt(np.sum(residuals**2) / (T.size - len(TANGENTS)))
 
 
 def white(seed: int) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal(T.size)
 
 
-def test_chances_are_those_of_white_noise() -> None:
-    """1,000 series of noise after a fit, seeds fixed. Bonferroni's bound over four parts: at or below the nominal
-    share, by at most three binomial standard deviations above it (two tests: 0.3 %), and not empty at a fifth."""
+def test_p_values_of_white_noise_are_at_most_as_small_as_stated() -> None:
+    """For 1,000 series after a fit. By Bonferroni's bound over four parts the shares are the nominal ones or smaller,
+    within three binomial standard deviations (two tests: false alarm 0.3 %), and not zero."""
     noises = (fitted(white(seed)) for seed in range(1000))
     chances = np.array([find_spectral_line(T, noise, PERIOD, ABSORBED).chance for noise in noises])
     for share in (0.01, 0.05):
@@ -35,8 +35,8 @@ def test_chances_are_those_of_white_noise() -> None:
     assert np.mean(chances < 0.2) > 0.1
 
 
-def test_what_is_left_is_named() -> None:
-    """Each alone against the same noise; the noise alone has none of them."""
+def test_each_structure_in_the_residuals_is_named() -> None:
+    """Added to the same noise, one at a time. Control: the noise alone has no structure."""
     for added, words in (
         (T**2 * np.cos(PHASE) / 4, residual_tests.AT_OSCILLATION),
         (0.5 * np.cos(2 * PHASE + 1), residual_tests.AT_OVERTONES),
@@ -48,8 +48,10 @@ def test_what_is_left_is_named() -> None:
     assert find_spectral_line(T, fitted(white(1)), PERIOD, ABSORBED).chance > 0.05
 
 
-def test_what_a_fit_absorbs_does_not_count() -> None:
-    """Counted among the waves all the same, the little that is left would hide (the negative control)."""
-    left, none = fitted(white(2) + 0.15 * T**2 * np.cos(PHASE)), np.empty((T.size, 0))
-    right, control = (find_spectral_line(T, left, PERIOD, absorbed).chance for absorbed in (ABSORBED, none))
+def test_the_p_value_allows_for_what_the_fit_absorbs() -> None:
+    """Control: without this the p value is larger, and the structure less significant."""
+    residuals, none = fitted(white(2) + 0.15 * T**2 * np.cos(PHASE)), np.empty((T.size, 0))
+    right, control = (
+        find_spectral_line(T, residuals, PERIOD, absorbed).chance for absorbed in (ABSORBED, none)
+    )
     assert right < control

@@ -1,4 +1,4 @@
-"""Densities in closed form in place of a record's posterior."""
+"""Closed-form densities that replace the posterior of a record."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from bayesdamp.types import OK, Evidence
 
 
 def agrees(evidence: Evidence, area: float, most: float) -> bool:
-    """Return whether an evidence is trusted, its stated error is small, and the closed form is within four of them: a
-    false alarm in 16,000."""
+    """Return whether an evidence is trusted, its stated error is below `most`, and the closed form is within four of
+    them (a false alarm in 16,000)."""
     within = abs(evidence.log_evidence - area) < 4 * evidence.stderr
     return bool(evidence.outcome == OK and evidence.stderr < most and within)
 
 
 def near(curvature: Callable, reflected: np.ndarray) -> Any:
-    """Return the density with this value, gradient and information in place of a record's."""
+    """Return a likelihood with this value, gradient and information."""
     target = SimpleNamespace(reflected=reflected)
     return SimpleNamespace(curvature=curvature, gradient=lambda z: curvature(z)[:2], target=target)
 
@@ -27,7 +27,7 @@ def near(curvature: Callable, reflected: np.ndarray) -> Any:
 def posterior_of(
     names: tuple[str, ...], reflected: np.ndarray, at: np.ndarray, height: Callable, curvature: Callable
 ) -> tuple[Any, Any]:
-    """Return a target and its mode at scores `at` with this density in place of a record's."""
+    """Return a target with this density, and its mode at scores `at`."""
     law = SimpleNamespace(parameters=names)
     target = SimpleNamespace(names=names, noise="gaussian", reflected=reflected, oscillator=law)
     information = curvature(at)[2]

@@ -1,4 +1,4 @@
-"""The coordinates of a posterior that ends at zero."""
+"""The factor of the covariance at a mode."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from bayesdamp.inference.mode import covariance_factor
 from bayesdamp.types import Refusal
 
 
-def test_whitening_of_stiff_and_loose_directions():
-    """The lower factor of the inverse, to rounding, where the inverse itself has lost its positivity to it."""
+def test_the_factor_is_exact_for_very_different_scales():
+    """It is the lower factor of the inverse, to rounding, also where the rounded inverse is not positive definite."""
     turn = np.linalg.qr(np.random.default_rng(3).standard_normal((4, 4)))[0]
     mild = turn @ np.diag([1.0, 4.0, 30.0, 900.0]) @ turn.T
     np.testing.assert_allclose(covariance_factor(mild), np.linalg.cholesky(np.linalg.inv(mild)), rtol=1e-9)

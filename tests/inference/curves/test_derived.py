@@ -1,4 +1,4 @@
-"""Derived quantities against closed forms of the linear law, and against trajectories."""
+"""Derived quantities against closed forms of the linear law."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ EXPECTED = {
 }
 
 
-def test_closed_forms_of_the_linear_law():
+def test_quantities_have_the_closed_forms_of_the_linear_law():
     for term, name in {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}.items():
         result = derive_quantities(motions((term,), **{name: SIZES}, epsilon=1e-5 * A * W))
         assert set(result) == set(EXPECTED[term])
@@ -58,18 +58,18 @@ def test_closed_forms_of_the_linear_law():
     assert "energy_lost" not in derive_quantities(motions(("viscous",), None, zeta=SIZES))
 
 
-def test_a_sum_loses_the_sum():
-    """Energies and ratios add; a half-life does not (negative control)."""
+def test_losses_of_two_terms_add():
+    """Energies, ratios and decrements. Control: half-lives do not add."""
     viscous = derive_quantities(motions(("viscous",), zeta=SIZES))
-    two = derive_quantities(motions(("quadratic",), mu_q=SIZES))
+    quadratic = derive_quantities(motions(("quadratic",), mu_q=SIZES))
     both = derive_quantities(motions(("viscous", "quadratic"), zeta=SIZES, mu_q=SIZES))
     for quantity in ("equivalent_ratio", "log_decrement", "energy_fraction", "energy_lost"):
-        np.testing.assert_allclose(both[quantity], viscous[quantity] + two[quantity], rtol=1e-9)
+        np.testing.assert_allclose(both[quantity], viscous[quantity] + quadratic[quantity], rtol=1e-9)
     np.testing.assert_allclose(both["damping_ratio"], viscous["damping_ratio"])
-    assert not np.allclose(both["half_life"], viscous["half_life"] + two["half_life"], rtol=0.1)
+    assert not np.allclose(both["half_life"], viscous["half_life"] + quadratic["half_life"], rtol=0.1)
 
 
-def test_natural_frequency_where_draws_change_it():
+def test_the_natural_frequency_is_derived_if_the_stiffness_is_inferred():
     assert "natural_frequency" not in derive_quantities(motions(("viscous",), zeta=SIZES))
     result = derive_quantities(motions(("viscous",), zeta=SIZES, stiffness=100 * SIZES))
     np.testing.assert_allclose(result["natural_frequency"], 10 * np.sqrt(SIZES))
@@ -77,6 +77,7 @@ def test_natural_frequency_where_draws_change_it():
 
 
 def test_curves_are_quantiles_of_the_draws():
+    """The decrement of friction is inversely proportional to the amplitude."""
     zeta = np.abs(np.random.default_rng(0).normal(0.05, 0.01, (4, 1000)))
     grid = np.array([0.05, 0.1, 0.3])
     result = curves_against_amplitude(motions(("viscous",), zeta=zeta), grid)

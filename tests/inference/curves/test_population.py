@@ -1,4 +1,4 @@
-"""The population of a coefficient against the normal-normal model, by quadrature of its closed form."""
+"""The distribution of a coefficient over specimens, against quadrature."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ N = 4000
 
 
 def sample(name: str, mean: float, sd: float, rng: np.random.Generator, prior_sd: float = SCALE) -> Sample:
-    """Draws of the posterior of a measured value, mean ± sd, under the half-normal prior, from a wider normal."""
+    """Return draws of the posterior of a measured value, mean ± sd, under a half-normal prior, from a wider normal."""
     x = np.abs(rng.normal(mean, 1.3 * sd, N))
     proposal = np.logaddexp(norm.logpdf(x, mean, 1.3 * sd), norm.logpdf(-x, mean, 1.3 * sd))
     log_prior = norm.logpdf(x, 0, prior_sd) + np.log(2)
     return Sample(name, x, norm.logpdf(x, mean, sd) + log_prior - proposal, log_prior)
 
 
-def test_at_zero_it_is_the_cut_off_model():
-    """Specimens whose likelihoods reach over zero, against a dense grid over θ, m and τ of the cut-off normals."""
+def test_near_zero_the_population_is_that_of_a_truncated_normal():
+    """By a dense grid over θ, m and τ, for specimens whose likelihoods extend below zero. The value of a specimen is
+    moved towards the others. Control: its own likelihood alone has another mean."""
     rng = np.random.default_rng(3)
     means, sds = np.array([0.004, 0.012, -0.003, 0.007, 0.02]), np.full(5, 0.008)
     result = infer_population([sample(f"s{i}", a, b, rng) for i, (a, b) in enumerate(zip(means, sds))], SCALE)
@@ -41,12 +42,11 @@ def test_at_zero_it_is_the_cut_off_model():
     a = m / tau
     hazard = norm.pdf(a) / norm.cdf(a)
     mean, spread = m + tau * hazard, tau * np.sqrt(1 - a * hazard - hazard**2)
-    for x, text in ((mean, result.mean), (spread, result.spread)):
+    for x, summary in ((mean, result.mean), (spread, result.spread)):
         middle = np.sum(p * x)
         sd = np.sqrt(np.sum(p * (x - middle) ** 2))
-        assert text["mean"] == pytest.approx(middle, abs=0.1 * sd)
-        assert text["sd"] == pytest.approx(sd, rel=0.1)
-    # A specimen's own value, by the grid over m and τ; the control: what it says alone.
+        assert summary["mean"] == pytest.approx(middle, abs=0.1 * sd)
+        assert summary["sd"] == pytest.approx(sd, rel=0.1)
     own = np.empty_like(log_p)
     for i, width in enumerate(tau):
         density = norm.pdf(theta, m, width) * like[:, -1]
@@ -56,7 +56,7 @@ def test_at_zero_it_is_the_cut_off_model():
     assert abs(alone - shrunk) > 0.5 * sds[-1]
 
 
-def test_one_specimen_is_refused_and_few_draws_are_told():
+def test_one_specimen_is_refused_and_few_draws_are_reported():
     rng = np.random.default_rng(5)
     item = sample("a", 0.1, 1e-3, rng)
     with pytest.raises(Refusal, match="two specimens or more"):

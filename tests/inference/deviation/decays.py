@@ -1,4 +1,4 @@
-"""Free decays under a linear spring by SciPy."""
+"""Free decays of an oscillator with a linear spring, by SciPy."""
 
 from __future__ import annotations
 

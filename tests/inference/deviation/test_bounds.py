@@ -1,4 +1,4 @@
-"""Forms that are not in the answer, bounded one by one about the likeliest candidate's mode."""
+"""Bounds of the share of the loss that forms of damping outside the answer can have."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FORMS: dict[str, Force] = {
 }
 
 
-def made(c: float, form: Force, times: np.ndarray) -> tuple[np.ndarray, float]:
+def record(c: float, form: Force, times: np.ndarray) -> tuple[np.ndarray, float]:
     """Return a record without noise of viscous damping and so much of a form, and the share of the form in the loss."""
     x, v = decay(lambda _, x, v: 2 * ZETA * v + c * form(x, v), times)
     own = float(np.mean([c * form(*state) * state[1] for state in zip(x, v, strict=True)]))
@@ -44,25 +44,23 @@ def bounds_of(times: np.ndarray, y: np.ndarray) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("name", FORMS)
-def test_a_bound_holds_what_is_there(name: str) -> None:
+def test_a_bound_is_above_the_true_share(name: str) -> None:
     """A tenth of the loss in the middle of the record is of a form, and only viscous damping is fitted.
 
-    The bound of that form is above the share that was put in and below three times of it, and that of every other
-    form is a share.
+    The bound of that form is above its true share and below three times of it. Every other form has a bound between 0
+    and 1.
     """
-    x, share = made(0.1 / 0.9 * ZETA / W / LOST.get(name, LOST["coulomb"]), FORMS[name], TIMES)
+    x, share = record(0.1 / 0.9 * ZETA / W / LOST.get(name, LOST["coulomb"]), FORMS[name], TIMES)
     bounds = bounds_of(TIMES, x + 0.001 * np.random.default_rng(2).standard_normal(TIMES.size))
     assert share < bounds[name] < 3 * share
     assert set(bounds) == set(others()) - {"power"}
     assert all(0 < other <= 1 for other in bounds.values())
 
 
-def test_bounds_hold_in_95_of_100() -> None:
-    """Of 16 records with a small share of a form, 13 bounds or more hold: with 95 %, fewer do in one run of 1,400.
-
-    With the median instead of the 95 % point, 13 or more would hold in one run of 90.
-    """
+def test_bounds_are_above_the_true_share_in_95_of_100_records() -> None:
+    """In 13 of 16 records or more: fewer are a false alarm in 1,400. With the median instead of the 95 % point, 13 or
+    more would be above it once in 90."""
     times = TIMES[::4]
-    x, share = made(0.03 / 0.97 * ZETA / W / LOST["cubic"], FORMS["cubic"], times)
+    x, share = record(0.03 / 0.97 * ZETA / W / LOST["cubic"], FORMS["cubic"], times)
     noises = (0.01 * np.random.default_rng([8, seed]).standard_normal(times.size) for seed in range(16))
     assert sum(bounds_of(times, x + noise)["cubic"] > share for noise in noises) >= 13

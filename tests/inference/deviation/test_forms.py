@@ -1,4 +1,4 @@
-"""The exponent of a power law on records of SciPy's solver."""
+"""The exponent of the damping force, and the prior of other forms, on records of SciPy's solver."""
 
 from __future__ import annotations
 
@@ -20,14 +20,13 @@ TIMES = np.arange(900) * 2 * math.pi / W / 30
 
 
 def drift(t: float) -> float:
-    """Return the factor by which the damping is larger than its law."""
+    """Return the factor by which the damping differs from its law."""
     return 1 + 0.2 * math.sin(2 * math.pi * t / float(TIMES[-1]))
 
 
 @lru_cache
-def found(kind: str, exponent: float = 1.0) -> Findings:
-    """Return the findings for a linear spring with c |v|^p, or with viscous and dry friction that both change over the
-    record."""
+def findings_on(kind: str, exponent: float = 1.0) -> Findings:
+    """Return the findings for damping c |v|^p, or for viscous damping and friction that both change over the record."""
 
     def force(t: float, x: float, v: float) -> float:
         if kind == "drifting":
@@ -39,22 +38,19 @@ def found(kind: str, exponent: float = 1.0) -> Findings:
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
-def test_the_exponent_is_found(exponent: float) -> None:
-    """95 % intervals, made wider: else one of two would fail with a probability of 1/10; the seed was not chosen."""
-    q = found("power", exponent).exponent
+def test_the_interval_contains_the_exponent(exponent: float) -> None:
+    """95 % intervals, widened by 0.01, without which one of two would fail once in ten seeds. The seed is arbitrary."""
+    q = findings_on("power", exponent).exponent
     assert q.low - 0.01 < exponent < q.high + 0.01
     assert not q.low < exponent + 0.5 < q.high  # control
     assert q.high - q.low < 0.5
 
 
 def test_the_exponent_is_the_slope_of_the_damping_curve() -> None:
-    """Where no power law holds, and laws hold to a fifth, the exponent is as steep as the curve without a law.
-
-    Damping that rises as the amplitude falls has an exponent below 1. A power law that was sampled together with its
-    deviation once gave 1.26 (1.23 to 1.28) for a record whose curve had 0.9.
-    """
-    exponent = found("drifting").exponent
-    slope, other = (exponent_of_curve(of) for of in (found("drifting"), found("power", 1.5)))
+    """For a record that deviates from its law by a fifth. Damping that rises as the amplitude falls has an exponent
+    below 1; a power law that is sampled together with its deviation has 1.26 here."""
+    exponent = findings_on("drifting").exponent
+    slope, other = (exponent_of_curve(of) for of in (findings_on("drifting"), findings_on("power", 1.5)))
     assert slope < 0.95
     assert exponent.low < slope < exponent.high
     assert not exponent.low < other < exponent.high  # control
@@ -66,17 +62,17 @@ def exponent_of_curve(findings: Findings) -> float:
     return 1 + float(np.polyfit(x, y, 1, w=np.exp(x) * np.sqrt(np.abs(np.gradient(x))))[0])
 
 
-def test_a_rival_has_a_ninetieth_of_the_prior_however_many_are_compared() -> None:
-    """By hand, from the evidence. Control: with the prior of a sum the rival would be log 90 nats further ahead."""
+def test_another_form_has_a_ninetieth_of_the_prior_however_many_are_compared() -> None:
+    """From the evidence. Control: with the prior of a sum the form would be log 90 nats further ahead."""
     t = np.linspace(0.0, 20.0, 400)
     y = 0.3 * np.exp(-0.05 * t) * np.cos(3.0 * t) + 0.003 * np.random.default_rng(5).standard_normal(t.size)
-    every = compare_signal(Signal(t, y), damping=["viscous", "quadratic"], restoring=["linear"])
-    rival, best = every.forms[0], every.best
-    assert len(every.forms) > 1
-    further = len(rival.candidate.damping) - len(best.candidate.damping)
-    truth = rival.log_evidence - best.log_evidence + further * math.log(0.125) + math.log(0.1 / 9)
-    for forms in (every.forms, every.forms[:1]):
-        p = candidate_probabilities(replace(every, forms=forms), exact=False)
-        ahead = math.log(p[rival.candidate]) - math.log(p[best.candidate])
+    comparison = compare_signal(Signal(t, y), damping=["viscous", "quadratic"], restoring=["linear"])
+    form, best = comparison.forms[0], comparison.best
+    assert len(comparison.forms) > 1
+    further = len(form.candidate.damping) - len(best.candidate.damping)
+    truth = form.log_evidence - best.log_evidence + further * math.log(0.125) + math.log(0.1 / 9)
+    for forms in (comparison.forms, comparison.forms[:1]):
+        p = candidate_probabilities(replace(comparison, forms=forms), exact=False)
+        ahead = math.log(p[form.candidate]) - math.log(p[best.candidate])
         assert ahead == pytest.approx(truth, abs=1e-6)
         assert abs(ahead - truth - math.log(90)) > 4

@@ -1,4 +1,4 @@
-"""The damping curve without a law, against the energy that the force takes by SciPy's quadrature."""
+"""The damping curve without a law, against the energy lost in a cycle by SciPy's quadrature."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ TIMES = np.arange(1000) * 2 * math.pi / W / 40
 Force = Callable[[float, float], float]
 FORCES: dict[str, Force] = {
     "friction and drag": lambda x, v: 0.03 * math.tanh(v / 0.01) + 0.03 * v * abs(v),
-    # A loss that has a dip at two thirds of the first amplitude: no sum of the terms has one.
+    # At 60 % of the first amplitude the loss has a minimum, which no sum of the terms has.
     "a dip": lambda x, v: 0.08 * v * (1 - 0.8 * math.exp(-((math.hypot(x, v / W) / A - 0.6) ** 2) / 0.01)),
 }
 
 
 @lru_cache
-def found(kind: str) -> Findings:
+def findings_on(kind: str) -> Findings:
     y = decay(lambda _, x, v: FORCES[kind](x, v), TIMES)[0]
     y += SD * np.random.default_rng(4).standard_normal(TIMES.size)
     return compute_findings(compare_signal(Signal(TIMES, y), restoring=["linear"]))
@@ -44,10 +44,9 @@ def lost(kind: str, a: float) -> float:
 
 
 @pytest.mark.parametrize("kind", FORCES)
-def test_the_band_holds_the_curve(kind: str) -> None:
-    """The band contains at least 85 % of 40 correlated amplitudes of the true curve, and few of a curve that is off
-    by a fifth."""
-    free = found(kind).free
+def test_the_band_contains_the_true_curve(kind: str) -> None:
+    """At 85 % or more of 40 correlated amplitudes. Control: it does not contain a curve that is a fifth higher."""
+    free = findings_on(kind).free
     truth = np.array([lost(kind, a) for a in free.amplitude])
     low, high = free.lost[:, 1], free.lost[:, 2]
     assert np.mean((low <= truth) & (truth <= high)) > 0.85
@@ -57,7 +56,7 @@ def test_the_band_holds_the_curve(kind: str) -> None:
     assert np.all(np.diff(free.amplitude) < 0)
 
 
-def off(kind: str, low: float) -> float:
+def unexplained_share(kind: str, low: float) -> float:
     """Return the part of the energy lost from A to `low` that the nearest sum of the paper's three terms does not
     explain."""
     a = np.linspace(A, low, 200)
@@ -68,12 +67,15 @@ def off(kind: str, low: float) -> float:
     return float(weight @ np.abs(1 - columns @ fitted))
 
 
-def test_what_no_named_law_explains() -> None:
-    """The unexplained share is 0 where a sum is the truth, and for a dip its distance from the nearest sum."""
-    share = found("friction and drag").unnamed
+def test_the_share_that_no_law_explains() -> None:
+    """It is 0 if a sum of terms is true, and for a dip it is the distance from the nearest sum."""
+    share = findings_on("friction and drag").unnamed
     assert share.low < 0.005
     assert share.high < 0.1
-    share, truth = found("a dip").unnamed, off("a dip", found("a dip").amplitudes[1])
+    share, truth = (
+        findings_on("a dip").unnamed,
+        unexplained_share("a dip", findings_on("a dip").amplitudes[1]),
+    )
     assert truth > 0.1
     assert share.low < truth < share.high
     assert not share.low < 1.5 * truth < share.high  # control

@@ -1,4 +1,4 @@
-"""The grid over sizes and lengths of deviations: masses and covariances as stated."""
+"""The grid over sizes and lengths of deviations: prior masses and covariances."""
 
 from __future__ import annotations
 
@@ -46,29 +46,29 @@ def test_covariances_are_exponential_in_the_distance() -> None:
     n = 6
     grid, s = grid_of(n), np.linspace(0, 1, n)
     kernels = np.array([np.exp(-np.abs(s[:, None] - s) / length) for length in LENGTHS])
-    seen = set()
+    lengths = set()
     for size_g, size_h, factor in zip(grid.size_g, grid.size_h, grid.factors):
         whole = factor @ factor.T
         assert not np.any(whole[:n, n:])
         for size, part in ((size_g, whole[:n, :n]), (size_h, whole[n:, n:])):
             off = np.abs(part - size**2 * kernels).max(axis=(1, 2))
             assert off.min() <= 2 * JITTER * size**2
-            seen |= {int(off.argmin())} if size else set()
-    assert seen == set(range(len(LENGTHS)))
+            lengths |= {int(off.argmin())} if size else set()
+    assert lengths == set(range(len(LENGTHS)))
 
 
-def test_a_knot_for_two_cycles() -> None:
+def test_there_is_a_knot_for_every_two_cycles_between_4_and_16() -> None:
     for cycles, knots in ((1.0, 4), (6.0, 4), (8.2, 5), (20.0, 11), (31.0, 16), (300.0, 16)):
         assert knots_of(12.5, cycles) == pytest.approx(np.linspace(0.0, 12.5, knots))
 
 
-def test_what_a_parameter_absorbs_has_no_mean_over_the_record() -> None:
-    """The trapezoidal mean of every deviation is zero where a parameter already contains it, and only there."""
+def test_deviations_have_no_mean_if_a_parameter_contains_it() -> None:
+    """By the trapezoidal rule. Control: other deviations have a mean."""
     knots = 6
     weights = np.ones(knots)
     weights[[0, -1]] = 0.5
     for absorbed in ((True, False), (False, True), (True, True)):
         factors = grid_of(knots, coarse=True, absorbed=absorbed).factors
         means = np.stack([weights @ factors[:, :knots, :knots], weights @ factors[:, knots:, knots:]])
-        for size, yes in zip(np.abs(means).max(axis=(1, 2)), absorbed, strict=True):
-            assert (size < 1e-12) == yes
+        for size, is_absorbed in zip(np.abs(means).max(axis=(1, 2)), absorbed, strict=True):
+            assert (size < 1e-12) == is_absorbed

@@ -1,4 +1,4 @@
-"""The fit recovers what made a noise-free record of another solver, and never a negative coefficient."""
+"""Least squares on noise-free records of an independent solver."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.physics.independent import LAWS, PAPER, trajectory
 W = math.sqrt(20.0)
 TIMES = np.linspace(0.0, 12.0, 600)
 WIDE = 1e3
-"""Widths of priors, in units of the truth: they move nothing that a record tells."""
+"""Widths of the priors in units of the truth, with which they have no effect."""
 
 
 def prior_of(name: str, value: float) -> Prior:
@@ -29,21 +29,21 @@ def prior_of(name: str, value: float) -> Prior:
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_recovers_the_truth(law: str) -> None:
-    """The search starts from a frequency that is 2 % off; the pendulum starts at 2 rad."""
+def test_the_fit_is_the_truth(law: str) -> None:
+    """The search starts from a frequency that is 2 % off, and the pendulum at 2 rad. Gravity is known, because it has
+    nearly the same effect as the angle of the spring."""
     p = {**PAPER, **LAWS[law]}
     y = trajectory(law, p, TIMES)[:, 0]
     solver = Solver(
         PAPER_TERMS, law, TIMES, "angle", abs(p["theta0"]), W, p["epsilon"], np.linspace(0, 12, 4)
     )
-    # Gravity and the spring's angle are told apart by little: one is known.
     priors = {n: prior_of(n, p[n]) for n in solver.names if n != "gravity"}
     parameters = Parameters(solver.names, priors, {"gravity": 1.0})
     rough = PLUGINS.get(law).start(1.02 * W, 0.0, {})
     begin = {**dict.fromkeys(PAPER, 0.02), **rough, "theta0": 0.97 * p["theta0"], "omega0": 0.05}
-    found = fit(solver, parameters, np.ones(3, bool), y, parameters.scores(begin), noise=1e-9)
-    values = parameters.named(found.z)
+    result = fit(solver, parameters, np.ones(3, bool), y, parameters.scores(begin), noise=1e-9)
+    values = parameters.named(result.z)
     for name in solver.names:
         assert values[name] == pytest.approx(p[name], rel=2e-3, abs=2e-4), name
-    assert np.sqrt(found.squares / TIMES.size) < 3e-6 * abs(p["theta0"])
-    assert found.residual == pytest.approx(y - found.motion.y, abs=1e-12)
+    assert np.sqrt(result.squares / TIMES.size) < 3e-6 * abs(p["theta0"])
+    assert result.residual == pytest.approx(y - result.motion.y, abs=1e-12)

@@ -1,4 +1,4 @@
-"""The linear model's evidence and posteriors against dense normals and quadrature over the coefficients."""
+"""Evidence and posteriors of the linear model against dense normal distributions and quadrature."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def test_evidence_and_posterior_are_those_of_a_dense_normal() -> None:
     columns, y = problem(1, 3)
     grid = grid_of(KNOTS, coarse=True)
     model = condense(columns, y, np.zeros(3, bool))
-    found = linear_posterior(model, grid, SD**2, N)
+    posterior = linear_posterior(model, grid, SD**2, N)
     truth = dense(columns, y, 3, grid)
-    assert found.log_each == pytest.approx(truth, abs=1e-7)
-    assert found.log_evidence == pytest.approx(float(logsumexp(truth)), abs=1e-7)
+    assert posterior.log_each == pytest.approx(truth, abs=1e-7)
+    assert posterior.log_evidence == pytest.approx(float(logsumexp(truth)), abs=1e-7)
     other = linear_posterior(model, grid, (1.1 * SD) ** 2, N)
     assert abs(other.log_evidence - float(logsumexp(truth))) > 0.1  # control: another noise
 
@@ -54,18 +54,18 @@ def test_evidence_and_posterior_are_those_of_a_dense_normal() -> None:
         prior = np.eye(3 + 2 * KNOTS)
         prior[3:, 3:] = grid.factors[i] @ grid.factors[i].T
         gain = prior @ columns.T @ np.linalg.inv(columns @ prior @ columns.T + SD**2 * np.eye(N))
-        assert found.means[i] == pytest.approx(gain @ y, abs=1e-8)
+        assert posterior.means[i] == pytest.approx(gain @ y, abs=1e-8)
         covariance = prior - gain @ columns @ prior
-        assert found.factors[i] @ found.factors[i].T == pytest.approx(covariance, abs=1e-8)
+        assert posterior.factors[i] @ posterior.factors[i].T == pytest.approx(covariance, abs=1e-8)
         variance += weight * np.diag(covariance)
-    assert found.sds(np.eye(variance.size)) == pytest.approx(np.sqrt(variance), rel=1e-6)
+    assert posterior.sds(np.eye(variance.size)) == pytest.approx(np.sqrt(variance), rel=1e-6)
 
 
 def test_scores_alone_have_the_marginal_posterior() -> None:
     """With the deviations integrated out, evidence, means and covariances of the scores are those of the whole."""
     columns, y = problem(2, 3)
     model, grid = condense(columns, y, np.zeros(3, bool)), grid_of(KNOTS, coarse=True)
-    whole, scores = (posterior(model, grid, SD**2, N) for posterior in (normals, score_normals))
+    whole, scores = (function(model, grid, SD**2, N) for function in (normals, score_normals))
     covariance, own = (of.factors @ np.swapaxes(of.factors, 1, 2) for of in (whole, scores))
     assert scores.log == pytest.approx(whole.log, abs=1e-8)
     assert scores.means == pytest.approx(whole.means[:, :3], abs=1e-9)
@@ -75,14 +75,15 @@ def test_scores_alone_have_the_marginal_posterior() -> None:
 
 
 @pytest.mark.parametrize(("shift", "positive"), [(0.0, 1), (1.0, 2), (-0.4, 2)])
-def test_half_normal_coefficients(shift: float, positive: int) -> None:
-    """Coefficients well inside, at, and beyond the border agree with quadrature on a grid over the half-normal ones."""
+def test_evidence_under_half_normal_priors_is_that_of_quadrature(shift: float, positive: int) -> None:
+    """For coefficients far above zero, at zero, and whose likelihood is below zero. Control: without the half-normal
+    priors it is another one."""
     rng = np.random.default_rng(4)
     columns = rng.standard_normal((N, 3)) * [0.4, 0.4, 1.0]
     columns[:, 1] = -0.9 * columns[:, 0] + 0.2 * columns[:, 1]
     y = columns @ [shift, shift, 0.7] + SD * rng.standard_normal(N)
     mask = np.array([i < positive for i in range(3)])
-    found = linear_posterior(condense(columns, y, mask), grid_of(0, exact=True), SD**2, N)
+    posterior = linear_posterior(condense(columns, y, mask), grid_of(0, exact=True), SD**2, N)
     step = 0.01
     axis = np.arange(0.5 * step, 5.0, step)
     points = np.stack(np.meshgrid(*[axis] * positive, indexing="ij"), axis=-1).reshape(-1, positive)
@@ -93,18 +94,18 @@ def test_half_normal_coefficients(shift: float, positive: int) -> None:
     constant = -np.sum(np.log(np.diag(lower))) - 0.5 * N * np.log(2 * np.pi)
     constant += positive * (np.log(2 * step) - 0.5 * np.log(2 * np.pi))
     truth = float(logsumexp(logs)) + constant
-    assert found.log_evidence == pytest.approx(truth, abs=2e-3)
+    assert posterior.log_evidence == pytest.approx(truth, abs=2e-3)
     whole = linear_posterior(condense(columns, y, np.zeros(3, bool)), grid_of(0, exact=True), SD**2, N)
-    assert abs(whole.log_evidence - truth) > 0.03  # control: without the half-normals' factors
+    assert abs(whole.log_evidence - truth) > 0.03
 
 
-def test_hardly_any_noise() -> None:
-    """For a record with nine digits, the evidence is that of Woodbury's identity with numbers of fifty digits."""
+def test_evidence_is_accurate_for_very_little_noise() -> None:
+    """Noise of 1e-8, against numbers of fifty digits."""
     sd, (columns, y) = 1e-8, problem(6, 2)
     y = columns[:, :2] @ [0.7, -0.4] + sd * np.random.default_rng(1).standard_normal(N)
     grid = grid_of(KNOTS, coarse=True)
-    found = linear_posterior(condense(columns, y, np.zeros(2, bool)), grid, sd**2, N)
-    assert np.all(np.isfinite(found.log_each))
+    posterior = linear_posterior(condense(columns, y, np.zeros(2, bool)), grid, sd**2, N)
+    assert np.all(np.isfinite(posterior.log_each))
     with mpmath.workdps(50):
         for i in (0, len(grid.log_prior) - 1):
             rest = mpmath.matrix(columns[:, 2:].tolist()) * mpmath.matrix(grid.factors[i].tolist())
@@ -113,4 +114,4 @@ def test_hardly_any_noise() -> None:
             record = mpmath.matrix(y.tolist())
             squares = (record.T * mpmath.lu_solve(covariance, record))[0]
             truth = -(squares + mpmath.log(mpmath.det(covariance)) + N * mpmath.log(2 * mpmath.pi)) / 2
-            assert found.log_each[i] == pytest.approx(float(truth) + grid.log_prior[i], abs=0.02)
+            assert posterior.log_each[i] == pytest.approx(float(truth) + grid.log_prior[i], abs=0.02)

@@ -8,17 +8,14 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from bayesdamp.inference.deviation.draws import (
-    orbit_at,
-    unit_works,
-)
+from bayesdamp.inference.deviation.draws import orbit_at, unit_works
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel import Solver
 
 W = 4.5
 
 
-def test_a_pendulum_of_large_amplitude() -> None:
+def test_energy_and_work_of_a_pendulum_are_those_of_quadrature() -> None:
     """The energy is 2k sin²(A/2), and the work of the terms a quadrature over the angle, x = A sin φ."""
     k, amplitude = W**2, 2.8
     orbit = orbit_at(amplitude, "pendulum", (k, 0.1), 0.1)

@@ -1,4 +1,4 @@
-"""The mode of parameters and deviations together is reached also where a record tells parameters only together."""
+"""The mode of parameters and deviations on a record that determines only a combination of the parameters."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ RECORD = DATA / "spring_disc" / "molla_durissima_discopieno_14.91945_0.2016_3.cs
 pytestmark = pytest.mark.skipif(not RECORD.is_file(), reason="needs the measured records of ../shared/data")
 
 
-def left_by(law: str) -> float:
-    """Return the sum of squares that viscous and quadratic damping leave at the mode under a law.
+def remaining_squares(law: str) -> float:
+    """Return the sum of squares at the mode, for viscous and quadratic damping under a law.
 
     The record is of a disc on a spring. Its small swings, read as an angle, determine only a combination of a
     pendulum's spring and gravity.
@@ -27,19 +27,19 @@ def left_by(law: str) -> float:
     return float(np.sum((comparison.data.y - result.linearisation.motion.y) ** 2))
 
 
-def test_a_law_whose_parameters_are_told_only_together_reaches_what_a_simple_one_does(
+def test_a_law_with_indeterminate_parameters_fits_as_well_as_a_simple_law(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Control: halved steps along the scores find none that is better."""
-    plain = left_by("linear")
-    assert left_by("horizontal_pendulum") == pytest.approx(plain, rel=0.02)
+    """Control: with straight steps in scores, halved where they fail, the search stops early."""
+    plain = remaining_squares("linear")
+    assert remaining_squares("horizontal_pendulum") == pytest.approx(plain, rel=0.02)
     monkeypatch.setattr(Scores, "retract", lambda self, law, z, new: new)
     monkeypatch.setattr(candidates, "STEPS", ((1.0, 0.0), (0.5, 0.0), (0.25, 0.0), (0.12, 0.0)))
-    assert left_by("horizontal_pendulum") > 1.5 * plain
+    assert remaining_squares("horizontal_pendulum") > 1.5 * plain
 
 
-def test_the_curve_without_a_law_reaches_the_mode() -> None:
-    """At the last amplitude its interval overlaps that of the laws; a search that stops early gives twice the ratio."""
+def test_the_curve_without_a_law_agrees_with_the_laws_at_the_last_amplitude() -> None:
+    """Intervals overlap. A search that stops early gives twice the ratio."""
     record = RECORD.with_name(RECORD.name.replace("_3.csv", "_1.csv"))
     findings = compute_findings(compare_signal(bd.read(record).signal()))
     last, (_, low, high) = findings.curve[-1], findings.free.ratio[-1]

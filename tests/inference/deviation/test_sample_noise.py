@@ -1,4 +1,4 @@
-"""The noise of a record's samples, and how it reaches an answer. Truth by SciPy's own densities and closed forms."""
+"""The noise of the samples and its effect on answers, against closed forms."""
 
 import numpy as np
 import pytest
@@ -12,27 +12,27 @@ from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.sample_noise import noises_of, prepare_for_noises
 from tests.physics.independent import viscous
 
-MADE = {"stiffness": 20.0, "duration": 12.0, "samples": 600, "noise_sd": 0.002}
-ASKED = {"damping": ["viscous", "coulomb"], "restoring": ["linear"], "sample": False}
+SIMULATED = {"stiffness": 20.0, "duration": 12.0, "samples": 600, "noise_sd": 0.002}
+OPTIONS = {"damping": ["viscous", "coulomb"], "restoring": ["linear"], "sample": False}
 RATIO = 0.05 / 20.0**0.5
 
 
-def spoilt(seed: int = 3) -> bd.Signal:
+def record_with_outliers(seed: int = 3) -> bd.Signal:
     """Return a record with 2 % of its samples far off."""
     rng = np.random.default_rng(seed)
-    signal = bd.simulate({"viscous": 0.05}, "linear", seed=seed, theta0=0.3, **MADE)
-    hit = rng.random(signal.t.size) < 0.02
-    return bd.signal(signal.t, signal.y + hit * 0.1 * rng.standard_normal(signal.t.size))
+    signal = bd.simulate({"viscous": 0.05}, "linear", seed=seed, theta0=0.3, **SIMULATED)
+    is_outlier = rng.random(signal.t.size) < 0.02
+    return bd.signal(signal.t, signal.y + is_outlier * 0.1 * rng.standard_normal(signal.t.size))
 
 
-def first_ratio(signal: bd.Signal, **asked: object):
-    verdict = bd.compare(signal, **{**ASKED, **asked}).verdict
+def first_ratio(signal: bd.Signal, **options: object):
+    verdict = bd.compare(signal, **{**OPTIONS, **options}).verdict
     return verdict, verdict.damping_ratio[0]
 
 
-def test_outliers_are_seen_and_count_for_little():
-    """The interval contains the truth and is at most half as wide as under Gaussian noise."""
-    signal = spoilt()
+def test_outliers_are_reported_and_have_little_influence():
+    """The interval contains the truth and is at most half as wide as with Gaussian noise."""
+    signal = record_with_outliers()
     verdict, own = first_ratio(signal)
     _, plain = first_ratio(signal, noise="gaussian")
     assert any("student_t" in remark for remark in verdict.remarks)
@@ -41,50 +41,52 @@ def test_outliers_are_seen_and_count_for_little():
 
 
 @pytest.mark.parametrize(("noise_time", "white"), [(None, True), (0.1, False)])
-def test_white_noise_is_white_under_exact_laws(noise_time: float | None, white: bool):
-    """For four records each; with correlated noise, the control, the variance near the oscillation is larger."""
+def test_the_variance_near_the_oscillation_is_larger_only_for_correlated_noise(
+    noise_time: float | None, white: bool
+):
+    """In four records, under exact laws."""
     own = {} if noise_time is None else {"noise": "correlated", "noise_time": noise_time}
     factors = []
     for seed in range(4):
-        signal = bd.simulate({"viscous": 0.05}, "linear", seed=seed, theta0=0.3, **MADE, **own)
-        asked = [MotionCandidate(("viscous",), "linear")]
-        factors.append(compare_candidates(prepare_data(signal), asked, approximate=False).inflation)
-    assert all((one == 1.0) == white for one in factors)
+        signal = bd.simulate({"viscous": 0.05}, "linear", seed=seed, theta0=0.3, **SIMULATED, **own)
+        candidates = [MotionCandidate(("viscous",), "linear")]
+        factors.append(compare_candidates(prepare_data(signal), candidates, approximate=False).inflation)
+    assert all((factor == 1.0) == white for factor in factors)
 
 
-def test_what_a_wrong_law_leaves_is_no_heavy_tail():
-    """For a stiffening spring under a linear law, residuals are large only at first, and smooth."""
-    signal = bd.simulate({"viscous": 0.05}, "duffing", cubic=3.0, seed=5, theta0=0.5, **MADE)
+def test_residuals_of_a_wrong_law_are_not_taken_for_heavy_tails():
+    """For a stiffening spring under a linear law, whose residuals are smooth, and large only at first."""
+    signal = bd.simulate({"viscous": 0.05}, "duffing", cubic=3.0, seed=5, theta0=0.5, **SIMULATED)
     verdict, _ = first_ratio(signal)
     assert not any("ahead of Gaussian noise" in remark for remark in verdict.remarks)
 
 
 @pytest.mark.parametrize("cycles", [450, 3000])
-def test_heavy_tails_over_very_many_cycles_count_for_little(cycles: int):
+def test_heavy_tails_over_very_many_cycles_have_little_influence(cycles: int):
     """Student's Fisher information is (ν + 1)/(ν + 3)/σ²: with ν = 3 amplitudes and phases vary half as much as
-    under least squares, as the samples' variance is 3σ². Both variances are known from 190 values, to a tenth.
+    with least squares, because the variance of the samples is 3σ². Both variances are determined to a tenth.
 
-    Control: Gaussian noise stays Gaussian, and what is asked for is used.
+    Control: Gaussian noise is identified as such, and a noise model that is requested is used.
     """
     frequency = 30.0
     t = np.linspace(0, 2 * np.pi * cycles / frequency, 25 * cycles)
     rng, ratio = np.random.default_rng(7), 1.5 / (2 * np.pi * cycles)
     motion = viscous(t, ratio * frequency, frequency, 0.3)
-    asked = {"damping": ["viscous"], "restoring": ["linear"], "approximate": False}
+    options = {"damping": ["viscous"], "restoring": ["linear"], "approximate": False}
     heavy = bd.signal(t, motion + 0.003 * rng.standard_t(3.0, t.size))
-    own, plain = (compare_signal(heavy, noises=noises_of(noise), **asked) for noise in ("auto", "gaussian"))
+    own, plain = (compare_signal(heavy, noises=noises_of(noise), **options) for noise in ("auto", "gaussian"))
     assert own.noise.name == "student_t"
     assert own.variance == pytest.approx(0.5 * plain.variance, rel=0.25)
     assert own.best.fit.parameters.named(own.best.z)["zeta"] / frequency == pytest.approx(ratio, rel=0.01)
-    even = bd.signal(t, motion + 0.003 * rng.standard_normal(t.size))
-    assert compare_signal(even, noises=noises_of("auto"), **asked).noise.name == "gaussian"
-    assert compare_signal(even, noises=("student_t",), **asked).noise.name == "student_t"
+    normal = bd.signal(t, motion + 0.003 * rng.standard_normal(t.size))
+    assert compare_signal(normal, noises=noises_of("auto"), **options).noise.name == "gaussian"
+    assert compare_signal(normal, noises=("student_t",), **options).noise.name == "student_t"
 
 
-def test_a_fit_to_amplitudes_and_phases_has_its_noise_from_a_file(tmp_path):
-    """One sample in fifty is off by many times the noise; the interval contains the truth."""
-    made = {"stiffness": 900.0, "duration": 100.0, "samples": 15_000, "noise_sd": 0.003, "outliers": 0.02}
-    signal = bd.simulate({"viscous": 0.02}, seed=3, **made)
+def test_a_fit_to_amplitudes_and_phases_is_the_same_after_saving_and_loading(tmp_path):
+    """One sample in fifty is an outlier. The interval contains the truth."""
+    options = {"stiffness": 900.0, "duration": 100.0, "samples": 15_000, "noise_sd": 0.003, "outliers": 0.02}
+    signal = bd.simulate({"viscous": 0.02}, seed=3, **options)
     fit = bd.fit(signal, bd.Model("viscous", restoring="linear", deviation="law"))
     assert fit.noise == "student_t"
     assert fit.intervals["zeta"][0] < 0.02 < fit.intervals["zeta"][1]

@@ -1,4 +1,4 @@
-"""Draws and evidence of Stribeck friction, from slices of its velocity, on records of another solver."""
+"""Draws and evidence of Stribeck friction, which use slices of its velocity, against quadrature."""
 
 from __future__ import annotations
 
@@ -22,39 +22,40 @@ def compared(signal: bd.Signal, **known: float) -> tuple[ModelComparison, Candid
 
 
 @cache
-def weighed(**known: float) -> tuple[ModelComparison, CandidateResult]:
-    made = case("stribeck", 8035)
-    return compared(made.signal, noise_sd=made.noise_sd, **known)
+def compared_case(**known: float) -> tuple[ModelComparison, CandidateResult]:
+    simulated = case("stribeck", 8035)
+    return compared(simulated.signal, noise_sd=simulated.noise_sd, **known)
 
 
 def under_exact_laws(result: CandidateResult) -> CandidateResult:
     return replace(result, linearisation=None, approximate_posterior=None, variance=result.exact_variance)
 
 
-def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the Stribeck velocity known the motion is nearly linear in everything else; the quadrature is over its
-    prior.
+def test_draws_and_evidence_are_those_of_quadrature_over_the_velocity(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """If the Stribeck velocity is known, the motion is nearly linear in all other parameters.
 
     The evidence agrees within a tenth of a nat, the sd of the static excess within 20 %, and its mean within a fifth
     of an sd (300 draws: false alarms below 1 in 1,000). Control: draws along the tangent have half of that sd.
     """
-    comparison, result = weighed()
+    comparison, result = compared_case()
     names, priors = result.fit.parameters.free_names, result.fit.parameters.priors
     place = names.index("static_excess")
 
     def drawn() -> tuple[np.ndarray, float]:
-        found = sampling.sampled_result(comparison, under_exact_laws(result)).sampled
-        return found.draws[:, place], found.log_evidence
+        sampled = sampling.sampled_result(comparison, under_exact_laws(result)).sampled
+        return sampled.draws[:, place], sampled.log_evidence
 
     values, evidence = drawn()
     logs, means, squares, scores = [], [], [], np.linspace(0.0, 1.3, 14)
     prior = priors["stribeck_velocity"]
     for z in scores:
-        _, one = weighed(stribeck_velocity=float(prior.value(np.asarray(z))))
-        own = one.exact_posterior
-        at = one.fit.parameters.free_names.index("static_excess")
-        rows = own.draws(one.fit.parameters.positive, 2000, np.random.default_rng(0))[0][:, at]
-        logs.append(own.log_evidence - 0.5 * z**2 - 0.5 * np.log(2 * np.pi))
+        _, given = compared_case(stribeck_velocity=float(prior.value(np.asarray(z))))
+        posterior, parameters = given.exact_posterior, given.fit.parameters
+        at = parameters.free_names.index("static_excess")
+        rows = posterior.draws(parameters.positive, 2000, np.random.default_rng(0))[0][:, at]
+        logs.append(posterior.log_evidence - 0.5 * z**2 - 0.5 * np.log(2 * np.pi))
         means.append(rows.mean())
         squares.append(np.mean(rows**2))
     density = np.exp(np.array(logs) - max(logs))
@@ -69,10 +70,8 @@ def test_posterior_is_that_of_quadrature_over_the_velocity(monkeypatch: pytest.M
     assert narrow.std() < 0.8 * sd
 
 
-def test_evidence_beside_dry_friction_is_that_of_quadrature_and_not_of_chance(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """On a record of dry friction the static excess is best at zero, and then the velocity matters only for a draw.
+def test_evidence_on_a_record_of_dry_friction_is_that_of_quadrature(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The best static excess is zero, so that the velocity has an effect only on draws.
 
     The evidence of five seeds has an sd of 0.02 and agrees with the quadrature within a tenth of a nat (false alarms
     below 1 in 100). Control: without slices it is more than a nat too low.
@@ -87,15 +86,15 @@ def test_evidence_beside_dry_friction_is_that_of_quadrature_and_not_of_chance(
     result = under_exact_laws(result)
 
     def evidence() -> np.ndarray:
-        each = (sampling.sampled_result(comparison, result, seed).sampled for seed in range(5))
-        return np.array([one.log_evidence for one in each])
+        results = (sampling.sampled_result(comparison, result, seed).sampled for seed in range(5))
+        return np.array([sampled.log_evidence for sampled in results])
 
     prior = result.fit.parameters.priors["stribeck_velocity"]
     logs, scores = [], np.linspace(-4.0, 4.0, 17)
     for z in scores:
         fixed, own = compared(signal, **known, stribeck_velocity=float(prior.value(np.asarray(z))))
-        one = sampling.sampled_result(fixed, under_exact_laws(own)).sampled
-        logs.append(one.log_evidence - 0.5 * z**2 - 0.5 * np.log(2 * np.pi))
+        sampled = sampling.sampled_result(fixed, under_exact_laws(own)).sampled
+        logs.append(sampled.log_evidence - 0.5 * z**2 - 0.5 * np.log(2 * np.pi))
     whole = max(logs) + np.log(np.trapezoid(np.exp(np.array(logs) - max(logs)), scores))
     sliced = evidence()
     assert sliced.std(ddof=1) < 0.1
@@ -104,9 +103,9 @@ def test_evidence_beside_dry_friction_is_that_of_quadrature_and_not_of_chance(
     assert abs(evidence().mean() - whole) > 0.5
 
 
-def test_volume_of_moved_scores_is_that_of_their_jacobian() -> None:
-    """By central differences, at draws that have moved within their slices. Control: without the volume it is wrong."""
-    comparison, result = weighed()
+def test_the_volume_of_redrawn_scores_is_that_of_their_jacobian() -> None:
+    """By central differences, at draws that have moved within their slices. Control: the volume is not one."""
+    comparison, result = compared_case()
     proposal = sampling.proposal_of(comparison, under_exact_laws(result))
     assert isinstance(proposal, SlicedProposal)
     rng = np.random.default_rng(3)

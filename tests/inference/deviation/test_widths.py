@@ -1,4 +1,4 @@
-"""Damping ratios where the width within which a force turns over is not known, beside closed forms and quadrature."""
+"""Damping ratios if the width of friction about zero velocity is not known, against closed forms and quadrature."""
 
 from __future__ import annotations
 
@@ -19,32 +19,31 @@ W, A, MU, ZETA = 4.5, 0.3, 0.06, 0.02
 PEAK = W * A
 
 
-def test_the_split_of_twins_is_not_in_the_ratio() -> None:
-    """Of 500 cycles of viscous damping with structural damping, which cannot be distinguished from it.
-
-    Per unit of its coefficient the loss of structural damping depends on the width, so that a fit's split of the two
-    changes with it. With the noise of this seed both have a coefficient.
-    """
+def test_the_ratio_does_not_depend_on_the_split_between_indistinguishable_terms() -> None:
+    """Viscous damping over 500 cycles, fitted with viscous and structural damping. The split between the two depends
+    on the width. With the noise of this seed both have a coefficient."""
     t, w = np.linspace(0, 500 / HERTZ, 20000), 2 * math.pi * HERTZ
     y = viscous(t, RATIO * w, w, SIZE) + 0.01 * SIZE * np.random.default_rng(4).standard_normal(t.size)
-    made = compare_signal(Signal(t, y), damping=["viscous", "structural"], restoring=["linear"])
-    grown = np.array([f.coefficients for f in made.frictions]) / made.frictions[-1].coefficients
-    assert np.ptp(grown, axis=0).max() > 0.2  # the split does move
-    for r in compute_findings(made).ratios:
+    comparison = compare_signal(Signal(t, y), damping=["viscous", "structural"], restoring=["linear"])
+    relative = (
+        np.array([f.coefficients for f in comparison.frictions]) / comparison.frictions[-1].coefficients
+    )
+    assert np.ptp(relative, axis=0).max() > 0.2  # the split does change
+    for r in compute_findings(comparison).ratios:
         assert r.low < RATIO < r.high
         assert r.high - r.low < 0.03 * RATIO
 
 
 def ratios(share: float, seed: int, known: dict[str, float] | None = None) -> tuple[Ratio, ...]:
-    """Return what is found of viscous damping and friction of this width, as a share of the peak velocity, down to near
-    rest."""
+    """Return the ratios on a record of viscous damping and friction with this width, which is
+    a share of the peak velocity."""
     p = {"zeta": ZETA, "mu_c": MU, "epsilon": share * PEAK, "stiffness": W**2, "theta0": A, "omega0": 0.0}
     t = np.arange(0.0, 30.0, 0.02)
     y = trajectory("linear", p | {"rest_angle": 0.0}, t)[:, 0]
     y += 0.003 * A * np.random.default_rng(seed).standard_normal(t.size)
     sums = ["viscous", "coulomb", "viscous+coulomb"]
-    made = compare_signal(Signal(t, y), damping=sums, restoring=["linear"], known=known)
-    return compute_findings(made, amplitudes=[0.2, 0.05, 0.02, 0.01]).ratios
+    comparison = compare_signal(Signal(t, y), damping=sums, restoring=["linear"], known=known)
+    return compute_findings(comparison, amplitudes=[0.2, 0.05, 0.02, 0.01]).ratios
 
 
 def dry_loss(amplitude: float, width: float) -> float:
@@ -63,18 +62,16 @@ SHARE = 0.01
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [SHARE, 0.03])
-def test_ratios_hold_where_the_width_is_not_known(share: float) -> None:
-    """The intervals contain the truth at each amplitude in at least 8 of 10 records (false alarm 1.2 % each).
-
-    A share of 0.03 is between those that are tried: without widths between them the last interval does so in 3 of 10.
-    """
-    found = [ratios(share, seed) for seed in range(110, 120)]
-    held = [[r.low < truth(r.amplitude, share) < r.high for r in each] for each in found]
-    assert np.min(np.sum(held, axis=0)) >= 8
+def test_intervals_contain_the_true_ratio_if_the_width_is_not_known(share: float) -> None:
+    """At each amplitude in at least 8 of 10 records (false alarm 1.2 % each). A share of 0.03 is between those that are
+    tried: without widths between them the last interval contains the truth in 3 of 10 records."""
+    records = [ratios(share, seed) for seed in range(110, 120)]
+    contained = [[r.low < truth(r.amplitude, share) < r.high for r in record] for record in records]
+    assert np.min(np.sum(contained, axis=0)) >= 8
 
 
-def test_under_a_wrong_width_they_do_not_hold() -> None:
-    """Near rest a tenth of the width gives another loss, which the interval of an unknown width has to allow for."""
+def test_an_interval_under_a_wrong_width_does_not_contain_the_true_ratio() -> None:
+    """Negative control: near rest, a tenth of the width means another loss."""
     last = ratios(SHARE, 0, {"epsilon": 0.1 * SHARE * PEAK})[-1]
     assert not last.low < truth(last.amplitude, SHARE) < last.high
 
@@ -85,51 +82,49 @@ def friction(t: np.ndarray, omega: float, zeta: float, mu: float, first: float) 
     half = np.floor(t * damped / np.pi)
     falls, sizes = np.exp(-zeta * np.pi / damped), [first - offset]
     for _ in range(int(half[-1])):
-        sizes.append(sizes[-1] * falls - 2 * offset)  # about the next offset, on the other side
+        sizes.append(sizes[-1] * falls - 2 * offset)
     since = t - half * np.pi / damped
     swing = np.exp(-zeta * since) * (np.cos(damped * since) + zeta / damped * np.sin(damped * since))
     return (-1) ** half * (np.array(sizes)[half.astype(int)] * swing + offset)
 
 
 def rounded_friction() -> Signal:
-    """A record with sharp Coulomb friction, without noise, rounded to steps of 0.1 degrees."""
+    """Return a record of sharp Coulomb friction without noise, rounded to steps of 0.1 degrees."""
     t, step = np.linspace(0.0, 40.0, 4000), np.radians(0.1)
     return Signal(t, step * np.round(friction(t, 5.0, 0.01, 0.03, 0.4) / step), step=step)
 
 
-def test_rounded_values_show_how_sharp_friction_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The control: with the width that least squares choose, drag makes up for it, and the friction is wrong."""
+def test_friction_in_rounded_values_is_identified_as_sharp(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gaussian and quantised noise are both compared. Control: with the width of least squares the friction is wrong,
+    and drag compensates for it."""
     signal, sums = rounded_friction(), ["viscous+coulomb", "viscous+coulomb+quadratic"]
 
-    def friction() -> tuple[str, float]:
-        found = answer(signal, damping=sums, restoring=["linear"], sample=False)
-        assert {noise.name for noise in found.content.noises} >= {
-            "gaussian",
-            "quantised",
-        }  # both were compared
-        verdict = found.verdict
+    def answered() -> tuple[str, float]:
+        result = answer(signal, damping=sums, restoring=["linear"], sample=False)
+        assert {"gaussian", "quantised"} <= {noise.name for noise in result.content.noises}
+        verdict = result.verdict
         return verdict.damping, next(c.value for c in verdict.coefficients if c.name == "mu_c")
 
-    damping, value = friction()
+    damping, value = answered()
     assert damping == "viscous+coulomb"
     assert value == pytest.approx(0.03, rel=3e-4)
     monkeypatch.setattr("bayesdamp.inference.deviation.model_comparison.SHARPER", 0.0)
-    damping, value = friction()
+    damping, value = answered()
     assert value != pytest.approx(0.03, rel=3e-4)
 
 
 @pytest.mark.parametrize("kind", ["averaged", "hum"])
-def test_sharp_friction_is_not_called_wide(kind: str) -> None:
+def test_sharp_friction_is_not_identified_as_wide(kind: str) -> None:
     """In a record whose motion is averaged, and in one with a hum at 1.36 times the frequency of the oscillation.
 
-    With the correction of the averaged motion at another width, and with a hum that counts as white noise, widths of
-    1 % and more had a probability above 0.98 (control: the width's prior gives them 0.3).
+    If the averaged motion is corrected at another width, or the hum counts as white noise, widths of 1 % and more have
+    a probability above 0.98 (control: their prior probability is 0.3).
     """
     cycles, size, per_cycle, noise = (600, 0.0, 20, 0.004) if kind == "averaged" else (12, 0.04, 48, 0.001)
     t = np.arange(cycles * per_cycle) / per_cycle
     y = friction(t, 2 * np.pi, 0.0, np.pi**2 * 0.95 / cycles, 1.0) + size * np.sin(2 * np.pi * 1.36 * t + 1)
     y += noise * np.random.default_rng(3).standard_normal(t.size)
-    found = compare_signal(Signal(t, y), damping=["coulomb"], restoring=["linear"])
-    assert (found.data.averaged is None) == (kind == "hum")
-    peak = found.reference.peak_velocity
-    assert sum(f.weight for f in found.frictions if f.epsilon > 0.0099 * peak) < 0.5
+    comparison = compare_signal(Signal(t, y), damping=["coulomb"], restoring=["linear"])
+    assert (comparison.data.averaged is None) == (kind == "hum")
+    peak = comparison.reference.peak_velocity
+    assert sum(f.weight for f in comparison.frictions if f.epsilon > 0.0099 * peak) < 0.5

@@ -1,5 +1,4 @@
-"""Evidence under half-normals that share an unknown scale, against quadrature; it does not depend on how small the
-damping is."""
+"""Evidence of the laws of an envelope: against quadrature, for smaller damping, and in another unit of time."""
 
 from __future__ import annotations
 
@@ -24,7 +23,7 @@ STEP = (0.3 / 1e-8) ** (1 / 25)
 
 
 def blocks(slower: float = 1.0, noise: float = 0.05) -> Blocks:
-    """Viscous and Coulomb damping of 3e-4 together at 50 Hz, so many times slower; 60 readings of white noise."""
+    """Return 60 readings of viscous and Coulomb damping of 3e-4 at 50 Hz with white noise, slower by a factor."""
     rates = np.array([0.065, 0.035]) / slower
     t = np.linspace(0.0, 15.0, 60) * slower
     x = decay(t, 1.2, ("viscous", "coulomb"), rates) + noise * np.random.default_rng(4).standard_normal(60)
@@ -33,7 +32,7 @@ def blocks(slower: float = 1.0, noise: float = 0.05) -> Blocks:
     return Blocks(t, x, float(t[-1]), rate, frequency=OMEGA, noises=noises, inverse=np.eye(60) / noise)
 
 
-def weighed(b: Blocks) -> list[EnvelopeCandidate]:
+def all_candidates(b: Blocks) -> list[EnvelopeCandidate]:
     return [fit_candidate(b, ClosedForm(terms)) for terms in SUMS]
 
 
@@ -43,10 +42,10 @@ def probabilities(candidates: Sequence[EnvelopeCandidate]) -> np.ndarray:
 
 
 def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
-    """Exact law, the noise as given; the nonlinear likelihood by the solution of dA/dt = −vA − c, on a fine grid."""
+    """Without deviations and with the given noise, on a fine grid of the solution of dA/dt = −vA − c."""
     b = blocks(noise=0.02)
     candidate = fit_candidate(b, ClosedForm(("viscous", "coulomb")))
-    # Of no deviation and the noise as given, whose factors are exp(-0.25), 1, exp(0.25); without its prior probability.
+    # Without a deviation, and with the second of three factors of the noise, exp(-0.25), 1 and exp(0.25).
     given = candidate.posterior.combos == np.flatnonzero(candidate.about.size == 0.0)[1]
     log_z = logsumexp(candidate.posterior.log_each[given]) - np.log(0.8) + np.log(3.0)
     grid = np.linspace(0.0, 0.16, 161)
@@ -70,15 +69,15 @@ def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
 
 
 def test_probabilities_do_not_depend_on_how_small_the_damping_is(monkeypatch):
-    """Thirteen steps of the scales, a factor of 7,700 in time at one frequency, where the scales have no ends."""
+    """The damping is 7,700 times smaller at the same frequency, by thirteen steps of the scales, which have no ends.
+    Negative control: half-normals with one fixed scale."""
     scales = 1e-8 * STEP ** np.arange(-40, 66)
     monkeypatch.setattr(linear, "SHARED_SIGMAS", scales / SCORE_RATIO)
-    here, other = (probabilities(weighed(blocks(STEP**steps, 0.02))) for steps in (0, 13))
+    here, other = (probabilities(all_candidates(blocks(STEP**steps, 0.02))) for steps in (0, 13))
     assert 0.05 < here.max() < 0.999
     assert other == pytest.approx(here, abs=1e-6)
-    # Negative control: half-normals of one scale each, whatever the scale.
     monkeypatch.setattr(linear, "SHARED_SIGMAS", np.array([1e-3]) / SCORE_RATIO)
-    here, other = (probabilities(weighed(blocks(STEP**steps, 0.02))) for steps in (0, 13))
+    here, other = (probabilities(all_candidates(blocks(STEP**steps, 0.02))) for steps in (0, 13))
     assert np.abs(other - here).max() > 0.05
 
 

@@ -1,4 +1,4 @@
-"""What is told of a decay's readings before its law is."""
+"""Corrections of the readings of a decay, before laws are fitted."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from bayesdamp.physics.amplitude import decay
 TERMS, RATES = ("quadratic",), np.array([4.0])
 
 
-def test_means_of_readings_in_a_bent_block_are_set_right():
-    """Twenty readings a block, without noise: what is left is far below what the means are off."""
+def test_means_of_readings_are_corrected_for_the_curvature_of_the_decay():
+    """Blocks of twenty readings with very little noise. Control: the means themselves are five times further off."""
     each, n = 20, 60
     t = np.arange(each * n) * (10.0 / (each * n))
     x = decay(t, 0.0, TERMS, RATES).reshape(n, each).mean(axis=1)
@@ -28,7 +28,7 @@ def test_means_of_readings_in_a_bent_block_are_set_right():
     assert result.x == pytest.approx(truth, abs=1e-3)
 
 
-def test_a_straight_decay_is_as_it_was():
+def test_the_means_of_a_straight_decay_are_not_changed():
     t, noise = np.linspace(0.0, 10.0, 60), 0.01 * np.random.default_rng(2).standard_normal(60)
     x = decay(t, 1.0, ("viscous",), np.array([0.3])) + noise
     b = Blocks(t, x, 10.0, 0.3, None, 20)

@@ -1,4 +1,4 @@
-"""Which log evidence counts, and when nested sampling is called."""
+"""Which log evidence is used, and when nested sampling is needed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def of(method: str, value: float, stderr: float = 0.01, outcome: str = "ok") -> 
     return Evidence("m", method, value, stderr, "d", outcome=outcome)
 
 
-def test_agreement_needs_no_referee():
+def test_evidences_that_agree_are_averaged_by_their_errors():
     results = [of("importance", -3.0), of("bridge", -3.04)]
     assert disagreement(results) == ""
     evidence = choose_evidence(results)
@@ -24,27 +24,27 @@ def test_agreement_needs_no_referee():
     assert weighted.log_evidence == pytest.approx((-12 - 3.03) / 5)
 
 
-def test_three_standard_errors_call_it():
+def test_nested_sampling_is_needed_from_three_standard_errors_on():
     apart = disagreement([of("importance", -3.0), of("bridge", -3.043)])
     assert apart.startswith("importance and bridge are 3.0")
     assert disagreement([of("importance", -3.0), of("bridge", -3.041)]) == ""
 
 
-def test_a_poor_diagnostic_calls_it():
+def test_nested_sampling_is_needed_if_a_diagnostic_is_poor():
     results = [of("importance", -3.0, outcome="not to be trusted"), of("bridge", -3.0)]
     assert disagreement(results) == "the result of importance is unreliable"
     assert choose_evidence(results).diagnostic == "by bridge"
     assert choose_evidence([*results, of("nested", -2.9)]).log_evidence == -2.9
 
 
-def test_the_referee_counts_and_says_why():
+def test_nested_sampling_is_used_if_the_others_disagree():
     evidence = choose_evidence([of("importance", -3.0), of("bridge", -3.5), of("nested", -3.4, 0.02)])
     assert (evidence.log_evidence, evidence.stderr, evidence.outcome) == (-3.4, 0.02, "ok")
-    said = "by nested sampling, because importance and bridge are 35.4 standard errors"
-    assert evidence.diagnostic.startswith(said)
+    words = "by nested sampling, because importance and bridge are 35.4 standard errors"
+    assert evidence.diagnostic.startswith(words)
 
 
-def test_without_a_referee_a_quarrel_is_not_settled():
+def test_a_disagreement_is_not_settled_without_nested_sampling():
     for more in ([], [of("nested", -3.4, outcome="not to be trusted: not finished")]):
         evidence = choose_evidence([of("importance", -3.0), of("bridge", -3.5), *more])
         assert evidence.outcome.startswith("not settled: importance and bridge are")

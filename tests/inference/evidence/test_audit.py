@@ -1,6 +1,6 @@
-"""The audit that ships: on records whose friction touches zero, three methods for the evidence agree.
+"""The shipped table of evidences: on records whose friction touches zero, three methods agree.
 
-`make reports ARGS=evidence_audit` makes its table.
+`make reports ARGS=evidence_audit` writes the table.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ FILE = Path(__file__).resolve().parents[3] / "reports" / "evidence_audit" / "tou
 
 
 def agrees(z: np.ndarray) -> bool:
-    """No score beyond 4.5 (3e-4 in fifty, 8e-5 in twelve) and the mean within 4 of its standard errors (6e-5)."""
+    """Return whether no score is beyond 4.5 (false alarm 8e-5 for twelve) and the mean is within 4 errors (6e-5)."""
     return bool(np.abs(z).max() < 4.5 and abs(z.mean()) < 4 / np.sqrt(z.size))
 
 
-def test_cases_touch_zero():
+def test_the_friction_of_the_records_touches_zero():
     result = read_rows(FILE)
     assert len(result) >= audit.CASES
     assert result["touching"].median() < 1
@@ -32,8 +32,8 @@ def test_cases_touch_zero():
 
 
 @pytest.mark.parametrize("method", ["importance", "bridge"])
-def test_nested_sampling_agrees(method):
-    """Negative control: a forgotten fold would be seen."""
+def test_nested_sampling_agrees_with(method):
+    """Negative control: without the reflection at zero, of log 2, it would not."""
     away, sd = audit.differences(read_rows(FILE), method)
     assert agrees(away / sd)
     assert not agrees((away - np.log(2)) / sd)

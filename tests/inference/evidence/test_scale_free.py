@@ -1,4 +1,4 @@
-"""Evidence does not depend on how small the damping is, and the linear model of the quick answer has the same."""
+"""Bayes factors do not depend on how small the damping is, and sampled evidence is that of the linear model."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ NOISE = 0.003
 
 @lru_cache
 def record(factor: float) -> Signal:
-    """Damping and noise of so many times the size: the information of the record is the same."""
+    """Return a record whose damping and noise are both multiplied by a factor, with the same information."""
     truth, osc = {**KNOWN, "zeta": 0.04 * factor, "mu_c": 0.03 * factor}, Oscillator(SUMS[-1], "linear")
     noise = {"noise_sd": NOISE * factor, "rng": np.random.default_rng(3)}
     return simulate_signal(osc, truth, duration=8.0, samples=300, **noise)
 
 
 @lru_cache
-def sampled(damping: tuple[str, ...], factor: float, separate: bool = False) -> float:
-    """Log evidence by importance sampling; separate: half-normal priors of scale 0.1, each by itself."""
+def sampled_evidence(damping: tuple[str, ...], factor: float, separate: bool = False) -> float:
+    """Return the log evidence by importance sampling. separate: independent half-normal priors of scale 0.1."""
     signal = record(factor)
     system = System("linear", {**KNOWN, "noise_sd": NOISE * factor}, {})
     target = build_target(signal, damping, system, features(signal), REFERENCE)
@@ -65,20 +65,19 @@ def test_sampled_evidence_is_that_of_the_linear_model(factor) -> None:
     for item in comparison.results:
         linear = exact_model(item.fit)
         wanted = linear_posterior(linear, grid, (NOISE * factor) ** 2, linear.count).log_evidence
-        assert sampled(item.candidate.damping, factor) == pytest.approx(wanted, abs=0.03)
+        assert sampled_evidence(item.candidate.damping, factor) == pytest.approx(wanted, abs=0.03)
 
 
 def test_lighter_damping_leaves_bayes_factors_as_they_are() -> None:
-    """A hundred times lighter, with the same information. Negative control: independent half-normals of scale 0.1. The
-    motion of 6 cycles is not quite linear in the damping, so that a few tenths of a nat may remain."""
+    """A hundred and 10,000 times lighter, with the same information. The bounds are two standard errors, 0.01 nats for
+    the sums over scales, and what the motion of the heaviest damping differs from a linear one (0.06 nats and more).
+    Negative control: independent half-normals of scale 0.1."""
 
     def factors(size: float, separate: bool = False) -> np.ndarray:
-        both = sampled(SUMS[-1], size, separate)
-        return np.array([both - sampled(single, size, separate) for single in SUMS[:2]])
+        both = sampled_evidence(SUMS[-1], size, separate)
+        return np.array([both - sampled_evidence(single, size, separate) for single in SUMS[:2]])
 
     heavy, light, lighter = factors(1.0), factors(0.01), factors(1e-4)
-    # Two standard errors of each, what sums over scales vary by with the size (0.01 nats), and what the motion of the
-    # heavier one is not linear by (0.06, by the linear expansions at both).
     assert light == pytest.approx(lighter, abs=0.1)
     assert heavy[0] == pytest.approx(light[0], abs=0.5)
     separate = factors(0.01, separate=True) - factors(1e-4, separate=True)

@@ -1,4 +1,4 @@
-"""Problems whose evidence is known by other means: quadrature with a solver of its own, or a closed form."""
+"""Problems with an evidence by quadrature, whose trajectories are computed here."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ PRIORS = {
     "noise_sd": LogNormal(median=0.01, sigma=1.0),
 }
 PER_RATIO = {"zeta": 20.0**0.5, "mu_c": 0.5 * np.pi * 20.0 * 0.3}
-"""Coefficients of a damping ratio of 1: ζ/ω, and 2μ/(π ω² A) from the energy 4μA lost in a cycle."""
+"""Coefficients with a damping ratio of 1, which is ζ/ω, and 2μ/(π ω² A) for an energy loss of 4μA in a cycle."""
 
 
 def trajectories(zeta: np.ndarray, mu_c: np.ndarray, substeps: int = 20) -> np.ndarray:
-    """θ at TIMES of many parameter sets, shape (m, n): classical Runge–Kutta in NumPy, here within 1e-8 rad."""
+    """Return θ at TIMES for m parameter sets, (m, n), by classical Runge–Kutta steps, to 1e-8 rad."""
     k, eps = KNOWN["stiffness"], KNOWN["epsilon"]
 
     def slope(state):
@@ -56,24 +56,24 @@ def record(zeta: float, mu_c: float, seed: int) -> np.ndarray:
 
 
 def log_density(square: np.ndarray, sd: np.ndarray | float, n: int = TIMES.size) -> np.ndarray:
-    """Normal log density of residuals with this sum of squares."""
+    """Return the normal log density of n residuals with this sum of squares."""
     return -0.5 * square / np.square(sd) - n * np.log(np.asarray(sd) * np.sqrt(2 * np.pi))
 
 
 BOTH, TOUCHING = ("viscous", "coulomb"), {"zeta": (0.0, 0.14), "mu_c": (0.0, 0.16)}
 CASES: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, tuple[float, float]]]] = {
-    # damping, the record, and the range of each parameter that holds the posterior
     "one far": (("coulomb",), record(0.0, 0.12, 4), {"mu_c": (0.06, 0.18)}),
     "two touching": (BOTH, record(0.06, 0.0, 3), TOUCHING),
     "three touching": (BOTH, record(0.06, 0.0, 3), {**TOUCHING, "noise_sd": (0.014, 0.028)}),
     "one shared": (("viscous",), record(0.2, 0.0, 3), {"zeta": (0.16, 0.24)}),
     "two shared": (BOTH, record(0.2, 0.0, 3), {"zeta": (0.0, 0.24), "mu_c": (0.0, 0.25)}),
 }
-"""The coefficients of those that are shared have damping ratios of one unknown scale, as by default."""
+"""Damping, record, and ranges of the parameters, outside of which the posterior is negligible. In the cases called
+shared the damping ratios have one unknown scale, as by default."""
 
 
 def log_prior(case: str, axes: dict[str, np.ndarray]) -> np.ndarray:
-    """Log density of the parameters on the product of the axes.
+    """Return the log prior density of the parameters on the product of the axes.
 
     Half-normals of n ratios with one scale that is log-uniform from 1e-8 to 0.3 have a closed form in their length.
     """
@@ -99,7 +99,7 @@ def problem(case: str) -> tuple[Target, Mode]:
 
 @lru_cache
 def posterior_grid(case: str, count: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Gauss–Legendre nodes of each natural parameter, and the log of prior · likelihood · weight on their product."""
+    """Return Gauss–Legendre nodes of each parameter, and the log of prior · likelihood · weight on their product."""
     _, y, ranges = CASES[case]
     nodes, weights = np.polynomial.legendre.leggauss(count)
     axes = {n: low + 0.5 * (high - low) * (nodes + 1) for n, (low, high) in ranges.items()}
@@ -120,7 +120,7 @@ def posterior_grid(case: str, count: int) -> tuple[tuple[np.ndarray, ...], np.nd
 
 @lru_cache
 def quadrature(case: str) -> float:
-    """log ∫ prior · likelihood over the natural parameters, to 1e-3 nats."""
+    """Return the log of the integral of prior · likelihood over the natural parameters, to 1e-3 nats."""
     results = [float(logsumexp(posterior_grid(case, count)[1])) for count in (44, 56)]
     assert abs(results[0] - results[1]) < 1e-3, "the grid is too coarse"
     logs = posterior_grid(case, 56)[1]
@@ -131,7 +131,7 @@ def quadrature(case: str) -> float:
 
 
 def exact_draws(case: str, seed: int, chains: int = 4, count: int = 1000) -> Draws:
-    """Independent draws of the posterior, from a fine grid of it and a uniform step inside its cells."""
+    """Return independent draws of the posterior: of cells of a fine grid, and uniform inside a cell."""
     axes, logs = posterior_grid(case, 56)
     rng = np.random.default_rng(seed)
     p = np.exp(logs - logs.max()).ravel()

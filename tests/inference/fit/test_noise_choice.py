@@ -1,4 +1,4 @@
-"""The noise of a record: each kind is the likeliest where it is the truth."""
+"""The choice of the noise model of a record."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ KNOWN = {"stiffness": 20.0, "rest_angle": 0.0}
 SD = 0.004
 
 
-def weighed(kind: str) -> SampleNoise:
+def chosen_noise(kind: str) -> SampleNoise:
+    """Return the comparison of noise models on a simulated record with this noise."""
     p = {**KNOWN, "epsilon": 0.02, "zeta": 0.05, "mu_q": 0.2, "theta0": 0.3, "omega0": 0.0}
     osc = Oscillator(("viscous", "quadratic"), "linear")
     values = {"noise_sd": SD, "noise_dof": 2.5, "noise_time": 0.1}
@@ -29,17 +30,18 @@ def weighed(kind: str) -> SampleNoise:
     if kind == "quantised":
         y = 5 * SD * np.round(y / (5 * SD))
     data = prepare_data(Signal(TIMES, y, step=recording_step(y)))
-    asked = [MotionCandidate(osc.damping, "linear")]
-    return compare_candidates(data, asked, known=KNOWN, approximate=False, noises=NOISES.names()).noise
+    candidates = [MotionCandidate(osc.damping, "linear")]
+    return compare_candidates(data, candidates, known=KNOWN, approximate=False, noises=NOISES.names()).noise
 
 
 @pytest.mark.parametrize("kind", NOISES.names())
-def test_the_true_noise_is_the_likeliest(kind):
-    """Deterministic records: the true kind is ahead by more than 5 nats (odds of 150) of any that is no limit of it
-    (a Student t of many degrees and a short correlation are normal noise but for the price of a parameter)."""
-    candidates = weighed(kind)
-    assert candidates.likeliest == kind
-    by_name = {item.name: item.log_evidence for item in candidates.weighed}
+def test_the_true_noise_is_the_most_probable(kind):
+    """By more than 5 nats (odds of 150), except for normal noise: Student's t with many degrees of freedom and noise
+    with a short correlation contain it, and are behind only by their further parameter. Only a record with a recording
+    step is compared with quantised noise."""
+    noise = chosen_noise(kind)
+    assert noise.likeliest == kind
+    by_name = {item.name: item.log_evidence for item in noise.weighed}
     others = [log for name, log in by_name.items() if name != kind]
     assert by_name[kind] > max(others) + (0.0 if kind == "gaussian" else 5.0)
     assert ("quantised" in by_name) == (kind == "quantised")

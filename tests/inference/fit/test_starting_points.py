@@ -1,4 +1,4 @@
-"""Seeds: modes found from several, starts of chains that are spread over them."""
+"""Searches for modes from several starting points, and chains that start from several modes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ ALIAS = 2 * np.pi / STEP - FREQUENCY
 
 
 @lru_cache
-def climbed(jitter: float) -> tuple[Target, Mode]:
-    """A linear oscillator sampled four times a period, on a clock with so much jitter (s), and its mode."""
+def searched(jitter: float) -> tuple[Target, Mode]:
+    """Return the target of a linear oscillator, sampled four times a period with so much jitter (s), and its mode."""
     rng = np.random.default_rng(5)
     t = STEP * np.arange(60) + np.concatenate([[0.0], jitter * rng.uniform(-1, 1, 59)])
     y = 0.3 * np.exp(-RATE * t) * np.cos(FREQUENCY * t) + SD * rng.standard_normal(t.size)
@@ -41,29 +41,29 @@ def climbed(jitter: float) -> tuple[Target, Mode]:
 
 
 def test_an_aliased_frequency_is_a_second_mode_of_the_same_likelihood():
-    target, mode = climbed(0.0)
-    result, where = group_searches(mode)
+    """The modes differ in their prior only. Of two searches with the same end one is kept."""
+    target, mode = searched(0.0)
+    modes, where = group_searches(mode)
     assert [c.seed.source for c in mode.searches] == ["slow", "fast"]
     assert mode.searches[0].same == (Seed("slow again"),)
-    assert len(result) == 2
+    assert len(modes) == 2
     assert sorted(where) == [0, 1]
-    stiffness = sorted(float(target.values(climb.z)["stiffness"]) for climb, _ in result)
+    stiffness = sorted(float(target.values(search.z)["stiffness"]) for search, _ in modes)
     np.testing.assert_allclose(stiffness, [FREQUENCY**2 + RATE**2, ALIAS**2 + RATE**2], rtol=0.01)
-    # The likelihood is the same at both, so what differs is the prior.
-    prior = [-0.5 * float(climb.z @ climb.z) for climb, _ in result]
-    assert result[0][0].end - result[1][0].end == pytest.approx(prior[0] - prior[1], abs=0.02)
-    assert sum(share for _, share in result) == pytest.approx(1.0)
-    assert min(share for _, share in result) > 0.02
+    prior = [-0.5 * float(search.z @ search.z) for search, _ in modes]
+    assert modes[0][0].end - modes[1][0].end == pytest.approx(prior[0] - prior[1], abs=0.02)
+    assert sum(share for _, share in modes) == pytest.approx(1.0)
+    assert min(share for _, share in modes) > 0.02
 
 
-def test_without_aliasing_the_other_mode_is_far_below():
-    _, mode = climbed(0.1)
-    result, where = group_searches(mode)
+def test_without_aliasing_other_modes_have_no_probability():
+    _, mode = searched(0.1)
+    modes, where = group_searches(mode)
     assert where[0] == 0
-    assert all(share < 1e-6 for _, share in result[1:])
+    assert all(share < 1e-6 for _, share in modes[1:])
 
 
-def test_a_chain_that_stays_apart_is_seen():
+def test_a_chain_that_remains_apart_is_detected():
     rng = np.random.default_rng(0)
     draws = rng.standard_normal((4, 1000, 2))
     starts = [ChainStart(Seed(f"seed {i}"), 3.0, 2.0, np.nan) for i in range(4)]

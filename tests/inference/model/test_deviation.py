@@ -1,4 +1,4 @@
-"""Deviations as a part of the likelihood: none of them are exact laws, some are a dense normal distribution."""
+"""The likelihood with deviations from the laws, against that of exact laws and against dense normal distributions."""
 
 from __future__ import annotations
 
@@ -12,48 +12,33 @@ from scipy.special import logsumexp
 
 from bayesdamp.inference.model.deviation import Deviation
 from bayesdamp.inference.model.likelihood import Likelihood
-from bayesdamp.inference.model.target import Target
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.trajectories import simulate
-from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import Refusal, Signal
-from tests.inference.problems import FEATURES
+from bayesdamp.types import Refusal
+from tests.inference.problems import FEATURES, linear_target
+from tests.physics.independent import viscous
 
 NOISE = 0.01
 TIMES = np.linspace(0.0, 6.0, 120)
 TRUTH = {"zeta": 0.05, "stiffness": 20.0, "theta0": 0.3}
-KNOWN = {"rest_angle": 0.0, "omega0": 0.0, "noise_sd": NOISE}
-PRIORS = {
-    "zeta": HalfNormal(0.2), "stiffness": LogNormal(median=20.0, sigma=0.5), "theta0": Normal(mean=0.0, sd=0.5),
-}  # fmt: skip
+KNOWN = {"omega0": 0.0, "noise_sd": NOISE}
 
 
 @lru_cache
 def exact() -> Likelihood:
-    oscillator, rng = Oscillator(("viscous",), "linear"), np.random.default_rng(3)
-    y = simulate(oscillator, TRUTH | KNOWN, TIMES) + NOISE * rng.standard_normal(TIMES.size)
-    target = Target(Signal(TIMES, y), oscillator, "gaussian", PRIORS, KNOWN)
+    noise = NOISE * np.random.default_rng(3).standard_normal(TIMES.size)
+    y = viscous(TIMES, TRUTH["zeta"], TRUTH["stiffness"] ** 0.5, TRUTH["theta0"]) + noise
+    target = linear_target(TIMES, y, "viscous", KNOWN)
     return Likelihood.near(target, target.scores(TRUTH), 1e-8)
 
 
 @lru_cache
 def deviating(knots: int) -> Likelihood:
-    """The same with what so many knots do: smooth curves, under two combinations of hyperparameters."""
+    """Return the likelihood with smooth deviations of so many knots, under two combinations of hyperparameters."""
     rng, columns = np.random.default_rng(5), np.polynomial.chebyshev.chebvander(TIMES / 3 - 1, knots)[:, 1:]
     basis, upper = np.linalg.qr(columns)
     maps = np.array([0.004, 0.03])[:, None, None] * rng.standard_normal((2, knots, knots))
     shift, effects = columns @ np.full(knots, 0.01), upper @ maps / NOISE
-    deviation = Deviation(
-        exact().motions,
-        NOISE**2,
-        TIMES.size,
-        basis,
-        shift,
-        np.log([0.7, 0.3]),
-        maps,
-        effects,
-        np.full(2, 0.5),
-    )
+    noise = exact().motions, NOISE**2, TIMES.size
+    deviation = Deviation(*noise, basis, shift, np.log([0.7, 0.3]), maps, effects, np.full(2, 0.5))
     return replace(exact(), target=replace(exact().target, deviation=deviation))
 
 
@@ -61,18 +46,18 @@ def scores() -> np.ndarray:
     return exact().target.scores(TRUTH) + 0.01 * np.random.default_rng(1).standard_normal((4, 3))
 
 
-def test_no_knots_are_exact_laws() -> None:
-    """Value, gradient and information to rounding. Control: with a knot they are others."""
+def test_without_knots_the_laws_are_exact() -> None:
+    """Value, gradient and information agree to rounding. Control: with a knot they do not."""
     for z in scores():
-        ours, theirs, other = (of.curvature(z) for of in (deviating(0), exact(), deviating(1)))
-        for item, two, three in zip(ours, theirs, other, strict=True):
-            assert item == pytest.approx(two, rel=1e-12, abs=1e-9)
-            assert three != pytest.approx(two, rel=1e-6, abs=1e-6)
+        none, exactly, one_knot = (of.curvature(z) for of in (deviating(0), exact(), deviating(1)))
+        for a, b, control in zip(none, exactly, one_knot, strict=True):
+            assert a == pytest.approx(b, rel=1e-12, abs=1e-9)
+            assert control != pytest.approx(b, rel=1e-6, abs=1e-6)
         assert deviating(0).log_likelihood(z) == pytest.approx(exact().log_likelihood(z), rel=1e-12)
 
 
-def test_knots_are_a_mixture_of_dense_normal_distributions() -> None:
-    """Against SciPy's. Control: one combination alone."""
+def test_the_likelihood_is_that_of_a_mixture_of_dense_normal_distributions() -> None:
+    """By SciPy. Control: that of the first combination alone is another one."""
     of, z = deviating(3), scores()[0]
     deviation = of.target.deviation
     r = of.residual(z) + deviation.shift
@@ -81,7 +66,7 @@ def test_knots_are_a_mixture_of_dense_normal_distributions() -> None:
     assert of.log_likelihood(z) != pytest.approx(logs[0], abs=0.01)
 
 
-def test_the_slope_is_that_of_the_value() -> None:
+def test_the_gradient_is_that_of_differences() -> None:
     of = deviating(3)
     for z in scores():
         step = 1e-5 * np.eye(z.size)
@@ -90,8 +75,8 @@ def test_the_slope_is_that_of_the_value() -> None:
 
 
 def test_deviations_are_drawn_from_their_conditional_distribution() -> None:
-    """Mean and covariance of 4,000 draws under one combination, to five standard errors, against the joint normal
-    distribution. Control: the prior's mean is zero."""
+    """Mean and covariance of 4,000 draws under one combination, within five standard errors, against the joint normal
+    distribution. Control: the mean is far from the prior's, which is zero."""
     whole = deviating(2).target.deviation
     item = replace(whole, log_prior=np.zeros(1), maps=whole.maps[1:], effects=whole.effects[1:])
     r, rng = deviating(2).residual(scores()[0]), np.random.default_rng(2)
@@ -107,14 +92,14 @@ def test_deviations_are_drawn_from_their_conditional_distribution() -> None:
 
 
 def dense(deviation: Deviation) -> np.ndarray:
-    """Covariance of record minus motion under each combination, (c, n, n)."""
+    """Return the covariance of record minus motion under each combination, (c, n, n)."""
     effects = deviation.basis @ deviation.effects * NOISE
     return NOISE**2 * np.eye(TIMES.size) + effects @ np.swapaxes(effects, 1, 2)
 
 
 def test_whitening_and_information_are_those_of_the_dense_covariance() -> None:
-    """Under one combination the scores are linear in the residuals, with unit covariance; under two, the information is
-    the mean of the inverse covariances. Control: one of them alone."""
+    """Under one combination the scores are linear in the residuals, with unit covariance. Under two the information is
+    the mean of the inverse covariances. Control: it is not that of the first alone."""
     whole = deviating(3).target.deviation
     whole = replace(whole, probabilities=np.array([0.2, 0.8]))
     covariances, gaps = dense(whole), np.diff(TIMES)
@@ -132,26 +117,25 @@ def test_whitening_and_information_are_those_of_the_dense_covariance() -> None:
 
 
 def test_combinations_are_drawn_by_their_probabilities() -> None:
-    """1,000 draws, to five standard errors, of residuals that leave both combinations possible; and the mixture's
-    scores are those of the likeliest one."""
+    """1,000 draws, within five standard errors, for residuals of several sizes, so that each combination is the most
+    probable one for some of them. The whitened residuals are those of the most probable combination."""
     whole, rng, gaps = deviating(3).target.deviation, np.random.default_rng(4), np.diff(TIMES)
-    logs, r = np.zeros(2), np.zeros(TIMES.size)
-    found = set()
+    most_probable = set()
     for size in (0.5, 1.0, 2.0, 4.0, 16.0):
         r = size * NOISE * whole.basis.sum(axis=1) - whole.shift
         normals = [stats.multivariate_normal(cov=covariance) for covariance in dense(whole)]
         logs = np.log([0.7, 0.3]) + [normal.logpdf(r + whole.shift) for normal in normals]
-        found.add(int(np.argmax(logs)))
-        likeliest = whole.under(int(np.argmax(logs)))
-        assert whole.whiten(r, gaps, {}) == pytest.approx(likeliest.whiten(r, gaps, {}), abs=1e-12)
+        best = int(np.argmax(logs))
+        most_probable.add(best)
+        assert whole.whiten(r, gaps, {}) == pytest.approx(whole.under(best).whiten(r, gaps, {}), abs=1e-12)
         p = float(np.exp(logs[1] - logsumexp(logs)))
         share = np.mean([whole.combination_given(r, rng) for _ in range(1000)])
         assert abs(share - p) < 5 * np.sqrt(p * (1 - p) / 1000) + 1e-3
-    assert found == {0, 1}
+    assert most_probable == {0, 1}
 
 
 def test_a_mixture_has_no_density_of_single_samples() -> None:
     whole = deviating(3).target.deviation
     assert whole.priors(FEATURES) == whole.start(TIMES, np.diff(TIMES)) == {}
-    with pytest.raises(Refusal, match="independent only given the deviations"):
+    with pytest.raises(Refusal, match="no sample has a density of its own"):
         whole.log_likelihoods(TIMES, np.diff(TIMES), {})

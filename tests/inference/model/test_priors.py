@@ -1,4 +1,4 @@
-"""Priors: densities that integrate to one, scores that go back and forth, the same law in both."""
+"""Priors: densities, scores and their inverses against SciPy's distributions, and refusals."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ PRIORS = {
 
 @pytest.mark.parametrize("name", PRIORS)
 def test_density_and_scores_against_scipy(name):
+    """Scores are normal with the probabilities of the distribution; half-normals are reflected at zero."""
     prior, law = PRIORS[name]
     x = np.asarray(law.ppf(np.linspace(0.001, 0.999, 41)))
     np.testing.assert_allclose(np.asarray(prior.log_density(x)), law.logpdf(x), atol=1e-10)
@@ -37,9 +38,8 @@ def test_density_and_scores_against_scipy(name):
     np.testing.assert_allclose(np.asarray(prior.transform(z, *prior.numbers)), x, rtol=1e-10, atol=1e-12)
 
 
-def test_folded_scores():
-    assert HalfNormal(scale=0.1).reflected
-    assert not any(PRIORS[n][0].reflected for n in PRIORS if n != "halfnormal")
+def test_only_half_normals_are_reflected():
+    assert [name for name, (prior, _) in PRIORS.items() if prior.reflected] == ["halfnormal"]
     assert float(HalfNormal(scale=0.1).value(-2.0)) == float(HalfNormal(scale=0.1).value(2.0)) == 0.2
 
 
@@ -59,11 +59,11 @@ def test_scores_at_the_ends_are_finite():
         {"prior": "cauchy", "scale": 1.0},
     ],
 )
-def test_nonsense_is_refused(table):
+def test_invalid_priors_are_refused(table):
     with pytest.raises(ValidationError):
         TypeAdapter(Prior).validate_python(table)
 
 
-def test_a_score_far_out_is_a_finite_parameter() -> None:
-    """Proposals of heavy tails have such scores."""
+def test_a_very_large_score_has_a_finite_value() -> None:
+    """Proposals with heavy tails draw such scores."""
     assert math.isfinite(LogNormal.transform(2000.0, 1.0, 1.0))

@@ -1,4 +1,4 @@
-"""The posterior as a function: against SciPy, its gradient, its error budget, escapes."""
+"""The posterior as a function: its value, its derivatives, its numerical error, and motions that escape."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from bayesdamp.priors import (
 )
 from bayesdamp.types import InputError, Reference, Refusal, Seed, Signal, System
 from tests.inference import problems
-from tests.inference.problems import FEATURES
+from tests.inference.problems import FEATURES, linear_target
 
 
 def case(noise: str) -> tuple[Target, np.ndarray]:
-    """A record and scores at its mode; for Student's t the viscous + Coulomb record again, and scores near its mode."""
+    """Return a target and scores at its mode, or near it for Student's t, which has the record of Gaussian noise."""
     name = "coulomb_correlated" if noise == "correlated" else "viscous_coulomb"
     base, z = problems.target(name), problems.mode(name).z
     if noise != "student_t":
@@ -43,20 +43,20 @@ def case(noise: str) -> tuple[Target, np.ndarray]:
     return target, target.scores({**{n: float(v) for n, v in base.values(z).items()}, "noise_dof": 5.0})
 
 
-def test_posterior_at_the_truth():
-    """Prior and likelihood against those of the reference's own code, on LSODA trajectories."""
+def test_prior_and_likelihood_are_those_of_the_reference():
+    """At the true parameters, where the reference's own code used trajectories of SciPy's DOP853."""
     for name in problems.NAMES:
-        built, target = problems.reference(name), problems.target(name)
-        z = target.scores(built["truth"])
+        reference, target = problems.reference(name), problems.target(name)
+        z = target.scores(reference["truth"])
         result = Likelihood.near(target, z, 1e-8).log_likelihood(z)
-        assert result == pytest.approx(built["at_truth"]["log_likelihood"], abs=2e-3), name
-        prior = sum(float(p.log_density(built["truth"][n])) for n, p in target.priors.items())
-        assert prior == pytest.approx(built["at_truth"]["log_prior"], abs=1e-9), name
+        assert result == pytest.approx(reference["at_truth"]["log_likelihood"], abs=2e-3), name
+        prior = sum(float(p.log_density(reference["truth"][n])) for n, p in target.priors.items())
+        assert prior == pytest.approx(reference["at_truth"]["log_prior"], abs=1e-9), name
 
 
 @pytest.mark.parametrize("noise", ["gaussian", "correlated", "student_t"])
-def test_gradient_is_that_of_differences(noise):
-    """Off the mode, so that nothing vanishes; every score, those of the noise too."""
+def test_the_gradient_is_that_of_differences(noise):
+    """By every score, also those of the noise, and away from the mode. Control: the gradient is not zero there."""
     target, z = case(noise)
     z = z + 0.3 * np.linspace(-0.02, 0.03, z.size)
     likelihood = Likelihood.near(target, z, 1e-9)
@@ -65,11 +65,11 @@ def test_gradient_is_that_of_differences(noise):
     expected = differences(likelihood.log_posterior, z, 1e-5)
     scale = np.max(np.abs(expected))
     np.testing.assert_allclose(gradient, expected, atol=1e-5 * scale + 1e-3)
-    assert scale > 10  # negative control: the gradient does not vanish here
+    assert scale > 10
 
 
-def test_error_budget():
-    """A motion a thousand times more exact changes the log likelihood by less than the budget."""
+def test_a_more_exact_motion_changes_the_log_likelihood_by_less_than_the_bound():
+    """The tolerance is a thousandth."""
     for name in problems.NAMES:
         mode = problems.mode(name)
         assert mode.likelihood_error < MOST_CHANGE
@@ -77,9 +77,9 @@ def test_error_budget():
         assert abs(mode.likelihood.log_posterior(mode.z) - finer.log_posterior(mode.z)) < MOST_CHANGE, name
 
 
-def test_a_part_of_the_record():
-    """Its samples alone count, and the motion starts at the record's first. Of independent noise two parts make up the
-    whole; of correlated noise, the control, they do not."""
+def test_the_likelihood_of_a_part_of_the_record_counts_only_its_samples():
+    """The motion starts at the first sample of the record. Log likelihoods of two parts add up to that of the whole for
+    independent noise, but not for correlated noise, which is the control."""
     for name, independent in (("viscous_coulomb", True), ("coulomb_correlated", False)):
         mode = problems.mode(name)
         whole, half = mode.likelihood, problems.target(name).signal.t.size // 2
@@ -93,8 +93,8 @@ def test_a_part_of_the_record():
         assert abs(off) < MOST_CHANGE if independent else abs(off) > 1e-3
 
 
-def test_escape_has_no_likelihood_and_no_nan():
-    """A softening Duffing beyond its hilltop: −∞, in batches too, and the inner ones are finite."""
+def test_a_motion_that_escapes_has_a_log_likelihood_of_minus_infinity():
+    """For starts of a softening Duffing oscillator beyond its unstable equilibrium; for smaller ones it is finite."""
     t = np.linspace(0, 6, 80)
     priors: dict[str, Prior] = {"zeta": HalfNormal(scale=0.4), "cubic": Normal(mean=-60.0, sd=30.0)}
     priors["theta0"] = Normal(mean=0.3, sd=0.3)
@@ -116,8 +116,6 @@ def test_escape_has_no_likelihood_and_no_nan():
 
 
 REFERENCE = Reference(0.3, 4.47)
-
-
 STATED: dict[str, Prior] = {
     "stiffness": LogNormal(median=4.47**2, sigma=0.5),
     "gravity": Normal(mean=0.0, sd=0.5 * 4.47**2),
@@ -130,11 +128,11 @@ STATED: dict[str, Prior] = {
     "noise_dof": LogNormal(median=6.0, sigma=0.8),
     "epsilon": LogUniform(low=0.0005 * 0.3 * 4.47, high=0.05 * 0.3 * 4.47),
 }
-"""Half the stiffness for what stands beside it, twice the amplitude for angles and start."""
+"""Default priors. Other parts of the restoring force have half the stiffness, angles have twice the amplitude."""
 
 
-def test_default_priors_are_as_wide_as_is_said():
-    """Evidence depends on each of these numbers: none changes unseen. Damping has the same ratio for every term."""
+def test_default_priors_have_the_stated_widths():
+    """Evidence depends on each of these numbers. The coefficients of all terms have the same damping ratio."""
     osc = Oscillator(("viscous", "coulomb", "quadratic"), "duffing")
     for term in osc.terms:
         prior = default_prior(term.parameter, osc, "gaussian", REFERENCE, FEATURES)
@@ -148,8 +146,8 @@ def test_default_priors_are_as_wide_as_is_said():
         default_prior("softness", osc, "gaussian", REFERENCE, FEATURES)
 
 
-def test_build_target():
-    """What is known is known, what is free has its prior, ε is stated where it is neither."""
+def test_build_target_uses_the_known_values_and_the_given_priors():
+    """Otherwise priors are the default ones, and ε, which is neither known nor inferred here, has a default value."""
     t = np.linspace(0, 5, 100)
     signal, uniform = Signal(t, np.cos(4.5 * t)), Uniform(low=-1, high=1)
     free = {"theta0": None, "omega0": uniform, "noise_sd": None}
@@ -163,8 +161,8 @@ def test_build_target():
     assert build_target(signal, ("coulomb",), sharp, FEATURES, REFERENCE).known["epsilon"] == 0.0
 
 
-def test_draws_of_the_default_prior():
-    """Damping ratios are spread over all scales, and those of one draw have one scale; each other score is normal."""
+def test_draws_of_the_default_prior_have_one_scale_for_all_damping_ratios():
+    """Against the mixture of half-normals (false alarm 1e-4). Scores of other parameters are standard normal."""
     t = np.linspace(0, 5, 100)
     system = System("linear", {"rest_angle": 0.0, "epsilon": 0.03}, {})
     terms = ("viscous", "coulomb", "quadratic")
@@ -182,7 +180,7 @@ def test_draws_of_the_default_prior():
 
 @lru_cache
 def sharing() -> tuple[Likelihood, np.ndarray]:
-    """A record under default priors, of which two coefficients share a scale; scores off the mode."""
+    """Return a likelihood whose two coefficients have priors of one unknown scale, and scores away from its mode."""
     t = np.linspace(0, 5, 60)
     y = 0.3 * np.exp(-0.2 * t) * np.cos(4.47 * t) + 0.01 * np.random.default_rng(2).standard_normal(t.size)
     system = System("linear", {"rest_angle": 0.0}, {})
@@ -193,20 +191,20 @@ def sharing() -> tuple[Likelihood, np.ndarray]:
 
 
 def log_prior(likelihood: Likelihood, z: np.ndarray, scales: tuple[float, ...]) -> float:
-    """Log of the mean over scales of normal densities, by SciPy."""
+    """Return the log of the mean over scales of normal densities, by SciPy."""
     shared = likelihood.target.shared
     logs = [float(stats.norm.logpdf(z[shared], scale=s).sum()) for s in scales]
     return float(logsumexp(logs) - np.log(len(scales)) + stats.norm.logpdf(z[~shared]).sum())
 
 
 def differences(function: Callable[[np.ndarray], np.ndarray | float], z: np.ndarray, d: float) -> np.ndarray:
-    """Central differences of a function by each score."""
+    """Return the central differences of a function by each score."""
     return np.array([(function(z + s) - function(z - s)) / (2 * d) for s in d * np.eye(z.size)])
 
 
 @pytest.mark.parametrize("size", [0.05, 1.0, 3.0])
-def test_prior_of_coefficients_that_share_a_scale(size):
-    """The density, its slope and the factors of it; of all scales together and of one."""
+def test_the_prior_of_coefficients_that_share_a_scale_is_a_mean_over_scales(size):
+    """Its density and its slope, also with one scale; the folded density has a factor of two for each coefficient."""
     likelihood, z = sharing()
     target = likelihood.target
     z = np.where(target.shared, size * np.array([1.0, -0.7, 0, 0, 0, 0]), 0.4 * z)
@@ -220,9 +218,9 @@ def test_prior_of_coefficients_that_share_a_scale(size):
 
 
 @pytest.mark.parametrize("louder", [1.0, 30.0])
-def test_curvature_is_that_of_the_linearised_motion_and_of_the_noise(louder):
-    """JᵀJ/σ² by differences of the motion, the second derivative of the noise's density in closed form, and the prior's
-    factors; also where noise is far larger than the residuals. Control: without the prior's it is another."""
+def test_the_curvature_is_the_information_of_the_linearised_motion_of_the_noise_and_of_the_prior(louder):
+    """JᵀJ/σ² by differences of the motion, and the second derivative of the density by log σ in closed form, also where
+    the noise is far larger than the residuals. Control: without the prior the curvature is another one."""
     likelihood, z = sharing()
     z = z + np.log(louder) * np.eye(z.size)[-1]
     target, p = likelihood.target, likelihood.target.all_values(z)
@@ -239,31 +237,16 @@ def test_curvature_is_that_of_the_linearised_motion_and_of_the_noise(louder):
     assert np.abs(information - expected)[0, 0] > 0.01 * prior[0, 0] > 0
 
 
-def test_values_and_slopes_by_parameters():
-    """Without the prior, at parameters by name; escaping motions have no slope."""
+def test_whitened_residuals_are_those_in_units_of_the_sd():
     likelihood, z = sharing()
-    p = likelihood.target.all_values(z)
-    assert likelihood.log_likelihood_of(p) == pytest.approx(likelihood.log_likelihood(z), rel=1e-12)
-    value, slopes = likelihood.slopes_of(p)
-    assert value == pytest.approx(likelihood.log_likelihood(z), rel=1e-12)
-    assert slopes * likelihood.target.rates(z) == pytest.approx(
-        differences(likelihood.log_likelihood, z, 1e-5), rel=1e-3, abs=0.05
-    )
-    r = likelihood.residual(z)
-    assert likelihood.whitened(r, z) == pytest.approx(r / p["noise_sd"], rel=1e-12)
-    assert likelihood.information(r, z) == pytest.approx(float(r @ r) / p["noise_sd"] ** 2, rel=1e-12)
+    residual, sd = likelihood.residual(z), likelihood.target.all_values(z)["noise_sd"]
+    assert likelihood.whitened(residual, z) == pytest.approx(residual / sd, rel=1e-12)
 
 
-def test_a_linearised_motion_is_exact_where_the_motion_is_linear():
-    """A linear oscillator's motion is linear in its start; in its stiffness, the control, it is not."""
+def test_the_linearised_motion_is_exact_in_parameters_in_which_the_motion_is_linear():
+    """The motion of a linear oscillator is linear in its start, but not in its stiffness, which is the control."""
     t = np.linspace(0, 5, 60)
-    known = {"rest_angle": 0.0, "noise_sd": 0.02}
-    priors: dict[str, Prior] = {
-        "zeta": HalfNormal(scale=0.4), "stiffness": LogNormal(median=20.0, sigma=0.3),
-        "theta0": Normal(mean=0.0, sd=0.5), "omega0": Normal(mean=0.0, sd=1.0),
-    }  # fmt: skip
-    signal = Signal(t, 0.3 * np.cos(4.4 * t))
-    target = Target(signal, Oscillator(("viscous",), "linear"), "gaussian", priors, known)
+    target = linear_target(t, 0.3 * np.cos(4.4 * t), "viscous", {"noise_sd": 0.02})
     z = target.scores({"zeta": 0.2, "stiffness": 20.0, "theta0": 0.3, "omega0": 0.1})
     likelihood = Likelihood.near(target, z, 1e-10)
     line = likelihood.line(z)
@@ -274,9 +257,9 @@ def test_a_linearised_motion_is_exact_where_the_motion_is_linear():
         assert (along[2:] == pytest.approx(exact[2:], rel=1e-5)) is linear
 
 
-def test_a_step_follows_the_natural_coordinates_of_its_law():
-    """Its end has the natural coordinates of the straight line that begins as the step does. Control: the straight step
-    in scores has others; a law without natural coordinates is not followed."""
+def test_a_step_is_straight_in_the_natural_coordinates_of_the_law():
+    """Its end is that of the line with the step's initial direction. Control: a step that is straight in scores ends
+    elsewhere. For a law without natural coordinates steps are straight in scores."""
     t = np.linspace(0, 5, 60)
     law = LAWS.get("horizontal_pendulum")
     names = (*law.parameters, "theta0")
@@ -288,8 +271,8 @@ def test_a_step_follows_the_natural_coordinates_of_its_law():
     step = np.linspace(0.1, 0.4, z.size)
 
     def natural(at: np.ndarray) -> np.ndarray:
-        found = law.natural({n: float(v) for n, v in target.values(at).items()})
-        return np.array([found[n] for n in names])
+        coordinates = law.natural({n: float(v) for n, v in target.values(at).items()})
+        return np.array([coordinates[n] for n in names])
 
     end, d = target.follow_step(z, step), 1e-5
     expected = natural(z) + (natural(z + d * step) - natural(z - d * step)) / (2 * d)
@@ -301,16 +284,14 @@ def test_a_step_follows_the_natural_coordinates_of_its_law():
     assert likelihood.target.follow_step(other, straight) == pytest.approx(other + straight, abs=1e-12)
 
 
-def test_scores_and_values_go_back_and_forth():
+def test_scores_and_values_are_inverse_functions():
+    """A coefficient without a value has a score of 0.5, and scores are at most 6."""
     likelihood, z = sharing()
     target = likelihood.target
     values = {n: float(v) for n, v in target.values(z).items()}
     assert target.scores(values) == pytest.approx(z, abs=1e-9)
-    assert target.all_values(z) == pytest.approx({**target.known, **values})
     missing = target.scores({**{n: v for n, v in values.items() if n != "zeta"}, "theta0": 1e6})
     assert (missing[0], missing[target.names.index("theta0")]) == (0.5, 6.0)
-    slopes = [differences(lambda u, n=n: target.values(u)[n], z, 1e-6)[i] for i, n in enumerate(target.names)]
-    assert target.rates(z) == pytest.approx(slopes, rel=1e-6)
     motion_alone = {n: p for n, p in target.priors.items() if n != "noise_sd"}
     with pytest.raises(ValueError, match="neither known nor inferred: noise_sd"):
         Target(target.signal, target.oscillator, "gaussian", motion_alone, target.known)

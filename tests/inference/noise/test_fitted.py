@@ -1,4 +1,4 @@
-"""A noise model on given residuals: its evidence, and the least squares that lead to its mode."""
+"""Noise fitted to residuals: its evidence, and the variances and working residuals of repeated least squares."""
 
 from __future__ import annotations
 
@@ -28,40 +28,42 @@ def straight_line(noise: FittedNoise, y: np.ndarray, columns: np.ndarray, rounds
 
 
 def test_working_residuals_lead_to_the_mode_of_the_density():
-    """SciPy's maximum of Student's likelihood; one fit to the record itself is far from it."""
+    """Student's likelihood, whose maximum SciPy finds. Control: one fit to the record itself is far from it."""
     rng = np.random.default_rng(1)
     columns = np.column_stack([np.cos(4 * T), np.sin(4 * T)])
     y = columns @ [1.0, 0.5] + 0.05 * rng.standard_t(2.0, T.size)
     noise = FittedNoise("student_t", {"noise_sd": 0.05, "noise_dof": 2.0})
 
-    def depth(c: np.ndarray) -> float:
+    def negative_log_likelihood(c: np.ndarray) -> float:
         return -float(np.sum(stats.t.logpdf((y - columns @ c) / 0.05, 2.0)))
 
     fine = {"xatol": 1e-9, "fatol": 1e-9}
-    best = optimize.minimize(depth, [1.0, 0.5], method="Nelder-Mead", options=fine).x
+    best = optimize.minimize(negative_log_likelihood, [1.0, 0.5], method="Nelder-Mead", options=fine).x
     sd = 0.05 * np.sqrt(2 / T.size)
     assert np.abs(straight_line(noise, y, columns, 20) - best).max() < 1e-3 * sd
     assert np.abs(straight_line(noise, y, columns, 0) - best).max() > 0.3 * sd
 
 
-def test_variance_of_heavy_tails():
-    """Student's Fisher information is (ν + 1)/(ν + 3)/σ²; 2000 samples leave a few per cent."""
-    r = 0.1 * np.random.default_rng(2).standard_t(3.0, T.size)
+def test_the_variance_of_heavy_tails_is_the_inverse_of_students_information():
+    """Fisher's information is (ν + 1)/(ν + 3)/σ², to a few per cent with 2,000 samples. Far out, where the density is
+    convex and the observed information negative, 0.3 of it is used."""
     noise = FittedNoise("student_t", {"noise_sd": 0.1, "noise_dof": 3.0})
+    r = 0.1 * np.random.default_rng(2).standard_t(3.0, T.size)
     assert noise.variance(r, np.cos(4 * T), GAPS) == pytest.approx(0.1**2 * 6 / 4, rel=0.1)
+    far = 50.0 * np.ones(T.size)
+    assert noise.variance(far, np.cos(4 * T), GAPS) == pytest.approx(0.1**2 * 6 / 4 / 0.3, rel=1e-9)
 
 
 @pytest.mark.parametrize("frequency", [0.5, 4.0, 30.0])
-def test_variance_of_correlated_noise(frequency: float):
-    """It is the power of an autoregressive process of order 1 at the frequency of the shift."""
+def test_the_variance_of_correlated_noise_is_its_power_at_the_frequency_of_the_shift(frequency: float):
+    """The noise is an autoregressive process of order 1."""
     rho = np.exp(-0.01 / 0.05)
     power = (1 - rho**2) / (1 - 2 * rho * np.cos(0.01 * frequency) + rho**2)
     noise = FittedNoise("correlated", {"noise_sd": 1.0, "noise_time": 0.05})
-    found = noise.variance(np.ones(T.size), np.cos(frequency * T), GAPS)
-    assert found == pytest.approx(power, rel=0.05)
+    assert noise.variance(np.ones(T.size), np.cos(frequency * T), GAPS) == pytest.approx(power, rel=0.05)
 
 
-def test_gaussian_noise_is_least_squares():
+def test_gaussian_noise_gives_plain_least_squares():
     """Its variance is that of every sample, and its working residuals are the residuals."""
     noise, r = FittedNoise("gaussian", {"noise_sd": 0.3}), np.sin(7 * T) + 0.1
     variance = noise.variance(r, np.cos(4 * T), GAPS)
@@ -69,40 +71,35 @@ def test_gaussian_noise_is_least_squares():
     np.testing.assert_allclose(noise.working_residuals(r, GAPS, variance), r, rtol=1e-6)
 
 
-def test_information_is_never_less_than_a_share_of_what_is_expected():
-    """Far out, a Student t is convex: its observed information is negative there, and the floor holds."""
-    r = 50.0 * np.ones(T.size)
-    noise = FittedNoise("student_t", {"noise_sd": 0.1, "noise_dof": 3.0})
-    assert noise.variance(r, np.cos(4 * T), GAPS) == pytest.approx(0.1**2 * 6 / 4 / 0.3, rel=1e-9)
-
-
 def student(r: np.ndarray, sd: np.ndarray, dof: np.ndarray) -> np.ndarray:
-    """Log density of residuals, (n,), under scales and degrees of freedom of one shape."""
+    """Return the log densities of residuals (n,) for scales and degrees of freedom of the same shape."""
     return np.asarray(stats.t.logpdf(r, dof[..., None], scale=sd[..., None]).sum(axis=-1))
 
 
 def test_evidence_and_mode_against_quadrature():
-    """Over the score of the sd on a fine grid; of a Student t over both scores. Control: another prior, or a parameter
-    that is known, gives another evidence."""
+    """On a grid of the score of the sd, and for Student's t on one of both scores. Control: another prior and a known
+    parameter give another evidence."""
     signal, z = Signal(T[:301], np.zeros(301)), np.linspace(-3.0, 3.0, 2001)
     rng = np.random.default_rng(3)
     r = SD * rng.standard_normal(301)
 
-    def summed(log: np.ndarray, *steps: float) -> float:
+    def integral(log: np.ndarray, *steps: float) -> float:
         return float(log.max() + np.log(np.sum(np.exp(log - log.max())) * np.prod(steps)))
 
     result = fit_noise("gaussian", r, signal, FEATURES)
     sd = FEATURES.roughness * np.exp(z)
     log = stats.norm.logpdf(z) + np.array([stats.norm.logpdf(r, scale=s).sum() for s in sd])
-    assert result.log_evidence == pytest.approx(summed(log, z[1] - z[0]), abs=0.01)
+    assert result.log_evidence == pytest.approx(integral(log, z[1] - z[0]), abs=0.01)
     assert result.values["noise_sd"] == pytest.approx(sd[np.argmax(log)], rel=0.004)
 
     r = SD * rng.standard_t(3.0, 301)
-    one, two = np.meshgrid(np.linspace(-1.6, -0.4, 61), np.linspace(-2.5, 1.5, 61), indexing="ij")
-    sd, dof = FEATURES.roughness * np.exp(one), 6.0 * np.exp(0.8 * two)
-    log = student(r, sd, dof) + stats.norm.logpdf(one) + stats.norm.logpdf(two)
+    sd_scores, dof_scores = np.meshgrid(
+        np.linspace(-1.6, -0.4, 61), np.linspace(-2.5, 1.5, 61), indexing="ij"
+    )
+    sd, dof = FEATURES.roughness * np.exp(sd_scores), 6.0 * np.exp(0.8 * dof_scores)
+    log = student(r, sd, dof) + stats.norm.logpdf(sd_scores) + stats.norm.logpdf(dof_scores)
     result = fit_noise("student_t", r, signal, FEATURES)
-    assert result.log_evidence == pytest.approx(summed(log, 1.2 / 60, 4.0 / 60), abs=0.05)
+    assert result.log_evidence == pytest.approx(integral(log, 1.2 / 60, 4.0 / 60), abs=0.05)
     best = np.unravel_index(np.argmax(log), log.shape)
     assert result.values["noise_sd"] == pytest.approx(sd[best], rel=0.02)
     assert result.values["noise_dof"] == pytest.approx(dof[best], rel=0.06)
@@ -115,7 +112,7 @@ def test_evidence_and_mode_against_quadrature():
     assert wide.log_evidence - result.log_evidence == pytest.approx(expected, abs=0.6)
 
 
-def test_the_likeliest_and_how_far_ahead():
+def test_the_most_probable_noise_is_ahead_by_the_difference_in_evidence():
     models = (FittedNoise("gaussian", {}, -3.0), FittedNoise("student_t", {}, 4.0))
     noise = SampleNoise(FittedNoise("student_t", {}, 4.0), models)
     assert (noise.name, noise.likeliest, noise.ahead) == ("student_t", "student_t", 7.0)

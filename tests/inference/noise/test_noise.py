@@ -1,4 +1,4 @@
-"""Noise models against SciPy's densities, their derivatives, and what whitening does."""
+"""Noise models: densities and derivatives against SciPy's, drawn noise, whitened noise and information."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ NAMES = NOISES.names()
 
 
 def drawn(name: str, rng: np.random.Generator, size: int = 1) -> np.ndarray:
-    """Noise of this model at T, by SciPy and NumPy alone, shape (size, n)."""
+    """Return noise of this model at T, by SciPy and NumPy alone, shape (size, n)."""
     if name == "gaussian":
         return P["noise_sd"] * rng.standard_normal((size, T.size))
     if name == "student_t":
         return P["noise_sd"] * rng.standard_t(P["noise_dof"], (size, T.size))
     if name == "quantised":
-        # Of a motion that passes over the steps, so that its values have any place between two of them.
+        # The motion is uniform between two steps.
         step, motion = P["noise_step"], rng.uniform(-1, 1, (size, T.size))
         return step * np.round((motion + P["noise_sd"] * rng.standard_normal((size, T.size))) / step) - motion
     return rng.standard_normal((size, T.size)) @ np.linalg.cholesky(KERNEL).T
 
 
 def density(name: str, r: np.ndarray, p: dict[str, float] = P) -> np.ndarray:
-    """Log densities of independent residuals, (n,), or that of all correlated ones, (), by SciPy."""
+    """Return the log densities of independent residuals, (n,), or that of correlated ones, (), by SciPy."""
     sd = p["noise_sd"]
     if name == "gaussian":
         return stats.norm.logpdf(r, scale=sd)
@@ -47,7 +47,7 @@ def density(name: str, r: np.ndarray, p: dict[str, float] = P) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_log_likelihood(name):
+def test_the_log_likelihood_is_that_of_scipy(name):
     model = NOISES.get(name)
     for r in drawn(name, np.random.default_rng(1), 3):
         expected = density(name, r)
@@ -57,8 +57,8 @@ def test_log_likelihood(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_slope(name):
-    """Against central differences of SciPy's density, one residual at a time; not at other residuals."""
+def test_the_slope_is_that_of_scipys_density(name):
+    """By central differences for one residual at a time. Control: the slope at other residuals is another one."""
     r = drawn(name, np.random.default_rng(1))[0]
     step = 1e-4 * P["noise_sd"]
     moved = [(density(name, r + e), density(name, r - e)) for e in step * np.eye(r.size)]
@@ -69,8 +69,8 @@ def test_slope(name):
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "correlated"])
-def test_slope_that_a_user_s_independent_noise_has(name):
-    """The default, by differences of the density, against the closed forms of the models that ship."""
+def test_the_default_slope_of_a_users_noise_is_the_closed_form(name):
+    """The default uses differences of the density; the included models have closed forms."""
     model, r = NOISES.get(name), drawn(name, np.random.default_rng(1))[0]
     assert isinstance(model, IndependentNoise)
     expected = model.slope(r, GAPS, P)
@@ -79,8 +79,8 @@ def test_slope_that_a_user_s_independent_noise_has(name):
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("share", [1e-3, 1.0, 1e3])
-def test_parameter_slopes(name, share):
-    """Against central differences, which are the default, for noise that is fast, slow and in between."""
+def test_slopes_by_parameters_are_those_of_differences(name, share):
+    """For correlation times that are short, long and in between."""
     model, p = NOISES.get(name), {**P, "noise_time": share * P["noise_time"]}
     r = drawn(name, np.random.default_rng(1))[0]
     expected = NoiseModel.parameter_slopes(model, r, GAPS, p)
@@ -92,8 +92,8 @@ def test_parameter_slopes(name, share):
 @pytest.mark.parametrize(
     "method", ["log_likelihood", "slope", "information_root", "whiten", "log_likelihoods"]
 )
-def test_leading_axes(name, method):
-    """Six records at once, with parameters by draw, as one after the other."""
+def test_several_records_at_once_have_the_values_of_single_ones(name, method):
+    """Six records, whose parameters differ or are the same. Control: different records have different values."""
     model, rng = NOISES.get(name), np.random.default_rng(7)
     r = drawn(name, rng, 6).reshape(2, 3, T.size)
     p = {n: P[n] * rng.uniform(0.5, 2.0, (2, 3)) for n in (*model.parameters, *model.constants)}
@@ -108,8 +108,8 @@ def test_leading_axes(name, method):
     assert not np.allclose(shared[0, 1], together[0, 1], rtol=1e-6)
 
 
-def test_rounded_noise_keeps_its_digits_in_the_tails():
-    """A step that is small against the noise changes nothing, 300 sds away either; where it is not small it does."""
+def test_a_small_recording_step_changes_neither_density_nor_slope():
+    """Up to 300 sds away. Control: a larger step does change the slope."""
     r = np.array([-6.0, -0.5, -0.001, 0.0, 0.001, 0.5, 6.0])
     gaps = np.ones(r.size - 1)
     gaussian, quantised = NOISES.get("gaussian"), NOISES.get("quantised")
@@ -122,15 +122,15 @@ def test_rounded_noise_keeps_its_digits_in_the_tails():
 
 
 def is_white(scores: np.ndarray) -> bool:
-    """Normal (Kolmogorov–Smirnov) and uncorrelated. False alarms: 1e-3 and 1e-4."""
+    """Return whether scores are normal (Kolmogorov–Smirnov) and uncorrelated. False alarms: 1e-3 and 1e-4."""
     lag = np.mean(scores[:, 1:] * scores[:, :-1]) * np.sqrt(scores[:, 1:].size)
     return bool(abs(lag) < 3.9 and stats.kstest(scores.ravel(), "norm").pvalue > 1e-3)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_noise_is_drawn_and_whitened_to_white_noise(name):
-    """4,000 scores of noise from outside, and of a model's own; the latter, where it is rounded, by its variance with
-    Sheppard's correction. Control: residuals divided by their sd alone are not white."""
+    """4,000 scores of SciPy's noise, and of the model's own. Rounded noise has the variance of Sheppard's correction.
+    Control: residuals that are only divided by their sd are not white."""
     model, rng = NOISES.get(name), np.random.default_rng(6)
     many = drawn(name, np.random.default_rng(2), 40)
     own = np.array([model.draw(rng, GAPS, P) for _ in range(40)])
@@ -144,8 +144,8 @@ def test_noise_is_drawn_and_whitened_to_white_noise(name):
         assert is_white(model.whiten(own, GAPS, P))
 
 
-def test_correlated_residuals_given_all_others():
-    """Against the conditional normal distributions of the dense covariance."""
+def test_log_densities_of_correlated_residuals_are_those_given_all_others():
+    """By the conditional normal distributions of the dense covariance."""
     r, precision = drawn("correlated", np.random.default_rng(1))[0], np.linalg.inv(KERNEL)
     sd = np.diag(precision) ** -0.5
     expected = stats.norm.logpdf(r, r - precision @ r * sd**2, sd)
@@ -154,10 +154,7 @@ def test_correlated_residuals_given_all_others():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_information_is_the_mean_curvature(name):
-    """RᵀR against the mean of −∂² log density over 4,000 drawn residuals, in a direction; within 5 %.
-
-    The curvature of the normal models does not depend on the draw; that of the t scatters by 0.4 % here.
-    """
+    """RᵀR is the mean of −∂² log density over 40,000 drawn residuals, within 5 %: Student's scatters by 0.4 %."""
     model = NOISES.get(name)
     v, step = np.sin(3 * T), 1e-4 * P["noise_sd"]
     many = drawn(name, np.random.default_rng(3), 400)
@@ -168,7 +165,7 @@ def test_information_is_the_mean_curvature(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_start_is_near_and_contract(name):
+def test_the_start_is_near_the_truth_and_names_are_consistent(name):
     model = NOISES.get(name)
     assert isinstance(model, NoiseModel)
     assert model.name == name
@@ -179,7 +176,7 @@ def test_start_is_near_and_contract(name):
         assert 1 / 3 < value / P[n] < 3, n
 
 
-def test_a_record_without_steps_has_no_quantised_noise():
+def test_quantised_noise_needs_a_recording_step():
     t = np.linspace(0.0, 5.0, 50)
     with pytest.raises(Refusal, match="recording step"):
         NOISES.get("quantised").read(Signal(t, np.cos(t)))

@@ -1,4 +1,4 @@
-"""The fast answers against reference posteriors, and whether they say where they are poor."""
+"""Approximate posteriors against references, and their outcomes where they are poor."""
 
 from __future__ import annotations
 
@@ -21,15 +21,14 @@ CASES = [
     ("kalman", "touching_zero"),
 ]
 BEYOND = {("laplace", "coulomb_correlated"): {"noise_sd", "noise_time"}}
-"""What misses the tolerances: the posterior of correlated noise is skewed, and its mode is not its mean."""
+"""Parameters outside the tolerances: the posterior of correlated noise is skewed, and its mode is not its mean."""
 WIDTHS = {"laplace": (0.8, 1.2), "variational": (0.7, 1.2), "kalman": (0.75, 1.25)}
-"""Of sds over those of the reference; the variational ones are 0.66 to 0.92 by the seed where friction touches zero."""
+"""Ranges of sds over those of the reference. The variational ones are 0.66 to 0.92 if friction touches zero."""
 
 
 @pytest.mark.parametrize(("sampler", "name"), CASES)
-def test_against_the_reference(sampler, name):
-    """Means within 0.3 sd and sds within a fifth or a quarter, also where friction touches zero. Where not, the outcome
-    says so."""
+def test_means_and_sds_are_those_of_the_reference_or_the_outcome_is_poor(sampler, name):
+    """Means within 0.3 sd, and sds within a fifth or a quarter, also if friction touches zero."""
     posterior, missed = problems.posterior(name, sampler), set()
     least, most = WIDTHS[sampler]
     for parameter, s in problems.reference(name)["posterior"].items():
@@ -44,8 +43,8 @@ def test_against_the_reference(sampler, name):
 
 
 def test_the_running_estimates_of_the_filter_end_at_the_posterior():
-    """Of a parameter that is hardly moved by the coefficients' end at zero. Later samples narrow the band, and it
-    contains the end."""
+    """For a parameter that does not depend much on the wall at zero. More samples never widen the band, and it always
+    contains the final mean."""
     posterior = problems.posterior("viscous_coulomb", "kalman")
     start = problems.reference("viscous_coulomb")["posterior"]["omega0"]
     i = posterior.running.index("omega0")
@@ -57,18 +56,18 @@ def test_the_running_estimates_of_the_filter_end_at_the_posterior():
     assert np.all(np.abs(mean[late] - mean[-1]) < 4 * sd[late])
 
 
-def test_what_the_filter_refuses():
+def test_the_filter_refuses_correlated_noise_and_exact_friction():
     kalman, touching = SAMPLERS.get("kalman"), problems.target("touching_zero")
     exact = replace(touching, known={**touching.known, "epsilon": 0.0})
     correlated = problems.target("coulomb_correlated")
-    for target, why in ((correlated, "independent, normal noise"), (exact, "ε above 0")):
-        with pytest.raises(Refusal, match=why):
+    for target, reason in ((correlated, "independent, normal noise"), (exact, "exact dry friction")):
+        with pytest.raises(Refusal, match=reason):
             kalman.sample(target, problems.mode("touching_zero"), Settings())
 
 
 @pytest.mark.parametrize(("shift", "stretch"), [(0.0, 1.0), (0.6, 1.0), (0.0, 0.6)])
-def test_a_wrong_normal_is_called_poor(shift, stretch):
-    """Negative controls: a normal that is shifted by so many sds, or of another width."""
+def test_a_wrong_normal_distribution_is_a_poor_approximation(shift, stretch):
+    """Negative controls: it is shifted by so many sds, or has another width."""
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     right = laplace(target, mode)
     sd = np.sqrt(np.diag(right.covariance))
@@ -80,7 +79,7 @@ def test_a_wrong_normal_is_called_poor(shift, stretch):
     assert (posterior.outcome == "ok") is (shift == 0.0 and stretch == 1.0)
 
 
-def test_what_does_not_converge_is_refused(monkeypatch):
+def test_a_variational_posterior_that_does_not_converge_is_refused(monkeypatch):
     monkeypatch.setattr(variational, "MOST_BLOCKS", 2)
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     with pytest.raises(Refusal, match="did not converge in 100 steps"):

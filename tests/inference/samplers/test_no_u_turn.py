@@ -1,4 +1,4 @@
-"""The no-U-turn sampler against closed forms, between walls against rejection sampling, and its flights."""
+"""The no-U-turn sampler between walls, against rejection sampling."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _ROOT = np.tril(np.random.default_rng(12).uniform(-0.5, 0.5, (D, D)), -1)
 COVARIANCE = (np.eye(D) + _ROOT) @ (np.eye(D) + _ROOT).T
 PRECISION = np.linalg.inv(COVARIANCE)
 TWO = (np.eye(D)[[0, 4]] + 0.3 * np.eye(D)[[1, 2]], np.array([0.0, 0.3]))
-"""Two oblique walls that cut off nearly two thirds of the normal."""
+"""Two oblique walls, beyond which is nearly two thirds of the normal distribution."""
 SIGMAS = 5.0
-"""Monte Carlo errors that a moment may be off: a false alarm in 1.7 million, in 10⁵ for the ten of a test."""
+"""Monte Carlo errors by which a moment may be off: a false alarm in 100,000 for the ten moments of a test."""
 
 
 @dataclass(frozen=True)
-class CutOff:
-    """A correlated normal within walls; what the force is that moves proposals, as a multiple of its gradient."""
+class TruncatedByWalls:
+    """A correlated normal distribution within walls. The force on proposals is a multiple of its gradient."""
 
     walls: np.ndarray
     offsets: np.ndarray
@@ -39,8 +39,8 @@ class CutOff:
         return -self.scale * (PRECISION @ (u - MEAN))
 
 
-def off(u: np.ndarray, mean: np.ndarray, square: np.ndarray, errors: np.ndarray) -> float:
-    """Largest departure of the means and mean squares, in Monte Carlo errors of both sides (errors: the other's)."""
+def largest_departure(u: np.ndarray, mean: np.ndarray, square: np.ndarray, errors: np.ndarray) -> float:
+    """Return the largest departure of means and mean squares in Monte Carlo errors. errors: those of the other side."""
     moments = np.concatenate([u, u**2], axis=-1)
     own = np.array([diagnostics.monte_carlo_error(moments[..., i]) for i in range(2 * D)])
     return float(np.max(np.abs(moments.mean(axis=(0, 1)) - np.r_[mean, square]) / np.hypot(own, errors)))
@@ -48,30 +48,29 @@ def off(u: np.ndarray, mean: np.ndarray, square: np.ndarray, errors: np.ndarray)
 
 @lru_cache
 def by_rejection() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Means, mean squares, (D,), and the errors of both, (2 D,), of the normal within the two walls."""
+    """Return means and mean squares, (D,), and the errors of both, (2 D,), of the distribution within two walls."""
     drawn = np.random.default_rng(3).multivariate_normal(MEAN, COVARIANCE, 1_000_000)
-    left = drawn[np.all(drawn @ TWO[0].T + TWO[1] >= 0, axis=1)]
-    assert 200_000 < len(left) < 800_000
-    both = np.concatenate([left, left**2], axis=1)
-    return both[:, :D].mean(axis=0), both[:, D:].mean(axis=0), both.std(axis=0) / np.sqrt(len(left))
+    inside = drawn[np.all(drawn @ TWO[0].T + TWO[1] >= 0, axis=1)]
+    assert 200_000 < len(inside) < 800_000
+    both = np.concatenate([inside, inside**2], axis=1)
+    return both[:, :D].mean(axis=0), both[:, D:].mean(axis=0), both.std(axis=0) / np.sqrt(len(inside))
 
 
 @pytest.mark.parametrize("force", [1.0, 0.7])
-def test_a_normal_between_two_walls(force: float) -> None:
-    """By rejection; also where the force is not the density's own. The control: moments of the whole normal are
-    others."""
+def test_draws_between_two_walls_have_the_moments_of_rejection_sampling(force: float) -> None:
+    """Also if the force is not the gradient of the density. Control: the moments without walls are other ones."""
     mean, square, errors = by_rejection()
-    space, start = CutOff(*TWO, force), MEAN + np.array([1.0, 0.5, 0.0, 0.0, 1.0])
+    space, start = TruncatedByWalls(*TWO, force), MEAN + np.array([1.0, 0.5, 0.0, 0.0, 1.0])
     chains = [Chain(space, 0.6, np.random.default_rng([1, k])) for k in range(CHAINS)]
     u = np.stack([c.sample(start, space.log_density(start), COUNT + 100)[0][100:] for c in chains])
     assert np.all(u @ TWO[0].T + TWO[1] > -1e-12)
-    assert off(u, mean, square, errors) < SIGMAS
+    assert largest_departure(u, mean, square, errors) < SIGMAS
     sd = np.sqrt(np.diag(COVARIANCE))
-    assert off(u, MEAN, MEAN**2 + sd**2, errors) > 2 * SIGMAS
+    assert largest_departure(u, MEAN, MEAN**2 + sd**2, errors) > 2 * SIGMAS
 
 
-def test_too_many_bounces_end_nowhere() -> None:
-    """Between two walls that are close, four bounces for each are allowed."""
+def test_a_path_with_too_many_reflections_has_no_end() -> None:
+    """Four reflections for each wall are allowed."""
     walls, offsets = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([0.5, 0.5])
     u, _ = drift(np.zeros(2), np.array([1.0, 0.3]), 7.0, walls, offsets)
     np.testing.assert_allclose(u, [0.0, 2.1], atol=1e-12)

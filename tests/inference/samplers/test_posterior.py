@@ -1,4 +1,4 @@
-"""Samplers: the same posterior from two of them, and from a reference made by other means."""
+"""Samplers against reference posteriors, and their diagnostics and shared rules."""
 
 from __future__ import annotations
 
@@ -17,32 +17,33 @@ from bayesdamp.types import OK, Posterior, Seed
 from tests.inference import problems
 
 BARS = {"nuts": (0.05, 0.03)}
-"""Largest departure from a reference by sampler: of a mean in sds, of an sd as a share."""
+"""Largest departures from a reference: of a mean in sds, and of an sd as a share."""
 WIDER = (0.1, 0.06)
 
 
 def departures(posterior: Posterior, name: str) -> list[str]:
-    """What differs from the reference by more than the sampler's bars.
+    """Return the means and sds that differ from the reference by more than the bars of the sampler.
 
-    The reference's means have errors of about 0.005 sd and its sds of 0.4 %. NUTS has an ESS of about 10,000 here,
-    errors of 0.01 sd and 0.7 %: its bars are at four standard errors or more, a false alarm in 400 over 16
-    parameters. The ensembles stop at an ESS of 1,100, errors of 0.03 sd and 2 %; bars at three, and one seed.
+    Means of the reference have errors of about 0.005 sd, and its sds of 0.4 %. NUTS has an ESS of about 10,000 and
+    errors of 0.01 sd and 0.7 %: its bars are four standard errors or more, a false alarm in 400 for 16 parameters. The
+    ensembles stop at an ESS of 1,100 with errors of 0.03 sd and 2 %; their bars are three errors, for one seed.
     """
     mean_bar, sd_bar = BARS.get(posterior.sampler, WIDER)
-    collected = []
+    names = []
     for i, n in enumerate(posterior.names):
         x, expected = posterior.draws[..., i], problems.reference(name)["posterior"][n]
         if abs(x.mean() - expected["mean"]) > mean_bar * expected["sd"]:
-            collected.append(f"mean of {n}")
+            names.append(f"mean of {n}")
         if abs(x.std(ddof=1) / expected["sd"] - 1) > sd_bar:
-            collected.append(f"sd of {n}")
-    return collected
+            names.append(f"sd of {n}")
+    return names
 
 
 @pytest.mark.parametrize(
     ("sampler", "name"), [*(("nuts", name) for name in problems.NAMES), ("emcee", "touching_zero")]
 )
-def test_against_the_reference(sampler, name):
+def test_moments_and_quantiles_are_those_of_the_reference(sampler, name):
+    """With an ESS of 2,000 and more, outer quantiles have errors of 0.06 sd, and inner ones of 0.03."""
     posterior = problems.posterior(name, sampler)
     assert posterior.outcome == "ok"
     assert departures(posterior, name) == []
@@ -50,14 +51,13 @@ def test_against_the_reference(sampler, name):
         assert s["rhat"] <= 1.01
         assert min(s["ess_bulk"], s["ess_tail"]) >= 400
         expected = problems.reference(name)["posterior"][parameter]
-        # With ESS of 2,000 and more on both sides the outer quantiles are uncertain by 0.06 sd, the inner by 0.03.
         for q, label in zip(expected["quantiles"], ("q2.5", "q25", "median", "q75", "q97.5")):
             allowed = 0.25 if label in ("q2.5", "q97.5") else 0.15
             assert abs(s[label] - q) < allowed * expected["sd"], (parameter, label)
 
 
-def test_negative_control_half_the_noise():
-    """The same posterior with the noise held at half of what it is."""
+def test_the_reference_detects_half_the_noise():
+    """Negative control: the same posterior with the noise fixed at half its size."""
     name = "viscous_coulomb"
     target, reference = problems.target(name), problems.reference(name)
     half = 0.5 * reference["posterior"]["noise_sd"]["mean"]
@@ -68,8 +68,8 @@ def test_negative_control_half_the_noise():
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS.names())
-def test_contract(sampler):
-    """Names, shapes, log likelihoods that belong to the draws, and the same draws again under the same seed."""
+def test_a_sampler_returns_draws_with_their_log_likelihoods_and_repeats_them_for_a_seed(sampler):
+    """Names and shapes are those of the target, and coefficients are not negative."""
     plugin = SAMPLERS.get(sampler)
     assert isinstance(plugin, Sampler)
     assert plugin.name == sampler
@@ -99,7 +99,7 @@ def test_the_shortest_interval_of_an_exponential_distribution_begins_at_zero() -
     assert [row["mean"], row["sd"]] == pytest.approx([1.0, 1.0], rel=1e-3)
 
 
-def test_draws_that_are_not_to_be_trusted_are_said_to_be():
+def test_too_few_draws_and_chains_that_disagree_are_reported():
     rng = np.random.default_rng(0)
     few = diagnostics.summarise(rng.normal(size=(4, 60)))
     assert "too few draws" in diagnostics.verdict({"zeta": {**few, "rhat": 1.0}})
@@ -110,9 +110,8 @@ def test_draws_that_are_not_to_be_trusted_are_said_to_be():
     assert diagnostics.verdict({"zeta": good}) == "ok"
 
 
-def test_too_few_draws_are_added_to():
-    """What was drawn stays, and new draws have their own likelihoods. No more than three times the draws are taken
-    where these do not suffice either."""
+def test_draws_are_added_to_too_few_ones():
+    """The first draws stay, and new draws have their own log likelihoods."""
     target, mode = problems.target("viscous_coulomb"), problems.mode("viscous_coulomb")
     few = Settings(chains=4, warmup=100, draws=130, seed=2)
     run = Nuts().run_chains(mode, whitening_of(target, mode), few)
