@@ -17,16 +17,15 @@ def verdict(value: float = 0.02, damping: str = "viscous", decided: bool = True)
     return replace(Verdict("a", Grade.EXACT, decided, damping, 0.9), damping_ratio=(ratio,))
 
 
-def test_a_ratio_that_moved_does_not_confirm_and_has_its_size() -> None:
-    """A move is counted in the intervals that were quoted. Control: in the narrower ones of the second verdict it would
-    be ten times as many."""
+def test_a_ratio_that_moves_by_half_its_sd_or_more_does_not_confirm() -> None:
+    """In standard deviations of the first verdict, also where the second verdict has ten times narrower intervals."""
     assert agreement(verdict(), verdict(0.02 + 0.9 * AGREEMENT_SDS * 1e-4)).confirms
     second = verdict(0.0203)
     narrow = replace(second, damping_ratio=(replace(second.damping_ratio[0], low=0.02028, high=0.02032),))
     for other in (second, narrow):
-        found = agreement(verdict(), other)
-        assert (found.same, found.confirms) == (True, False)
-        assert abs(found.moved - 3.0) < 1e-6
+        result = agreement(verdict(), other)
+        assert (result.same, result.confirms) == (True, False)
+        assert abs(result.moved - 3.0) < 1e-6
 
 
 def test_the_worst_amplitude_counts_and_an_interval_may_reach_zero() -> None:

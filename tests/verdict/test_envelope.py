@@ -1,4 +1,4 @@
-"""Dampings recovered from simulated envelopes, coverage, and what a drive or a wrong cut does to a verdict."""
+"""Verdicts on envelopes: simulated ring-downs and closed forms, alone and as repeats of one specimen."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def test_the_damping_that_made_a_record_is_named(rates, damping, power):
     assert sum(item.share for item in result.energy) == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_drive_that_is_left_in_is_seen():
-    """Negative control: the held drive within the bounds that are asked for."""
+def test_a_drive_within_the_window_is_not_called_exact_and_widens_the_rate():
+    """Control: the window that the program chooses leaves the drive out."""
     record, truth = ringdown({"viscous": 0.2}, 5, drop=0.0, before=20.0, hold=0.3)
     window = window_between(record.t, record.level, truth.release - 6.0, None)
     clean, driven = verdict(record), verdict(record, window)
@@ -60,12 +60,12 @@ def test_a_drive_that_is_left_in_is_seen():
     assert width[1] > 2 * width[0]
 
 
-def test_a_law_that_bends_is_not_called_exact_and_its_curve_is_followed():
-    """The true decay is within its band. Negative control: the straight line of the law misses it by thrice as much."""
+def test_damping_that_deviates_is_not_called_exact_and_the_curve_follows_it():
+    """The true decay is within the band. Control: a straight line misses the decay by more than three times as much."""
     record, truth = ringdown({"viscous": 0.2}, 6, deviation=0.15, deviation_length=0.3)
     answer = analyse(record)
     result, curve = answer.verdict, answer.curve
-    assert result.probability_exact < 0.5  # 0.8 before
+    assert result.probability_exact < 0.5
     assert result.grade != "exact"
     assert result.deviation.high > 0.05
     assert "the law holds within" in result.sentence
@@ -74,12 +74,12 @@ def test_a_law_that_bends_is_not_called_exact_and_its_curve_is_followed():
     early = curve.fit > -40.0 - 30.0
     assert np.mean(np.abs(true - curve.fit)[early] < 2 * curve.fit_sd[early] + 0.05) > 0.9
     line = np.polynomial.Polynomial.fit(curve.t[early], true[early], 1)(curve.t[early])
-    missed, by_line = (np.median(np.abs(true[early] - x)) for x in (curve.fit[early], line))
-    assert by_line > 3 * missed
+    by_curve, by_line = (np.median(np.abs(true[early] - x)) for x in (curve.fit[early], line))
+    assert by_line > 3 * by_curve
 
 
-def test_a_table_of_half_lives():
-    """Ten readings, one a half-life, to 2 %: the rate is ln 2 over 12 s."""
+def test_ten_readings_give_the_rate_of_their_half_life():
+    """One reading in each half-life of 12 s, with noise of 2 %: the rate is ln 2 / 12 s."""
     readings = 3.0 * 0.5 ** np.arange(10) * np.exp(0.02 * np.random.default_rng(2).standard_normal(10))
     result = verdict(make_record("x", 12.0 * np.arange(10), readings, "mm"))
     assert result.rate.low <= np.log(2) / 12 <= result.rate.high
@@ -90,8 +90,9 @@ def test_a_table_of_half_lives():
 
 
 @pytest.mark.parametrize("friction", [False, True])
-def test_a_short_table_is_cut_at_its_release_and_its_floor(friction):
-    """Closed forms: four readings before the release, 16 of the decay, ten of noise at -32 dB. Control: the decay."""
+def test_a_short_table_is_cut_at_its_release_and_its_noise_floor(friction):
+    """Closed forms: four readings before the release, 16 of the decay, ten of noise at -32 dB. Control: the decay alone
+    is not cut."""
     t = np.arange(30.0) - 4.0
     x = 1 - np.maximum(t, 0.0) / 17 if friction else np.exp(-0.2 * np.maximum(t, 0.0))
     noise = 10 ** (-35 / 20) * np.random.default_rng(1).standard_normal((2, t.size))
@@ -107,29 +108,9 @@ def test_a_short_table_is_cut_at_its_release_and_its_floor(friction):
     assert (alone.window.start, alone.window.stop) == (0.0, 15.0)
 
 
-def test_repeats_are_pooled():
-    answers = [analyse(ringdown({"viscous": 0.2}, seed)[0]) for seed in (1, 2, 3)]
-    common = specimen("x", answers)
-    assert common.records == 3
-    assert common.quality_factor.low <= np.pi * 1e6 / 0.2 <= common.quality_factor.high
-    assert common.next_value.low < common.quality_factor.low
-    assert common.standardised < 5
-    assert common.sentence.startswith("3 records: Viscous damping")
-    # Negative control: one record of another specimen.
-    other = analyse(ringdown({"viscous": 0.25}, 4)[0])
-    mixed = specimen("x", [*answers, other])
-    assert mixed.standardised > 10
-    assert mixed.spread.value > 0.05
-    assert specimen("x", answers[:1]) is None
-    # Sums whose terms have parameters beside coefficients cannot be joined: the specimen has a size alone.
-    sized = specimen("x", [replace(item, likelihoods={}) for item in answers])
-    assert (sized.damping, sized.decided) == ("", False)
-    assert sized.sentence.startswith("3 records: Q = ")
-
-
 @pytest.mark.parametrize("frequency", [50.0, None])
-def test_repeats_that_are_not_viscous_are_pooled_at_amplitudes_that_they_share(frequency):
-    """One drag, dA/dt = -0.5 A², recorded over falls of 10, 16 and 24 dB: its rate at A is 0.5 A."""
+def test_repeats_with_drag_are_pooled_at_amplitudes_that_all_reach(frequency):
+    """The same drag, dA/dt = -0.5 A², recorded over falls of 10, 16 and 24 dB: the rate at amplitude A is 0.5 A."""
     answers = []
     for seed, fall in ((1, 10.0), (2, 16.0), (3, 24.0)):
         t = np.linspace(0.0, (10 ** (fall / 20) - 1) / 0.5, 200)
@@ -145,11 +126,11 @@ def test_repeats_that_are_not_viscous_are_pooled_at_amplitudes_that_they_share(f
     middle = common.decay_rate[1]
     true = np.pi * 50 / (0.5 * middle.amplitude) if frequency else 0.5 * middle.amplitude
     assert common.next_value.low <= true <= common.next_value.high
-    assert common.standardised < 5  # 3,400 for the means over each record's own fall
+    assert common.standardised < 5  # control: 3,400 for means over each record's own fall
     assert f" at {middle.amplitude:.3g} V" in common.sentence
 
 
-def test_what_is_no_envelope_is_refused():
+def test_what_is_not_an_envelope_is_refused():
     t = np.linspace(0.0, 10.0, 200)
     with pytest.raises(InputError, match="have both signs"):
         make_record("x", t, np.cos(9 * t), "V")
@@ -159,8 +140,8 @@ def test_what_is_no_envelope_is_refused():
     assert verdict(flat).grade == "no_free_decay"
 
 
-def test_two_dampings_that_an_envelope_cannot_tell_are_not_decided():
-    """A fall of 6 dB in two seconds. Control: of 35 dB."""
+def test_a_damping_is_not_decided_after_a_fall_of_a_few_decibels():
+    """A fall of 6 dB in two seconds. Control: of 35 dB in twelve seconds."""
     t = 0.02 * np.arange(600)
     readings = 5.0 * np.exp(-0.35 * t) * np.exp(0.03 * np.random.default_rng(5).standard_normal(t.size))
     for count, decided in ((100, False), (600, True)):
@@ -169,9 +150,10 @@ def test_two_dampings_that_an_envelope_cannot_tell_are_not_decided():
         assert any("falls by only" in line for line in result.remarks) is not decided
 
 
-def test_no_rate_is_known_better_than_the_sensor():
-    """Its error alone: the linearity, and of a record in dB the drift of its gain over half of the decay; both within a
-    fifth, where the law holds exactly and the readings are good."""
+def test_the_error_of_a_rate_contains_that_of_the_sensor():
+    """By hand: the linearity, and for a record in dB the drift of the gain over half of the decay.
+
+    The law holds exactly and the noise is small, so nothing else contributes much: within a fifth."""
     t = 0.02 * np.arange(400)
     readings = 5.0 * np.exp(-0.5 * t + 0.002 * np.random.default_rng(3).standard_normal(t.size))
     decibels = 20 * np.log10(readings)
@@ -187,12 +169,12 @@ def test_no_rate_is_known_better_than_the_sensor():
         assert middle.amplitude == pytest.approx(level[np.argmin(np.abs(t - 0.5 * t[-1]))], rel=0.05)
 
 
-def test_coefficients_have_the_unit_of_the_readings_amplitude():
-    """Friction takes a fixed amplitude a second, 2μ/πω: in volts, in the root of a power, or in shares of the start."""
+def test_coefficients_are_in_the_unit_of_the_amplitude():
+    """Friction μ takes 2μ/πω of the amplitude a second: in volts, in the root of a power, or relative to the start."""
     t = 0.02 * np.arange(400)
     readings = (5.0 - 0.5 * t) * np.exp(0.003 * np.random.default_rng(4).standard_normal(t.size))
     mu = 0.5 * np.pi * (2 * np.pi * 3.0) / 2
-    for level, unit, named, size in (
+    for level, unit, name, size in (
         (readings, "V", "V/s²", mu),
         (readings**2, "mW", "√mW/s²", mu),
         (readings**2, "V^2", "V/s²", mu),
@@ -201,11 +183,11 @@ def test_coefficients_have_the_unit_of_the_readings_amplitude():
         result = verdict(make_record("x", t, level, unit, 3.0))
         assert result.damping == "coulomb"
         (coefficient,) = result.coefficients
-        assert (coefficient.name, coefficient.unit) == ("mu_c", named)
+        assert (coefficient.name, coefficient.unit) == ("mu_c", name)
         assert coefficient.value == pytest.approx(size, rel=0.02)
 
 
-def test_the_head_states_another_quality():
+def test_a_quality_factor_in_the_head_of_a_file_is_compared():
     record = replace(ringdown({"viscous": 0.2}, 1)[0], facts={"Quality factor": "2e7 (supplier)"})
     result = verdict(record)
     own = result.quality_factor
@@ -218,7 +200,7 @@ def test_the_head_states_another_quality():
 
 @pytest.mark.parametrize("frequency", [1e6, None])
 def test_numbers_of_repeats_are_pooled_as_logarithms(frequency):
-    """By hand: of records with stated rates and sds. Without a frequency the rates are pooled, and the damping too."""
+    """By hand: rates and quality factors with known standard deviations. Without a frequency, rates are pooled."""
     answers = []
     for seed, scale in ((1, 1.0), (2, 1.03), (3, 0.98)):
         answer = analyse(replace(ringdown({"viscous": 0.2}, seed)[0], frequency=frequency))
@@ -227,18 +209,21 @@ def test_numbers_of_repeats_are_pooled_as_logarithms(frequency):
         if quality is not None:
             changed = replace(changed, quality_factor=replace(quality, value=1.5e7 * scale))
         answers.append(replace(answer, verdict=changed))
-    found = specimen("x", answers)
+    common = specimen("x", answers)
     each = [a.verdict.quality_factor if frequency else a.verdict.rate for a in answers]
     x = np.log([e.value for e in each])
     sd = np.array([np.hypot(e.sd_noise, e.sd_law) / e.value for e in each])
-    p, common = pool_records(x, sd), found.quality_factor if frequency else found.rate
-    assert (found.rate is None, found.quality_factor is None) == (bool(frequency), not frequency)
-    assert common.value == pytest.approx(np.exp(p.mean), rel=1e-9)
-    assert common.sd_noise == pytest.approx(common.value * np.sum(sd**-2.0) ** -0.5, rel=1e-9)
-    assert np.hypot(common.sd_noise, common.sd_law) == pytest.approx(common.value * p.sd, rel=1e-9)
-    assert (common.low, common.high) == pytest.approx(tuple(np.exp(norm.interval(0.95, p.mean, p.sd))))
-    assert (found.next_value.low, found.next_value.high) == pytest.approx((np.exp(p.low), np.exp(p.high)))
+    p, number = pool_records(x, sd), common.quality_factor if frequency else common.rate
+    assert (common.rate is None, common.quality_factor is None) == (bool(frequency), not frequency)
+    assert number.value == pytest.approx(np.exp(p.mean), rel=1e-9)
+    assert number.sd_noise == pytest.approx(number.value * np.sum(sd**-2.0) ** -0.5, rel=1e-9)
+    assert np.hypot(number.sd_noise, number.sd_law) == pytest.approx(number.value * p.sd, rel=1e-9)
+    assert (number.low, number.high) == pytest.approx(tuple(np.exp(norm.interval(0.95, p.mean, p.sd))))
+    assert (common.next_value.low, common.next_value.high) == pytest.approx((np.exp(p.low), np.exp(p.high)))
     middle = np.sum(x / sd**2) / np.sum(sd**-2.0)
-    assert found.standardised == pytest.approx(np.sum(((x - middle) / sd) ** 2) / 2, rel=1e-9)
-    assert found.damping == "viscous"
-    assert found.probability > 0.9
+    assert common.standardised == pytest.approx(np.sum(((x - middle) / sd) ** 2) / 2, rel=1e-9)
+    assert common.probability > 0.9
+    assert common.sentence.startswith("3 records: Viscous damping")
+    without_likelihoods = specimen("x", [replace(item, likelihoods={}) for item in answers])
+    assert (without_likelihoods.damping, without_likelihoods.decided) == ("", False)
+    assert specimen("x", answers[:1]) is None

@@ -22,8 +22,8 @@ SURE = Verdict("a", Grade.EXACT, True, "viscous", 0.99)
 def printed(*verdicts: Verdict) -> str:
     console = Console(record=True, file=io.StringIO(), width=200)
     show = VerdictPrinter(console)
-    for one in verdicts:
-        show(one)
+    for verdict in verdicts:
+        show(verdict)
     return console.export_text()
 
 
@@ -43,11 +43,11 @@ def test_a_field_with_a_label_is_on_the_terminal_and_in_the_table() -> None:
 
 
 def test_the_sampled_sentence_is_printed_too() -> None:
-    """Once as it is, where sampling confirms the first answer; the numbers of the page are then on the terminal."""
-    text = printed(*(replace(SURE, sentence=said) for said in ("The first one.", "The sampled one.")))
-    assert text.count("The first one.") == text.count("The sampled one.") == 1
+    """Once each, so that the terminal has the numbers of the page."""
+    text = printed(*(replace(SURE, sentence=sentence) for sentence in ("The first.", "The sampled.")))
+    assert text.count("The first.") == text.count("The sampled.") == 1
     confirmed = text.index("Sampling (sequential Monte Carlo) confirms this result")
-    assert confirmed < text.index("The sampled one.")
+    assert confirmed < text.index("The sampled.")
 
 
 def test_lengths_and_energies_of_a_picture_are_in_the_records_unit() -> None:

@@ -31,8 +31,9 @@ V, Q, C = ("viscous", "linear"), ("quadratic", "linear"), ("coulomb", "linear")
 
 
 def ratio_likelihood(damping: str, ratio: float, sd: float, log: float | np.ndarray = 0.0) -> RatioLikelihood:
-    """A run whose damping ratio is known to ± sd, the same at all amplitudes, exp(log) high; at a ratio alike for all
-    terms, as their priors are, so that the coefficient's own evidence cancels between them."""
+    """Return the likelihood of a damping ratio, the same at all amplitudes, that is known to ± sd; its peak is e^log.
+
+    All terms have the same prior of their ratio, so that the evidence of their coefficients cancels between them."""
     ((name, prior),) = damping_priors([damping], REFERENCE).items()
     assert isinstance(prior, SharedHalfNormal)
     scale = prior.per_ratio
@@ -47,7 +48,7 @@ def weighed_run(
     logs: dict[Model, float | np.ndarray] | None = None,
     others: tuple[OtherForm, ...] = (),
 ) -> RunComparison:
-    """A record with these log evidences, each with its likelihood of the damping, and other forms with theirs."""
+    """Return a record with these log evidences of models, and other forms with theirs."""
     logs = {V: 0.0, C: -8.0} if logs is None else logs
     every = {**logs, **{(o.damping, o.restoring): o.log_evidence for o in others}}
     return RunComparison(
@@ -68,113 +69,108 @@ def answered(
     sd: float = 0.001,
     others: tuple[OtherForm, ...] = (),
 ) -> RecordAnswer:
-    """A record whose damping ratio is known to ± sd."""
+    """Return the answer on a record whose damping ratio is known to ± sd."""
     shares = (Share("viscous", 0.6, 0.5, 0.7, 1.0), Share("quadratic", 0.4, 0.3, 0.5, 1.0))
-    weighed = weighed_run(ratio, sd, logs, others)
-    likeliest = max(weighed.log_evidence, key=lambda k: weighed.log_evidence[k])[0]
+    comparison = weighed_run(ratio, sd, logs, others)
+    likeliest = max(comparison.log_evidence, key=lambda k: comparison.log_evidence[k])[0]
     verdict = Verdict(
         name, grade, True, likeliest, 0.9, energy=shares, unnamed=unnamed,
         damping_ratio=(DampingRatio(0.2, "deg", ratio, 0, 0, 0, 0),),
         frequency=Interval(2.0, 1.9, 2.1, "Hz"), deviation=Interval(0.02 * len(name), 0.0, 0.1),
     )  # fmt: skip
-    return RecordAnswer(verdict, weighed, {"amplitude": AMPLITUDE})
+    return RecordAnswer(verdict, comparison, {"amplitude": AMPLITUDE})
 
 
 def test_probabilities_are_those_of_all_records_together() -> None:
-    """Two dampings of one size in both records: what it costs to have one at all is the same for both."""
-    found = specimen("rig", [answered("a", 0.01, {V: 0.0, Q: -1.0}), answered("b", 0.01, {V: -0.5, Q: 0.0})])
-    assert found.damping == "viscous"
-    assert found.probability == pytest.approx(1 / (1 + np.exp(-0.5)), rel=1e-4)
-    (rival,) = found.rivals
+    """By hand: the log evidences of two dampings with the same ratio add up over two records."""
+    verdict = specimen(
+        "rig", [answered("a", 0.01, {V: 0.0, Q: -1.0}), answered("b", 0.01, {V: -0.5, Q: 0.0})]
+    )
+    assert verdict.damping == "viscous"
+    assert verdict.probability == pytest.approx(1 / (1 + np.exp(-0.5)), rel=1e-4)
+    (rival,) = verdict.rivals
     assert (rival.damping, rival.probability) == ("quadratic", pytest.approx(1 / (1 + np.exp(0.5)), rel=1e-4))
-    assert not found.decided
-    said = "The most probable damping of the records, each by itself: viscous in 1, quadratic (drag) in 1."
-    assert said in found.remarks
+    assert not verdict.decided
+    remark = "The most probable damping of the records, each by itself: viscous in 1, quadratic (drag) in 1."
+    assert remark in verdict.remarks
 
 
-def test_how_far_a_law_holds_is_the_specimens_not_the_records() -> None:
-    """By hand: four records, each of which prefers another law by a nat to viscous damping with deviations of one size.
-    That this size was unlikely counts once."""
+def test_records_of_one_specimen_share_the_size_of_their_deviations() -> None:
+    """By hand: each of four records prefers quadratic damping by 1 nat to viscous damping with deviations of one size.
+
+    The low prior of this size counts once, not four times."""
     prior = grid_of(LEAST_KNOTS).log_prior
     size = int(np.argmin(prior))
-    told = np.where(np.arange(prior.size) == size, -prior[size], -300.0)
+    only_this_size = np.where(np.arange(prior.size) == size, -prior[size], -300.0)
     level = np.full(prior.size, 1.0)
-    each = [answered(n, 0.01, {V: told, Q: level}) for n in "abcd"]
+    each = [answered(n, 0.01, {V: only_this_size, Q: level}) for n in "abcd"]
     each = [replace(a, comparison=replace(a.comparison, log_evidence={V: 0.0, Q: 1.0})) for a in each]
     ahead = -3 * prior[size] - 4
     assert ahead > 10
-    weighed = compare_runs([a.comparison for a in each])
-    assert weighed.log_evidence[V] - weighed.log_evidence[Q] == pytest.approx(ahead, abs=1e-3)
+    joint = compare_runs([a.comparison for a in each])
+    assert joint.log_evidence[V] - joint.log_evidence[Q] == pytest.approx(ahead, abs=1e-3)
     assert specimen("rig", each).damping == "viscous"
 
 
-def test_each_further_term_is_less_likely_before() -> None:
+def test_each_further_term_has_lower_prior_odds() -> None:
     three, two = ("viscous+coulomb+quadratic", "linear"), ("viscous+coulomb", "linear")
-    found = compare_runs([RunComparison({V: 0.0, two: 0.0, three: 0.0})])
-    whole = 1 + FURTHER_TERM + FURTHER_TERM**2
-    assert found.probability == pytest.approx({
-        V: 1 / whole, two: FURTHER_TERM / whole, three: FURTHER_TERM**2 / whole
-    })  # fmt: skip
+    joint = compare_runs([RunComparison({V: 0.0, two: 0.0, three: 0.0})])
+    odds = np.array([1.0, FURTHER_TERM, FURTHER_TERM**2])
+    assert joint.probability == pytest.approx(dict(zip((V, two, three), odds / odds.sum())))
 
 
-def test_a_damping_that_a_record_did_not_weigh_is_far_behind() -> None:
-    found = specimen("rig", [answered("a", 0.01, {V: 0.0, Q: 2.0}), answered("b", 0.01, {V: 0.0})])
-    assert found.damping == "viscous"
-    assert found.probability == thresholds.CAP
-    assert found.decided
+def test_a_damping_that_a_record_was_not_compared_with_is_far_behind() -> None:
+    verdict = specimen("rig", [answered("a", 0.01, {V: 0.0, Q: 2.0}), answered("b", 0.01, {V: 0.0})])
+    assert (verdict.damping, verdict.probability, verdict.decided) == ("viscous", thresholds.CAP, True)
 
 
-def test_another_form_that_is_ahead_in_every_record_is_ahead_of_all() -> None:
-    """By hand: in two records 3 nats ahead of viscous damping, with a tenth of its prior shared by nine sums,
-    of which one or two are weighed."""
+def test_log_evidence_of_another_form_adds_up_over_records() -> None:
+    """By hand: in each of two records 3 nats more than viscous damping, with a ninetieth of its prior probability."""
     hard = "viscous", "duffing"
     form, other = OtherForm("displacement", "linear", 3.0), OtherForm("cubic", "linear", -9.0, "coulomb")
     two = answered("b", 0.01, {V: 0.0, hard: -40.0}, others=(form,))
     ahead = math.exp(6) * OTHER_FORMS_ODDS / OTHER_FORMS_COUNT
     for others in ((form,), (form, other)):
         one = answered("a", 0.01, {V: 0.0, hard: -40.0}, others=others)
-        found = specimen("rig", [one, two])
-        assert found.damping == "viscous"
-        assert found.probability == pytest.approx(1 / (1 + ahead), rel=1e-3)
-    assert found.rivals[0].damping == "displacement"
-    assert not found.decided
+        verdict = specimen("rig", [one, two])
+        assert (verdict.damping, verdict.rivals[0].damping) == ("viscous", "displacement")
+        assert verdict.probability == pytest.approx(1 / (1 + ahead), rel=1e-3)
+        assert not verdict.decided
     behind = specimen("rig", [one, answered("b", 0.01, {V: 0.0, hard: -40.0})])
     assert behind.probability == thresholds.CAP
 
 
-def test_the_ratio_the_spread_and_one_more_record_are_those_of_a_sum() -> None:
+def test_ratio_spread_and_prediction_are_those_of_quadrature() -> None:
     """Ends of intervals within 10 % of their width: the posterior is nearly log-normal, and the draws are normal.
     Control: the next record's interval is wider."""
     places, sd = [0.0100, 0.0112, 0.0106], 0.0002
-    found = specimen("rig", [answered(n, r, {V: 0.0}, sd=sd) for n, r in zip("abc", places, strict=True)])
+    verdict = specimen("rig", [answered(n, r, {V: 0.0}, sd=sd) for n, r in zip("abc", places, strict=True)])
     x = np.geomspace(0.4 * min(places), 2.5 * max(places), 1201)
     runs = [run_of(["zeta"], [p], np.array([[sd**2]])) for p in places]
     log_prior = SharedHalfNormal(per_ratio=1.0).log_density(x) + np.log(np.gradient(x))
     truth = by_quadrature(runs, x[:, None], log_prior)
     below = np.cumsum(truth.mass)
     low, middle, high = (float(np.interp(q, below, x)) for q in (0.025, 0.5, 0.975))
-    for one in found.damping_ratio:
-        assert (one.low, one.value, one.high) == pytest.approx((low, middle, high), abs=0.1 * (high - low))
-        assert 0.1 < one.amplitude < 0.4
-        assert one.unit == "deg"
-    assert found.damping_ratio[1].amplitude == pytest.approx(0.2)
+    for r in verdict.damping_ratio:
+        assert (r.low, r.value, r.high) == pytest.approx((low, middle, high), abs=0.1 * (high - low))
+        assert r.unit == "deg"
+    assert verdict.damping_ratio[1].amplitude == pytest.approx(0.2)
     spread = np.cumsum(truth.each.sum(axis=0))
-    for q, value in ((0.5, found.spread.value), (0.975, found.spread.high)):
+    for q, value in ((0.5, verdict.spread.value), (0.975, verdict.spread.high)):
         assert value == pytest.approx(float(np.interp(q, spread, truth.spreads)), rel=0.12)
     rng = np.random.default_rng(1)
     cells = rng.choice(truth.each.size, 100_000, p=truth.each.ravel())
     rows, columns = np.unravel_index(cells, truth.each.shape)
     more = x[rows] * np.exp(truth.spreads[columns] * rng.standard_normal(rows.size))
     ends = np.quantile(more, [0.025, 0.975])
-    following = found.next_record[1]
+    following = verdict.next_record[1]
     assert (following.low, following.high) == pytest.approx(tuple(ends), abs=0.1 * np.ptp(ends))
     assert following.high - following.low > 1.3 * (high - low)
     assert np.hypot(following.sd_noise, following.sd_law) == pytest.approx(np.ptp(ends) / 3.92, rel=0.25)
-    assert found.remarks[0].startswith("The damping differs between records by")
-    assert found.frequency.value == pytest.approx(2.0)
+    assert verdict.remarks[0].startswith("The damping differs between records by")
 
 
-def test_ratios_are_given_at_amplitudes_that_all_records_have() -> None:
+def test_ratios_are_given_at_amplitudes_that_all_records_reach() -> None:
     one, two = (answered(n, 0.01, {V: 0.0}) for n in "ab")
     lower = replace(two, curve={"amplitude": 0.8 * AMPLITUDE})
     middle = specimen("rig", [one, lower]).damping_ratio[1].amplitude
@@ -190,31 +186,31 @@ def test_without_a_common_amplitude_each_ratio_is_that_of_the_records_that_reach
         run = replace(run, per_unit=run.per_unit / amplitude[::-1, None])
         comparison = replace(friction.comparison, runs={C: run}, amplitudes=amplitude[::-1])
         each.append(RecordAnswer(friction.verdict, comparison, {"amplitude": amplitude}))
-    found = specimen("rig", each)
-    assert [r.amplitude for r in found.damping_ratio] == pytest.approx([2.0, 0.2])
-    assert [r.value * r.amplitude for r in found.damping_ratio] == pytest.approx([0.01, 0.01], rel=2e-3)
-    assert found.remarks[0].startswith("Not all of the 2 records reach these amplitudes.")
+    verdict = specimen("rig", each)
+    assert [r.amplitude for r in verdict.damping_ratio] == pytest.approx([2.0, 0.2])
+    assert [r.value * r.amplitude for r in verdict.damping_ratio] == pytest.approx([0.01, 0.01], rel=2e-3)
+    assert verdict.remarks[0].startswith("Not all of the 2 records reach these amplitudes.")
     (beyond,) = specimen("rig", each[:1], amplitudes=[0.5]).damping_ratio
     assert beyond.value == pytest.approx(0.02, rel=2e-3)
 
 
-def test_a_twin_that_no_record_excludes_leaves_it_open() -> None:
-    """As for one record; a single record that excludes the twin decides for all."""
+def test_a_damping_is_not_decided_while_no_record_excludes_its_twin() -> None:
+    """Control: a single record that excludes the twin is enough."""
     structural = ("structural", "linear")
     for limits, decided in [((0.6, 0.4), False), ((0.6, 0.05), True)]:
         records = []
         for name, limit in zip("ab", limits, strict=True):
-            one = answered(name, 0.01, {V: 0.0, structural: -8.0})
+            record = answered(name, 0.01, {V: 0.0, structural: -8.0})
             bounds = (Bound("structural", limit),)
-            records.append(replace(one, verdict=replace(one.verdict, other_forms=bounds)))
+            records.append(replace(record, verdict=replace(record.verdict, other_forms=bounds)))
         verdict = specimen("rig", records)
         assert verdict.decided is decided
         remark = "No record can distinguish viscous damping from structural"
         assert any(remark in r and "Up to 40 % of the loss" in r for r in verdict.remarks) is not decided
 
 
-def test_frequencies_of_records_are_pooled_and_a_specified_one_stays() -> None:
-    """The interval is that of the mean; control: that of one more record is wider (`pooled` has tests of its own)."""
+def test_frequencies_of_records_are_pooled_and_a_specified_frequency_stays() -> None:
+    """The interval is that of the mean. Control: that of one more record is wider."""
 
     def with_frequencies(*frequencies: Interval | None) -> Verdict:
         """A specimen whose records have these natural frequencies."""
@@ -238,24 +234,22 @@ def test_frequencies_of_records_are_pooled_and_a_specified_one_stays() -> None:
     assert with_frequencies(None, None).frequency is None
 
 
-def test_the_worst_grade_and_the_largest_deviation_are_the_specimens() -> None:
+def test_a_specimen_has_the_worst_grade_and_the_largest_deviation_of_its_records() -> None:
     records = [
         answered("a", 0.01, {V: 0.0}, unnamed=Interval(0.1, 0.0, 0.2)),
         answered("bb", 0.01, {V: 0.0}, grade=Grade.DEVIATES, unnamed=Interval(0.3, 0.2, 0.4)),
     ]
-    found = specimen("rig", records)
-    assert found.grade is Grade.DEVIATES
-    assert not found.decided
-    assert found.deviation == Interval(0.04, 0.0, 0.1)
-    assert found.unnamed == Interval(0.3, 0.2, 0.4)
+    verdict = specimen("rig", records)
+    assert (verdict.grade, verdict.decided) == (Grade.DEVIATES, False)
+    assert (verdict.deviation, verdict.unnamed) == (Interval(0.04, 0.0, 0.1), Interval(0.3, 0.2, 0.4))
     undetected = [replace(records[0].verdict, deviation=Interval(0.0, 0.0, high)) for high in (0.1, 0.2)]
     assert common_verdict("rig", undetected, {"viscous": 1.0}, {}).deviation == undetected[1].deviation
-    own = [("viscous", 0.6, 0.5, 0.7), ("quadratic", 0.4, 0.3, 0.5)]
-    assert [(s.term, s.share, s.low, s.high) for s in found.energy] == own
+    shares = [("viscous", 0.6, 0.5, 0.7), ("quadratic", 0.4, 0.3, 0.5)]
+    assert [(s.term, s.share, s.low, s.high) for s in verdict.energy] == shares
 
 
-def test_a_deviation_that_all_records_share_is_in_the_damping_ratio_of_the_specimen() -> None:
-    """By hand: records that lose e^0.2 of their law's energy move the ratio by that, others do not (the control)."""
+def test_a_deviation_that_all_records_share_changes_the_damping_ratio_of_the_specimen() -> None:
+    """By hand: records that lose e^0.2 times the energy of their law have e^0.2 times its ratio. Control: e^0."""
 
     def value(over: float) -> float:
         deviation = {"over": np.full(AMPLITUDE.size, over), "over_sd": np.full(AMPLITUDE.size, 0.01)}

@@ -37,10 +37,10 @@ MISFIT = replace(
 )  # fmt: skip
 
 
-def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> None:
+def test_a_verdict_converts_all_amplitudes_to_the_unit_of_the_record() -> None:
     at, eleven = FrequencyAt(0.2, "rad", 1.1, 1.0, 1.2), pytest.approx(math.degrees(0.2))
-    one = replace(SURE, damping_ratio=(RATIO,), records=10, over_law=OVER, frequency_at=at)
-    shown = in_unit(one, UNITS["deg"])
+    verdict = replace(SURE, damping_ratio=(RATIO,), records=10, over_law=OVER, frequency_at=at)
+    shown = in_unit(verdict, UNITS["deg"])
     assert shown.damping_ratio == (replace(RATIO, amplitude=eleven, unit="deg"),)
     assert shown.over_law == replace(OVER, amplitude=eleven, unit="deg")
     assert shown.frequency_at == replace(at, amplitude=eleven, unit="deg")
@@ -48,7 +48,7 @@ def test_a_verdict_in_the_records_own_unit_has_all_its_amplitudes_in_it() -> Non
     assert "rad" not in shown.sentence
     assert shown.sentence.startswith("10 records: ")
     for unit in ("rad", "rpm", "mm"):  # a unit of velocity or of another kind changes nothing
-        assert in_unit(one, UNITS[unit]) is one
+        assert in_unit(verdict, UNITS[unit]) is verdict
     mode = Oscillation(1.1, 0.01, 0.009, 0.011, 0.2, 0.1, "rad")
     grows = in_unit(replace(DECLINED, motion=MotionKind.GROWING, modes=(mode,)), UNITS["deg"])
     assert grows.modes == (replace(mode, first=eleven, last=pytest.approx(math.degrees(0.1)), unit="deg"),)
@@ -71,8 +71,9 @@ NEAR_COULOMB = (0.07, 0.0, 0.38)
     ],
 )
 def test_the_exponent_in_words(interval: tuple[float, ...], damping: str, text: str) -> None:
-    """With ± where the interval is even; a law is named where the interval is narrow and holds it alone, and Coulomb's
-    only where the damping is not another one."""
+    """A symmetric interval has ±. A law is named if a narrow interval contains its exponent alone.
+
+    Coulomb's law is named only if the verdict names no other damping."""
     assert power_in_words(Interval(*interval), damping) == text
 
 
@@ -85,7 +86,9 @@ def test_the_exponent_in_words(interval: tuple[float, ...], damping: str, text: 
         ((-0.01, -0.02, -0.005), "–"),
     ],
 )
-def test_quality_of_what_may_lose_nothing(ratio: tuple[float, float, float], text: str) -> None:
+def test_the_quality_factor_of_a_damping_ratio_that_may_be_zero(
+    ratio: tuple[float, float, float], text: str
+) -> None:
     assert quality_of(DampingRatio(0.2, "rad", ratio[0], 1e-4, 1e-4, *ratio[1:])) == text
 
 
@@ -99,14 +102,14 @@ LIMITS = "Of the energy lost, each of these other damping terms can account for 
 @pytest.mark.parametrize(
     ("verdict", "sentences"),
     [
-        # A share of all is not given an interval from nothing; a term beside another has its interval.
+        # A term that alone takes all the energy has no interval; each term of a sum has one.
         (replace(SURE, energy=(VISCOUS,)), ["Energy lost: all of it viscous with probability 0.99."]),
         (replace(SURE, energy=(replace(VISCOUS, low=1.0),)), ["Energy lost: all of it viscous."]),
         (
             replace(SURE, damping="viscous+coulomb", energy=(Share("viscous", 0.84, 0.78, 0.93, 0.991),)),
             ["Energy lost: viscous 84 % (78 to 93)."],
         ),
-        # Not without the form that is as likely.
+        # Another form that is as probable is named too.
         (
             POWER,
             ["Energy lost: by power-law (|v|^p) damping with probability 0.78; without it all of it quadratic (drag)."],
@@ -115,7 +118,7 @@ LIMITS = "Of the energy lost, each of these other damping terms can account for 
             replace(POWER, probability=0.88, rivals=(Rival("power", 0.12),)),
             ["Energy lost: all of it quadratic (drag); or by power-law (|v|^p) damping, with probability 0.12."],
         ),
-        # Not the limits of likely rivals, or of terms whose energy is stated before; a tiny one is not 0.
+        # No limits of probable rivals or of terms whose energy is already stated; a tiny limit is not shown as 0.
         (BEATEN, [LIMITS + "quadratic (drag) 2 %, any other form 0.1 %."]),
         (
             replace(BEATEN, energy=(replace(VISCOUS, low=0.94), Share("quadratic", 0.001, 0.0, 0.06, 0.05))),
@@ -132,7 +135,7 @@ def test_energy_in_words(verdict: Verdict, sentences: list[str]) -> None:
 
 
 def declined(motion: MotionKind, *modes: tuple[float, float, float, float]) -> Verdict:
-    """Not a free decay: frequency, damping ratio, first and last amplitude of each of its oscillations."""
+    """Return the verdict on another motion; modes: frequency, damping ratio, first and last amplitude of each."""
     each = [Oscillation(f, r, r - 0.001, r + 0.001, a, b, "rad") for f, r, a, b in modes]
     return replace(DECLINED, motion=motion, modes=tuple(each))
 
@@ -152,30 +155,28 @@ DEVIATES = Interval(0.05, 0.0, 0.1)
 @pytest.mark.parametrize(
     ("verdict", "text"),
     [
-        # A frequency that was given has no width; one that was found has.
         (
             replace(SURE, frequency=Interval(0.71265, 0.71265, 0.71265, "Hz")),
             "natural frequency 0.71265 Hz (specified)",
         ),
-        (replace(SURE, frequency=Interval(0.71265, 0.7126, 0.7127, "Hz")), "frequency 0.712650 ± 0.000050 Hz."),
-        # A record of which most is not explained is said to be so first; where it is a tenth, its curve is the answer.
+        # If most of a record is not explained, the sentence begins with that; if a tenth, with the damping ratio.
         (
             replace(MISFIT, unexplained_pct=67.0),
             "^No damping model describes the record: the nearest, viscous damping, leaves 67 % of the amplitude "
             "unexplained.",
         ),
         (replace(MISFIT, unexplained_pct=10.0), "^Equivalent damping ratio"),
-        # By what a law misses: the largest of three, relative to its threshold.
+        # The largest of three misfits, relative to their thresholds.
         (MISFIT, "is viscous, from which the damping deviates by 30 % (20 to 40)."),
         (
             replace(MISFIT, restoring_deviation=Interval(0.2, 0.1, 0.3)),
             "while the restoring force deviates from its law by 20 % (10 to 30).",
         ),
         (replace(MISFIT, unexplained_pct=9.0), "which leaves 9 % of the amplitude unexplained."),
-        # What stays loses no more than its rate allows; a rate below 0 is 0 and its error.
+        # A steady oscillation has an upper limit of its damping; a negative ratio counts as 0.
         (steady(1e-4, 5e-5, 1.5e-4), "damping ratio is below 0.015 % (95 %), Q above 3,300."),
         (steady(-1e-4, -1.5e-4, -5e-5), "damping ratio is below 0.005 % (95 %), Q above 10,000."),
-        # What a record is instead of a decay.
+        # Records that are not the free decay of one oscillator.
         (
             declined(MotionKind.BEATS, (1.1, 0.01, 0.2, 0.1), (1.3, 0.02, 0.1, 0.03)),
             f"^Not the free decay of one oscillator: two oscillations beat, at {SLOW} and at 1.3000 Hz {FAST}, the "
@@ -209,7 +210,7 @@ DEVIATES = Interval(0.05, 0.0, 0.1)
             "; the law holds within 5 % (95 %: below 10 %) but at 0.2 rad, where the damping is 2.00 (1.50 to 2.50) "
             "times the law's.",
         ),
-        # Several dampings, the likeliest first, also where it is another form, and no more than three; two sure terms.
+        # At most three dampings, the most probable first, also if it is another form; two certain terms.
         (
             replace(OPEN, rivals=FORMS, energy=SHARES),
             "; damping power-law (|v|^p) (0.45) or viscous (0.30) or Coulomb (dry friction) (0.20); it surely "
@@ -222,7 +223,7 @@ DEVIATES = Interval(0.05, 0.0, 0.1)
     ],
 )  # fmt: skip
 def test_a_verdict_in_words(verdict: Verdict, text: str) -> None:
-    """At the end of the sentence, where the text ends with one, or at its beginning (^)."""
+    """A text with ^ begins the sentence; another text with a full stop ends it; any other is somewhere in it."""
     shown = sentence(verdict)
     assert shown.startswith(text[1:]) if text.startswith("^") else text in shown
     assert shown.endswith(text) or not text.endswith(".") or text.startswith("^")
