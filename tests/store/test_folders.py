@@ -1,4 +1,4 @@
-"""Nothing is replaced or removed that a run did not write, and nothing through a link."""
+"""A run replaces and removes only what a run wrote, and nothing through a link."""
 
 from __future__ import annotations
 
@@ -23,18 +23,16 @@ CELL = TaskResult("signal/a/0", "k")
 
 
 def tree(folder: Path) -> dict[str, bytes | str]:
-    """All that is in a folder: files with their content, links with where they lead."""
-    found: dict[str, bytes | str] = {}
-    for path in sorted(folder.rglob("*")):
-        if path.is_symlink():
-            found[str(path.relative_to(folder))] = os.readlink(path)
-        elif path.is_file():
-            found[str(path.relative_to(folder))] = path.read_bytes()
-    return found
+    """Return everything in a folder: the content of files and the targets of links, by path."""
+    return {
+        str(path.relative_to(folder)): os.readlink(path) if path.is_symlink() else path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_symlink() or path.is_file()
+    }
 
 
 def of_another(name: str, content: str = "mine") -> Callable[[Path], None]:
-    """Return what writes somebody else's file."""
+    """Return a function that writes a file of the user."""
 
     def write(folder: Path) -> None:
         (folder / name).parent.mkdir(exist_ok=True)
@@ -44,7 +42,7 @@ def of_another(name: str, content: str = "mine") -> Callable[[Path], None]:
 
 
 def linked(name: str) -> Callable[[Path], None]:
-    """Return what replaces a part of a run by a link to somebody else's folder."""
+    """Return a function that replaces a part of a run by a link to something of the user."""
 
     def write(folder: Path) -> None:
         with Store(folder).lock():
@@ -57,7 +55,7 @@ def linked(name: str) -> Callable[[Path], None]:
 
 
 def hard_linked_lock(folder: Path) -> None:
-    """Make the lock of a run a hard link to somebody else's file."""
+    """Make the lock of a run a hard link to a file of the user."""
     linked(".lock")(folder)
     (folder / ".lock").unlink()
     os.link(folder / "other" / "a.npz", folder / ".lock")
@@ -72,7 +70,7 @@ OTHERS: dict[str, Callable[[Path], None]] = {
 
 
 @pytest.mark.parametrize("make", OTHERS.values(), ids=OTHERS)
-def test_a_folder_that_holds_what_no_run_wrote_is_refused_and_left_alone(tmp_path: Path, make) -> None:
+def test_a_folder_with_a_file_that_no_run_wrote_is_refused_and_left_alone(tmp_path: Path, make) -> None:
     make(tmp_path)
     before, store = tree(tmp_path), Store(tmp_path)
     with pytest.raises(InputError, match=r"^[^\n]*--out[^\n]*$"), store.lock():
@@ -91,7 +89,9 @@ def a_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "run"
 
 
-def test_a_file_of_any_name_that_a_run_writes_is_not_replaced(a_run: Path, tmp_path: Path) -> None:
+def test_a_file_of_the_user_with_the_name_of_a_run_s_file_is_not_replaced(
+    a_run: Path, tmp_path: Path
+) -> None:
     names = [path.name for path in a_run.iterdir() if path.is_file() and path.name != MARK_FILE]
     assert {"verdict.json", "verdicts.csv", "damping_curves.csv", "fits.csv", "run.json"} < set(names)
     for name in names:
@@ -105,47 +105,36 @@ def test_a_file_of_any_name_that_a_run_writes_is_not_replaced(a_run: Path, tmp_p
         pass
 
 
-def test_other_files_beside_a_run_stay(tmp_path: Path) -> None:
-    """In a folder of the user's, with what a killed run left: only that is removed, and only cells with --fresh."""
-    store = Store(tmp_path)
-    (tmp_path / "rig.csv").write_text("mine")
-    (tmp_path / "sub").mkdir()
-    mine = [tmp_path / "rig.csv", tmp_path / ".notes.tmp", temporary_path(tmp_path / "sub" / "x")]
-    with store.lock():
-        store.write(CELL)
-    mine += [tmp_path / "cells" / "notes.txt", tmp_path / "cells" / "signal" / ".0123.tmp"]
-    for path in mine:
-        path.write_text("mine")
-    half = temporary_path(tmp_path / "cells" / "signal" / "b.npz")
-    half.write_text("half")
-    with store.lock():
-        assert not half.exists()
-        assert store.names() == [CELL.name]
-        store.clear()
-        assert store.names() == []
-    assert [path for path in mine if not path.exists()] == []
-
-
-def test_only_cells_are_removed(tmp_path: Path) -> None:
-    """An archive and a copy of a cell that somebody puts among a run's cells are not the run's."""
+def test_files_of_the_user_stay_in_the_folder_of_a_run(tmp_path: Path) -> None:
+    """Only what a killed run left is removed, and results with --fresh: not an archive or a copy among them."""
     store, cells = Store(tmp_path), tmp_path / "cells"
+    names = ["answered/a/0", CELL.name, "signal/a/0/deeper", "signal/noise_sd=0.003/0"]
     with store.lock():
-        names = ["answered/a/0", CELL.name, "signal/a/0/deeper", "signal/noise_sd=0.003/0"]
         for name in reversed(names):
             store.write(TaskResult(name, "k", arrays={"x": np.zeros(9)}))
         assert store.names() == names
-        (cells / "sub").mkdir()
-        np.savez(cells / "sub" / "mine.npz", a=1)
-        np.savez(cells / "mine.npz", a=1)
-        shutil.copy(cells / "signal" / "a" / "0.npz", cells / "copy.npz")
-        half = cells / "signal" / "a" / "0.npz"
-        half.write_bytes(half.read_bytes()[:200])
+    own = [tmp_path / "rig.csv", tmp_path / ".notes.tmp", temporary_path(tmp_path / "sub" / "x")]
+    own += [cells / "notes.txt", cells / "signal" / ".0123.tmp"]
+    for path in own:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("mine")
+    for path in (cells / "mine.npz", cells / "sub" / "mine.npz"):
+        path.parent.mkdir(exist_ok=True)
+        np.savez(path, a=1)
+    result = cells / "signal" / "a" / "0.npz"
+    shutil.copy(result, cells / "copy.npz")
+    left_by_kill = temporary_path(cells / "signal" / "b.npz")
+    left_by_kill.write_text("half")
+    before = tree(tmp_path)
+    with store.lock():
+        assert not left_by_kill.exists()
+        result.write_bytes(result.read_bytes()[:200])
         store.clear()
-    left = {path.relative_to(cells).as_posix() for path in cells.rglob("*") if path.is_file()}
-    assert left == {"sub/mine.npz", "mine.npz", "copy.npz"}
+    of_run = {f"cells/{name}.npz" for name in names} | {str(left_by_kill.relative_to(tmp_path))}
+    assert tree(tmp_path) == {path: content for path, content in before.items() if path not in of_run}
 
 
-def test_a_run_without_its_mark_is_known_by_its_description(tmp_path: Path) -> None:
+def test_a_run_without_its_mark_is_recognised_by_its_description(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text(json.dumps({"name": "a", "seed": 1, "study": {}}))
     (tmp_path / "report.html").write_text("")
     with Store(tmp_path).lock():
@@ -166,12 +155,12 @@ def test_only_a_regular_file_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
     (tmp_path / "folder").mkdir()
     os.mkfifo(tmp_path / "pipe")
-    for name, what in (
-        ("link", "a link"),
-        ("dangling", "a link"),
-        ("folder", "a folder"),
-        ("pipe", "a device"),
-    ):
+    for name, what in {
+        "link": "a link",
+        "dangling": "a link",
+        "folder": "a folder",
+        "pipe": "a device",
+    }.items():
         with pytest.raises(InputError, match=f"{name}: is {what} and is not replaced"):
             write_bytes(tmp_path / name, b"new")
     write_bytes(tmp_path / "file", b"new")
@@ -179,22 +168,21 @@ def test_only_a_regular_file_is_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "pipe").is_fifo()
 
 
-def test_a_mark_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A disk that is full when a folder is claimed leaves nothing that a later run would not know. Control: with room
-    the mark is there, and what is there stays."""
+def test_a_mark_is_complete_or_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A full disk leaves nothing that a later run would refuse. Control: with space the mark is written, once."""
 
     class Full(io.StringIO):
         def write(self, text: str) -> int:
             raise OSError(errno.ENOSPC, "No space left on device")
 
     usual = Path.open
-    monkeypatch.setattr(
-        Path, "open", lambda path, *a, **k: Full() if path.suffix == ".tmp" else usual(path, *a, **k)
-    )
-    with pytest.raises(OSError, match="No space"):
-        create(tmp_path / MARK_FILE, b"mine")
+    with monkeypatch.context() as full:
+        full.setattr(
+            Path, "open", lambda path, *a, **k: Full() if path.suffix == ".tmp" else usual(path, *a, **k)
+        )
+        with pytest.raises(OSError, match="No space"):
+            create(tmp_path / MARK_FILE, b"mine")
     assert not list(tmp_path.iterdir())
-    monkeypatch.undo()
     create(tmp_path / MARK_FILE, b"mine")
     with pytest.raises(FileExistsError):
         create(tmp_path / MARK_FILE, b"other")

@@ -1,4 +1,4 @@
-"""A run.json that no run wrote: one line that says where and what would be right, from whatever reads it."""
+"""A run.json that no run wrote is refused in one line by all that read it: where, and what would be right."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NO_RUN = {
     "null": "does not describe a run",
     '{"schema": 2}': "was written by another version of bayesdamp",
 }
-NO_QUESTION = [
+NO_STUDY = [
     "{",
     "[]",
     "{}",
@@ -45,50 +45,54 @@ def written(folder: Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize(("text", "why"), NO_RUN.items(), ids=lambda text: text[:20])
-def test_what_reads_a_folder_refuses_what_is_no_run(tmp_path: Path, refused, text: str, why: str) -> None:
+def test_commands_that_read_a_run_refuse_another_description(
+    tmp_path: Path, refused, text: str, why: str
+) -> None:
     folder, page = written(tmp_path / "run", text), tmp_path / "claims.md"
     before = sorted(folder.iterdir())
     for words in (("report", str(folder)), ("claims", "--paper", str(folder), "--out", str(page))):
-        said = refused(*words)
-        assert said.startswith(f"{folder / 'run.json'}: ")
-        assert why in said
-        assert "run the study again" in said
+        line = refused(*words)
+        assert line.startswith(f"{folder / 'run.json'}: ")
+        assert why in line
+        assert "run the study again" in line
     with pytest.raises(InputError, match=r"run\.json: "):
         bd.Run.load(folder)
     assert sorted(folder.iterdir()) == before
     assert not page.exists()
 
 
-def test_a_folder_that_names_no_study_is_no_run_of_one(tmp_path: Path, refused: Callable[..., str]) -> None:
+def test_commands_that_need_a_study_refuse_a_run_of_another_command(
+    tmp_path: Path, refused: Callable[..., str]
+) -> None:
     page = tmp_path / "claims.md"
     for text in ("{}", '{"kind": "calibration"}', '{"name": "rig"}'):
         folder = written(tmp_path / "run", text)
         for option in ("--paper", "--noise"):
-            said = refused("claims", option, str(folder), "--out", str(page))
-            assert said.startswith(f"{option} {folder}: ")
-            assert "give the folder of bayesdamp study" in said
+            line = refused("claims", option, str(folder), "--out", str(page))
+            assert line.startswith(f"{option} {folder}: ")
+            assert "give the folder of bayesdamp study" in line
         with pytest.raises(InputError, match="names no study; give the folder that run_study"):
             bd.Run.load(folder)
         assert not page.exists()
 
 
-@pytest.mark.parametrize("text", NO_QUESTION, ids=lambda text: text[:50])
-def test_what_asks_again_refuses_what_is_no_run(tmp_path: Path, refused, text: str) -> None:
+@pytest.mark.parametrize("text", NO_STUDY, ids=lambda text: text[:50])
+def test_commands_that_repeat_a_study_refuse_another_description(tmp_path: Path, refused, text: str) -> None:
     path = written(tmp_path / "run", text) / "run.json"
     for words in (("check", str(path)), ("study", str(path), "--out", str(tmp_path / "out"))):
         assert "give " in refused(*words)
     assert not (tmp_path / "out").exists()
 
 
-def test_what_a_run_wrote_is_read() -> None:
-    """The negative control: runs of earlier versions among them."""
+def test_shipped_descriptions_are_read() -> None:
+    """The negative control."""
     paths = sorted(SHIPPED.rglob("run.json"))
     assert paths
     for path in paths:
         assert read_description(path.parent) == json.loads(path.read_text(encoding="utf-8"))
 
 
-def test_claims_judge_by_the_shipped_runs(
+def test_claims_are_judged_by_the_shipped_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The negative control of the commands. Claims that need no run (of section 4.5) take seconds to measure."""

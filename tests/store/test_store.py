@@ -1,4 +1,4 @@
-"""The store: whole results or none, exact floats, one writer."""
+"""Stored results are complete or absent, floats are exact, and only one process writes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
@@ -45,27 +44,18 @@ def result(name: str = NAME, key: str = "k1") -> TaskResult:
     return TaskResult(name, key, meta, arrays, "ok", 1.25)
 
 
-def same(a: float, b: float) -> bool:
-    return (math.isnan(a) and math.isnan(b)) or (a == b and math.copysign(1, a) == math.copysign(1, b))
+def bits(r: TaskResult) -> tuple:
+    """Return a form of a result in which NaN and the sign of 0 count; JSON writes floats exactly."""
+    arrays = {k: (v.dtype.str, v.shape, v.tobytes()) for k, v in r.arrays.items()}
+    return r.name, r.key, r.outcome, r.seconds, json.dumps(r.meta, default=lambda v: v.item()), arrays
 
 
-def equal(a: TaskResult, b: TaskResult) -> bool:
-    def bits(r: TaskResult):
-        arrays = {k: (v.dtype.str, v.shape, v.tobytes()) for k, v in r.arrays.items()}
-        meta = json.dumps(r.meta, default=lambda v: v.item())
-        return r.name, r.key, r.outcome, r.seconds, meta, arrays
-
-    return bits(a) == bits(b)
-
-
-def test_a_result_comes_back_bit_for_bit(tmp_path):
+def test_a_result_is_read_bit_for_bit(tmp_path):
     Store(tmp_path).write(result())
-    back = Store(tmp_path).read(NAME)
-    assert equal(back, result())
-    assert all(same(a, b) for a, b in zip(back.meta["floats"], AWKWARD, strict=True))
+    assert bits(Store(tmp_path).read(NAME)) == bits(result())
 
 
-def test_resume_needs_the_same_key(tmp_path):
+def test_a_result_counts_only_with_its_key(tmp_path):
     store = Store(tmp_path / "out")
     assert not store.has(NAME, "k1")
     assert store.names() == []
@@ -73,11 +63,9 @@ def test_resume_needs_the_same_key(tmp_path):
         store.read(NAME)
     assert not (tmp_path / "out").exists()  # reading creates nothing
     store.write(result())
-    assert store.has(NAME, "k1")
-    assert not store.has(NAME, "k2")
+    assert [store.has(NAME, key) for key in ("k1", "k2")] == [True, False]
     store.write(result(key="k2"))
-    assert store.has(NAME, "k2")
-    assert not store.has(NAME, "k1")
+    assert [store.has(NAME, key) for key in ("k1", "k2")] == [False, True]
 
 
 def test_a_name_cannot_leave_the_folder(tmp_path):
@@ -87,7 +75,7 @@ def test_a_name_cannot_leave_the_folder(tmp_path):
     assert list(tmp_path.rglob("*.npz")) == []
 
 
-def test_every_truncation_counts_as_absent(tmp_path):
+def test_a_truncated_result_counts_as_absent(tmp_path):
     store = Store(tmp_path)
     store.write(result())
     path = tmp_path / "cells" / f"{NAME}.npz"
@@ -99,7 +87,7 @@ def test_every_truncation_counts_as_absent(tmp_path):
     assert store.has(NAME, "k1")
 
 
-def test_no_flipped_byte_changes_a_result(tmp_path):
+def test_a_result_with_a_changed_byte_is_absent_or_the_same(tmp_path):
     store = Store(tmp_path)
     store.write(result())
     path = tmp_path / "cells" / f"{NAME}.npz"
@@ -110,7 +98,7 @@ def test_no_flipped_byte_changes_a_result(tmp_path):
         damaged[place] ^= 0x5A
         path.write_bytes(damaged)
         try:
-            assert equal(store.read(NAME), result()), place
+            assert bits(store.read(NAME)) == bits(result()), place
         except KeyError:
             absent += 1
     assert absent > 0.5 * len(whole) / 3
@@ -142,30 +130,30 @@ with store.lock():
 """
 
 
-def writer(folder: Path) -> subprocess.Popen[str]:
-    return subprocess.Popen([sys.executable, "-c", WRITER, str(folder)], stdout=subprocess.PIPE, text=True)
+def complete(version: TaskResult) -> int:
+    """Check that a result of WRITER is complete, and return its number."""
+    assert np.all(version.arrays["x"] == version.meta["i"])
+    return version.meta["i"]
 
 
-def test_a_kill_leaves_a_whole_file_and_no_lock(tmp_path):
+def test_a_killed_process_leaves_a_complete_file_and_no_lock(tmp_path):
     store = Store(tmp_path)
-    process = writer(tmp_path)
+    command = [sys.executable, "-c", WRITER, str(tmp_path)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout
     with process, process.stdout:
         assert process.stdout.readline() == "locked\n"
-        seen: set[int] = set()
+        versions: set[int] = set()
         end = time.monotonic() + 20
-        while len(seen) < 5 and time.monotonic() < end:
+        while len(versions) < 5 and time.monotonic() < end:
             if store.names():
-                found = store.read("a/b")
-                assert np.all(found.arrays["x"] == found.meta["i"])
-                seen.add(found.meta["i"])
+                versions.add(complete(store.read("a/b")))
         with pytest.raises(InputError, match=rf"process {process.pid}\) is writing here"), store.lock():
             pass
         process.send_signal(signal.SIGKILL)
         process.wait()
-    assert len(seen) >= 5
-    found = store.read("a/b")
-    assert np.all(found.arrays["x"] == found.meta["i"])
+    assert len(versions) >= 5
+    complete(store.read("a/b"))
     for written in ("cells/a/b.npz", "run.json"):
         temporary_path(tmp_path / written).write_bytes(b"half")
     with store.lock():
@@ -179,25 +167,20 @@ def test_a_folder_that_cannot_be_written_is_an_input_error(tmp_path):
         pass
 
 
-def test_a_table_reads_back_exactly(tmp_path):
+def test_a_table_is_read_exactly(tmp_path):
     columns = TABLES["estimates.csv"]
-    rng = np.random.default_rng(2)
-    numbers = [*AWKWARD, *np.exp(rng.normal(0, 100, 200))]
-    text = {"signal": "60", "model": "viscous+coulomb", "outcome": 'it said "no", twice\nand left'}
+    numbers = [*AWKWARD, *np.exp(np.random.default_rng(2).normal(0, 100, 200)).tolist()]
+    text = {"signal": "60", "model": "viscous+coulomb", "outcome": 'the word "no", twice\nand left'}
     rows = [{**text, "repeat": i, "value": v, "stderr": np.float64(v)} for i, v in enumerate(numbers)]
     write_table(tmp_path / "estimates.csv", columns, rows)
-    back = read_table(tmp_path / "estimates.csv")
-    assert len(back) == len(rows)
-    for row, found in zip(rows, back, strict=True):
-        assert tuple(found) == columns
-        assert same(found["value"], row["value"])
-        assert same(found["stderr"], row["value"])
-        assert (found["signal"], found["repeat"], found["outcome"]) == ("60", row["repeat"], row["outcome"])
-        assert math.isnan(found["truth"])
-        assert found["evaluations"] is None
+    absent = {"truth": math.nan, "evaluations": None}
+    for row, stored in zip(rows, read_table(tmp_path / "estimates.csv"), strict=True):
+        assert tuple(stored) == columns
+        expected = row | absent | {"stderr": row["value"]}
+        assert {name: repr(stored[name]) for name in expected} == {n: repr(v) for n, v in expected.items()}
 
 
-def test_a_field_that_is_no_number_names_its_place(tmp_path):
+def test_a_cell_that_is_not_a_number_is_refused_with_its_place(tmp_path):
     (tmp_path / "estimates.csv").write_text("signal,value\na,1.0\nb,1,\nc,x\n")
     with pytest.raises(InputError, match=r"estimates\.csv, line 4, column value: 'x' is not a number"):
         read_table(tmp_path / "estimates.csv")
@@ -212,21 +195,21 @@ def test_json_is_strict_and_exact(tmp_path):
     assert back == {"x": 1 / 3, "nan": None, "inf": "-inf", "a": [0, 1], "p": [1, 2]}
 
 
-def test_provenance_says_what_ran(tmp_path):
+def test_provenance_has_versions_machine_and_digests_of_inputs(tmp_path):
     write_bytes(tmp_path / "in.txt", b"abc")
-    found = provenance({"in.txt": tmp_path / "in.txt"})
+    origin_of_run = provenance({"in.txt": tmp_path / "in.txt"})
     abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
-    assert found["inputs"] == {"in.txt": abc}
-    assert {"numpy", "scipy", "jax", "arviz-stats"} <= set(found["versions"])
-    assert found["machine"]["cpus"] >= 1
-    assert found["revision"]
+    assert origin_of_run["inputs"] == {"in.txt": abc}
+    assert {"numpy", "scipy", "jax", "arviz-stats"} <= set(origin_of_run["versions"])
+    assert origin_of_run["machine"]["cpus"] >= 1
+    assert origin_of_run["revision"]
     assert set(provenance(packages=["numpy", "no-such-package"])["versions"]) == {"numpy"}
     write_bytes(tmp_path / "in.txt", b"abd")
     assert sha256(tmp_path / "in.txt") != abc
 
 
-def test_an_installed_copy_gives_its_version(tmp_path, monkeypatch):
-    """A copy that lies in somebody else's checkout must not report that checkout's commit."""
+def test_an_installed_copy_reports_its_version(tmp_path, monkeypatch):
+    """Not the commit of another project's checkout around it."""
     subprocess.run(["git", "init", "-q", str(tmp_path)], check=True)
     copy = tmp_path / "site-packages" / "bayesdamp" / "store" / "origin.py"
     write_bytes(copy, b"")

@@ -1,4 +1,4 @@
-"""Records and answers that are made by hand."""
+"""Records and answers that are written by hand."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ AMPLITUDES = (0.3, 0.2, 0.1)
 
 
 def a_case(number: int, group: str = "family") -> Case:
-    """A record whose true damping ratio is 0.02 at all amplitudes."""
+    """Return a record whose true damping ratio is 0.02 at all amplitudes."""
     signal = Signal(np.arange(3.0), np.zeros(3))
     name = f"{group}-{number}"
     return Case(name, group, signal, SUMS[number % 7], ratio=lambda _: 0.02, amplitudes=AMPLITUDES)
@@ -28,7 +28,7 @@ def peer_of(
     grade: str = "exact",
     decided: bool = True,
 ) -> Peer:
-    """A peer whose intervals hold the truth with 95 % where sure = 1, and are narrower by that factor else."""
+    """Return a peer whose intervals are narrower by `sure` than those that contain the truth with 95 % probability."""
     sd = 0.001
     values = 0.02 + sd * rng.standard_normal(3)
     half = 1.96 * sd / sure

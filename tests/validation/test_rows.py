@@ -1,4 +1,4 @@
-"""A table of rows: each is kept as it is computed, a second run adds what is missing, and other columns are refused."""
+"""A table of rows: each is written once computed, a second run adds the missing ones, other columns are refused."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_numbers_read_back_with_six_digits(tmp_path: Path) -> None:
     assert rows.to_dict("records") == [{"a": "x, y", "b": 3.14159, "c": pytest.approx(np.nan, nan_ok=True)}]
 
 
-def test_a_refusal_is_a_row_and_a_fault_ends_the_run(tmp_path: Path) -> None:
+def test_a_refusal_is_a_row_and_an_exception_ends_the_run(tmp_path: Path) -> None:
     table = tmp_path / "rows.csv"
     todo = {f"family-{i}/bayesdamp": (i,) for i in range(2)}
     with pytest.raises(RuntimeError, match="a fault"):

@@ -1,4 +1,4 @@
-"""Answers that are always right, always wrong, or too sure get the scores that they earn."""
+"""Scores of answers that are always right, always wrong, or overconfident."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def table_of(count: int = 200, **how) -> pd.DataFrame:
     return pd.DataFrame([row_of(case, peer_of(case, rng, **how)) for case in map(a_case, range(count))])
 
 
-def test_an_honest_answer_is_right_and_covers() -> None:
+def test_intervals_of_right_answers_cover_the_truth_in_95_percent() -> None:
     rows = table_of()
     assert (named(rows), named(rows, right=1), named(rows, right=0)) == (200, 200, 0)
     part = coverage(rows)
@@ -44,7 +44,7 @@ def test_an_honest_answer_is_right_and_covers() -> None:
     assert np.median(errors(rows)) == pytest.approx(0.6745 * 0.001 / 0.02, rel=5 * 1.2 / np.sqrt(600))
 
 
-def test_a_wrong_answer_is_wrong_outright() -> None:
+def test_a_wrong_answer_counts_only_if_it_is_decided() -> None:
     rows = table_of(right=False)
     assert (named(rows), named(rows, right=1), named(rows, right=0)) == (200, 0, 200)
     assert rows["true_probability"].to_numpy() == pytest.approx(0.02 / 6)
@@ -54,14 +54,14 @@ def test_a_wrong_answer_is_wrong_outright() -> None:
 
 
 def test_an_overconfident_answer_does_not_cover() -> None:
-    """Intervals of a third of the width hold the truth with 1 − 2Φ(−1.96/3) = 0.486."""
+    """Intervals of a third of the width contain the truth with probability 1 − 2Φ(−1.96/3) = 0.486."""
     part = coverage(table_of(sure=3.0))
     assert part.value == pytest.approx(0.486, abs=5 * 0.5 / np.sqrt(600))
     assert part.high < 0.95
 
 
-def test_coverage_counts_only_stated_intervals() -> None:
-    """Two of the three intervals of one record hold the truth, the only one of another does not, a third has none."""
+def test_coverage_is_the_mean_over_records_that_have_intervals() -> None:
+    """Of one record two of three intervals contain the truth, of another the only one does not, a third has none."""
     replies = (
         Reply([0.02] * 3, [0.01, 0.01, 0.03], [0.03, 0.03, 0.04]),
         Reply([0.03], [0.025], [0.04]),
@@ -72,7 +72,7 @@ def test_coverage_counts_only_stated_intervals() -> None:
     assert np.isnan(coverage(rows.iloc[2:]).value)
 
 
-def test_groups_and_peers_are_told_apart() -> None:
+def test_the_page_scores_each_group_and_peer_separately() -> None:
     rng, rows = np.random.default_rng(2), []
     for mode, sure in (("none", 1.0), ("auto", 0.5)):
         for case in (a_case(n, group) for n in range(20) for group in ("family", "drift", "jitter")):
@@ -80,16 +80,13 @@ def test_groups_and_peers_are_told_apart() -> None:
             rows.append(row_of(case, peer_of(case, rng, sure=sure, grade=grade), mode))
     text = page(pd.DataFrame(rows))
     assert "| drift, auto | 20 | 20 | 20 of 20 (0.84–1.00) | 20 of 20 (0.84–1.00) |" in text
-    for group, width, deviate in (
-        ("family, none", "9.8", 0),
-        ("family, auto", "20", 0),
-        ("drift, auto", "20", 20),
-    ):
-        assert any(
-            f"| {width} % | {deviate} |" in line
-            for line in text.splitlines()
-            if line.startswith(f"| {group} |")
-        )
+    for group, score in {
+        "family, none": "9.8 % | 0",
+        "family, auto": "20 % | 0",
+        "drift, auto": "20 % | 20",
+    }.items():
+        lines = [line for line in text.splitlines() if line.startswith(f"| {group} |")]
+        assert any(f"| {score} |" in line for line in lines)
     assert "| all discrepancies, auto | 40 | 40 |" in text
 
 
@@ -103,7 +100,7 @@ def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
     assert table.splitlines()[-1] == "| all | 10 | 5 | 5 of 10 (0.24–0.76) | 1.00 (0.57–1.00) |"
 
 
-def test_a_peer_is_compared_with_ours_on_the_records_of_both() -> None:
+def test_errors_of_a_peer_are_compared_on_the_records_that_both_answer() -> None:
     def rows_of(error: float, count: int = 20) -> pd.DataFrame:
         replies = [Reply([0.02 * (1 + error * (1 + i))] * 3) for i in range(count)]
         return pd.DataFrame([row_of(a_case(i), lambda *_, r=r: r) for i, r in enumerate(replies)])
@@ -114,14 +111,14 @@ def test_a_peer_is_compared_with_ours_on_the_records_of_both() -> None:
     assert paired(rows_of(9.0, 1), ours) == "–"
 
 
-def test_wilsons_interval_is_scipys() -> None:
+def test_the_interval_of_a_share_is_wilsons_of_scipy() -> None:
     for hits, count in ((0, 10), (7, 10), (190, 200), (200, 200)):
         exact = binomtest(hits, count).proportion_ci(method="wilson")
         part = share(hits, count)
         assert (part.low, part.high) == pytest.approx((exact.low, exact.high), abs=1e-12)
 
 
-def test_the_reply_is_that_of_the_verdict() -> None:
+def test_a_reply_has_the_numbers_of_its_verdict() -> None:
     at = DampingRatio(0.2, "rad", 0.02, 0.0, 0.0, 0.01, 0.03)
     answer = Verdict(
         "a", Grade.EXACT, True, "coulomb+viscous", 0.7, (Rival("viscous", 0.2),), damping_ratio=(at,)
@@ -134,7 +131,7 @@ def test_the_reply_is_that_of_the_verdict() -> None:
     assert (row["right"], row["decided"], row["amplitude_1"]) == (1, 1, 0.2)
     assert (row["low_1"], row["high_1"]) == (0.01, 0.03)
     nothing = row_of(replace(a_case(3), damping=""), lambda *_: Reply([0.02]))
-    assert nothing["right"] == 0  # an unknown damping is not named rightly by naming none
+    assert nothing["right"] == 0  # naming no damping is not right where the true one is unknown
     assert np.isnan(probability_of(Reply([0.02]), "viscous"))
     with pytest.raises(Refusal, match="not enough cycles"):
         reply_of(Verdict("a", Grade.NOT_WEIGHED, False, "", float("nan"), sentence="not enough cycles"))

@@ -1,4 +1,4 @@
-"""What the contest's records are."""
+"""The records of the contest have the properties of their groups."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from validation.contest.records import GROUPS, LOST, simulate_record
 from validation.scoring import Reply
 
 
-def test_a_group_is_what_it_says():
+def test_records_have_the_properties_of_their_group():
     for number in range(5):
         record = simulate_record(4, number)
         t, y = record.signal.t, record.signal.y
@@ -28,14 +28,14 @@ def test_a_group_is_what_it_says():
             assert 5 <= crossings <= 14
 
 
-def test_a_record_is_the_same_again_and_another_with_another_seed():
+def test_a_record_is_determined_by_its_seed():
     first, again, other = (simulate_record(seed, 2).signal.y for seed in (4, 4, 5))
     np.testing.assert_array_equal(first, again)
     assert first.size != other.size or not np.array_equal(first, other)
 
 
 def test_all_peers_are_judged_at_the_requested_amplitudes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also one that answers at an amplitude outside the record, where there is no truth."""
+    """Also a peer that answers at an amplitude outside the record, where there is no truth."""
     record = simulate_record(4, 0)
     reply = Reply([0.01, 0.01, 0.01], amplitudes=[9.0, 8.0, 7.0])
     monkeypatch.setitem(ROSTER, "bayesdamp", lambda *_: reply)
@@ -44,7 +44,7 @@ def test_all_peers_are_judged_at_the_requested_amplitudes(monkeypatch: pytest.Mo
     assert row["true_1"] == record.ratio(record.amplitudes[0])
 
 
-def test_half_cycles_of_a_closed_form():
-    found = half_cycles(closed_form(0.03, cycles=8.0).signal)
-    np.testing.assert_allclose(found[:, 1], 0.03, rtol=0.03)
-    np.testing.assert_allclose(found[0, 0], 0.5 * np.exp(-0.03 * 2 * np.pi * 1.0), rtol=0.1)
+def test_half_cycles_give_the_ratio_and_amplitude_of_a_closed_form():
+    amplitude, ratio = half_cycles(closed_form(0.03, cycles=8.0).signal)[:, :2].T
+    np.testing.assert_allclose(ratio, 0.03, rtol=0.03)
+    np.testing.assert_allclose(amplitude[0], 0.5 * np.exp(-0.03 * 2 * np.pi * 1.0), rtol=0.1)

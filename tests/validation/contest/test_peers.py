@@ -1,4 +1,4 @@
-"""Each peer finds the closed form of a viscous decay; on a quadratic one, one number is not enough."""
+"""Each peer finds the damping ratio of a viscous decay; a single number is wrong on a decay by drag."""
 
 from __future__ import annotations
 
@@ -20,54 +20,51 @@ WITHIN = {
 """Largest relative error."""
 
 
-def test_the_closed_form():
-    for name in WITHIN:
-        cycles = (
-            60.0 if name == "half-power bandwidth" else 20.0
-        )  # what has not died away has a wider spectrum
-        record = closed_form(RATIO, noise=1e-4 if name == "PySINDy" else 0.0, cycles=cycles)
-        said = ROSTER[name](record.signal.t, record.signal.y, record.amplitudes)
-        np.testing.assert_allclose(said.values, RATIO, rtol=WITHIN[name])
+@pytest.mark.parametrize("name", WITHIN)
+def test_each_peer_finds_the_ratio_of_the_closed_form(name: str):
+    """The half-power bandwidth needs a record that has died away: a truncated one has a wider spectrum."""
+    cycles = 60.0 if name == "half-power bandwidth" else 20.0
+    record = closed_form(RATIO, noise=1e-4 if name == "PySINDy" else 0.0, cycles=cycles)
+    reply = ROSTER[name](record.signal.t, record.signal.y, record.amplitudes)
+    np.testing.assert_allclose(reply.values, RATIO, rtol=WITHIN[name])
 
 
-def quadratic() -> tuple[np.ndarray, np.ndarray, tuple[float, ...], tuple[float, ...]]:
-    """A decay by v|v| alone, solved by SciPy; its ratio is proportional to the amplitude."""
+def test_a_single_ratio_is_wrong_on_a_decay_by_drag():
+    """Negative control: v|v| alone, solved by SciPy; the ratio is proportional to the amplitude."""
     t, drag, omega = np.arange(0.0, 20.0, 0.02), 0.4, 2 * np.pi
     path = solve_ivp(
         lambda _, s: (s[1], -(omega**2) * s[0] - drag * s[1] * abs(s[1])), (0, 20), (0.5, 0.0), t_eval=t, rtol=1e-9,
     )  # fmt: skip
     amplitudes = (0.4, 0.2, 0.09)
-    return t, path.y[0], amplitudes, tuple(drag * loss_rate("quadratic", a, omega) for a in amplitudes)
+    true = np.array([drag * loss_rate("quadratic", a, omega) for a in amplitudes])
+    for answer in (textbook.decrement, textbook.half_power, textbook.decaying_cosine):
+        values = np.array(answer(t, path.y[0], amplitudes).values)
+        assert np.max(np.abs(values / true - 1)) > 0.4
 
 
-def test_negative_control_a_quadratic_record_fools_one_number():
-    for answer in [textbook.decrement, textbook.half_power, textbook.decaying_cosine]:
-        t, y, amplitudes, true = quadratic()
-        found = np.array(answer(t, y, amplitudes).values)
-        assert np.max(np.abs(found / true - 1)) > 0.4
-
-
-def test_what_grows_is_refused():
-    for name in set(WITHIN) - {"half-power bandwidth"}:  # which knows no sign
-        t = np.arange(0.0, 20.0, 0.02)
+def test_a_growing_oscillation_is_refused():
+    """Except by the half-power bandwidth, which has no sign."""
+    t = np.arange(0.0, 20.0, 0.02)
+    for name in set(WITHIN) - {"half-power bandwidth"}:
         with pytest.raises(Refusal):
             ROSTER[name](t, 0.01 * np.exp(0.1 * t) * np.cos(2 * np.pi * t), (0.05, 0.03, 0.02))
 
 
-def test_the_scripts_motion_is_that_of_the_closed_form_of_friction():
-    """On a linear spring friction c takes 2c/k of the amplitude in each half cycle, and holds below c/k."""
+def test_the_motion_of_the_script_is_the_closed_form_of_dry_friction():
+    """On a linear spring friction c reduces the amplitude by 2c/k in each half cycle, and sticks below c/k."""
     p = np.array([0.0, 0.03, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0])
-    found = script.solve(np.pi * np.arange(40.0), p, 0.0)
+    motion = script.solve(np.pi * np.arange(40.0), p, 0.0)
     turns = np.arange(17)
-    np.testing.assert_allclose(found[:17], (-1.0) ** turns * (1 - 0.06 * turns), atol=3e-5)
-    np.testing.assert_array_equal(found[19:], found[18])
+    np.testing.assert_allclose(motion[:17], (-1.0) ** turns * (1 - 0.06 * turns), atol=3e-5)
+    np.testing.assert_array_equal(motion[19:], motion[18])
 
 
-def test_the_script_names_a_viscous_damping_and_holds_its_ratio():
+def test_the_script_names_viscous_damping_with_an_interval_that_contains_its_ratio():
+    """Control: with much noise and few cycles it decides nothing."""
     record = closed_form(RATIO, noise=0.002, cycles=60.0)
-    said = script.answer(record.signal.t, record.signal.y, record.amplitudes)
-    assert (said.named, said.decided) == ("viscous", True)
-    for low, value, high in zip(said.low, said.values, said.high, strict=True):
+    reply = script.answer(record.signal.t, record.signal.y, record.amplitudes)
+    assert (reply.named, reply.decided) == ("viscous", True)
+    for low, value, high in zip(reply.low, reply.values, reply.high, strict=True):
         assert low < RATIO < high < 1.02 * value
-    noisy = closed_form(RATIO, noise=0.1, cycles=4.0)  # negative control: it cannot be told there
+    noisy = closed_form(RATIO, noise=0.1, cycles=4.0)
     assert not script.answer(noisy.signal.t, noisy.signal.y, noisy.amplitudes).decided
