@@ -1,4 +1,4 @@
-"""The layers hold: every import in the package, wherever it stands in a module, goes one way."""
+"""Every import in the package, at the top of a module or inside a function, goes from an upper layer to a lower one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 OUTSIDE = "validation"
-"""The folder that judges the package from outside: it may import the package, and the package never imports it."""
+"""The folder that evaluates the package as a user would: the package never imports it."""
 
 NEUTRAL = {
     "types", "outcomes", "units", "plugins", "plain_text", "sources", "priors", "serial", "calls", "machine",
@@ -23,7 +23,7 @@ INFERENCE = (
     "noise", "model", "mode", "search", "derived", "population", "coordinates", "residual_tests", "checks",
     "diagnostics", "samplers", "evidence", "sensitivity",
 )  # fmt: skip
-"""From the ground up: each module or folder imports those before it, and itself."""
+"""From bottom to top: each module or folder imports those before it, and itself."""
 _BELOW = NEUTRAL | {"physics", "records"}
 
 MAY_IMPORT: dict[str, set[str]] = {
@@ -65,7 +65,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     | {"config", "estimators", "inference", "store", "verdict", "report", "interface", "pipeline"},
 }  # fmt: skip
 ACROSS = {"cli", "", "__main__", OUTSIDE}
-"""The commands, the list of public names and the evaluation from outside import what they join."""
+"""The commands, the list of public names and the evaluation may import from every folder."""
 
 
 def imports(tree: ast.AST, module: str = "") -> Iterator[tuple[str, str]]:
@@ -80,12 +80,12 @@ def imports(tree: ast.AST, module: str = "") -> Iterator[tuple[str, str]]:
 
 
 def imported(source: str, module: str, known: Container[str]) -> set[str]:
-    """Return the `known` modules that a source imports: at once, when it is called, or for type checkers."""
-    found = {
+    """Return the `known` modules that a source imports: at its top, in functions, or for type checkers."""
+    names = {
         f"{base}.{name}" if f"{base}.{name}" in known else base
         for base, name in imports(ast.parse(source), module)
     }
-    return {name for name in found if name in known and name != module}
+    return {name for name in names if name in known and name != module}
 
 
 def inside(name: str, unit: str) -> bool:
@@ -93,7 +93,7 @@ def inside(name: str, unit: str) -> bool:
 
 
 def backward(source: str, module: str) -> list[str]:
-    """What a module imports and may not: `module -> imported`."""
+    """Return the imports of a module that its layer does not allow: `module -> imported`."""
     name = module.removeprefix("bayesdamp").removeprefix(".")
     others = sorted(other.removeprefix("bayesdamp.") for other in imported(source, module, MODULES))
     units = [unit for unit in MAY_IMPORT if inside(name, unit)]
@@ -106,7 +106,7 @@ def backward(source: str, module: str) -> list[str]:
     return [
         f"{module} -> {other}"
         for other in others
-        if other not in allowed and not any(inside(other, one) for one in whole)
+        if other not in allowed and not any(inside(other, unit) for unit in whole)
     ]
 
 
@@ -118,7 +118,7 @@ MODULES = {
 """The files of all modules, by their names."""
 
 
-def test_no_import_goes_backward() -> None:
+def test_no_module_imports_from_an_upper_layer() -> None:
     assert len(MODULES) > 20
     faults = [f for name, path in MODULES.items() for f in backward(path.read_text(encoding="utf-8"), name)]
     assert not faults, "\n".join(faults)
@@ -141,7 +141,9 @@ def test_no_import_goes_backward() -> None:
         (0, "bayesdamp.inference.model.target", "from bayesdamp import __version__\nimport numpy"),
     ],
 )
-def test_a_backward_import_is_seen_and_a_forward_one_passes(faults: int, module: str, source: str) -> None:
+def test_an_import_from_an_upper_layer_is_reported_and_another_is_not(
+    faults: int, module: str, source: str
+) -> None:
     assert len(backward(source, module)) == faults
 
 
@@ -160,7 +162,7 @@ def graph_of(sources: dict[str, str]) -> dict[str, set[str]]:
 
 
 def circle(graph: dict[str, set[str]]) -> set[str]:
-    """Return nodes that reach each other; none where there are no such nodes."""
+    """Return nodes that import each other, directly or through others; none if there is no circle."""
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
@@ -169,7 +171,7 @@ def circle(graph: dict[str, set[str]]) -> set[str]:
 
 
 def folders_of(graph: dict[str, set[str]]) -> dict[str, set[str]]:
-    """The same between folders: one without folders in it is one node; elsewhere each module is its own."""
+    """Return the imports between folders: a folder without subfolders is one node, and every other module is one."""
     inner = {path.parent.parent for path in MODULES.values()}
     leaf = {
         name: name if path.parent in inner else ".".join(path.parent.relative_to(ROOT).parts)
@@ -181,12 +183,12 @@ def folders_of(graph: dict[str, set[str]]) -> dict[str, set[str]]:
     return grouped
 
 
-def test_no_circle_of_modules_nor_of_folders() -> None:
+def test_neither_modules_nor_folders_import_each_other_in_a_circle() -> None:
     graph = graph_of({name: path.read_text(encoding="utf-8") for name, path in MODULES.items()})
     assert circle(graph) == circle(folders_of(graph)) == set()
 
 
-def test_a_circle_is_seen() -> None:
+def test_a_circle_is_reported() -> None:
     called = ("from bayesdamp.b import x", "def f():\n    from bayesdamp import c", "import bayesdamp.a")
     for_types = ("if TYPE_CHECKING:\n    import bayesdamp.b", "import bayesdamp.a", "")
     for lines, names in ((called, "abc"), (for_types, "ab")):

@@ -1,4 +1,4 @@
-"""What tables say of a task reads back as what it was."""
+"""The outcome of a task in a table is read back with its status and reason."""
 
 from __future__ import annotations
 
@@ -7,20 +7,19 @@ import pytest
 from bayesdamp.outcomes import Status, following, reason_of, status_of
 
 
-def test_an_outcome_reads_back() -> None:
-    for status in [s for s in Status if s not in (Status.OK, Status.REFUSED)]:
-        said = status.because("ValueError: no such thing")
-        assert status_of(said) is status
-        assert reason_of(said) == "ValueError: no such thing"
+def test_status_and_reason_are_read_from_an_outcome() -> None:
+    for status in set(Status) - {Status.OK, Status.REFUSED}:
+        outcome = status.because("ValueError: no such thing")
+        assert (status_of(outcome), reason_of(outcome)) == (status, "ValueError: no such thing")
 
 
-@pytest.mark.parametrize("said", ["", "no oscillation", "the search failed: it ended"])
-def test_a_sentence_that_names_no_status_is_a_refusal(said: str) -> None:
-    assert (status_of(said), reason_of(said)) == (Status.REFUSED, said)
+@pytest.mark.parametrize("outcome", ["", "no oscillation", "the search failed: it ended"])
+def test_a_sentence_without_a_status_is_a_refusal(outcome: str) -> None:
+    assert (status_of(outcome), reason_of(outcome)) == (Status.REFUSED, outcome)
 
 
-def test_what_depends_on_a_failure_says_which() -> None:
-    failed = Status.FAILED.because("ValueError: x")
-    assert following("mode/a/0/viscous", failed) == "not computed: mode/a/0/viscous failed: ValueError: x"
-    assert status_of(following("mode/a/0/viscous", failed)) is Status.NOT_COMPUTED
+def test_a_task_that_depends_on_a_failed_one_names_it() -> None:
+    outcome = following("mode/a/0/viscous", Status.FAILED.because("ValueError: x"))
+    assert outcome == "not computed: mode/a/0/viscous failed: ValueError: x"
+    assert status_of(outcome) is Status.NOT_COMPUTED
     assert following("mode/a/0/viscous", "no oscillation") == "no oscillation"

@@ -1,4 +1,4 @@
-"""Keys of tasks follow the source of the code that computes them, and that alone."""
+"""The key of a task changes if and only if the source of the code that computes it changes."""
 
 from __future__ import annotations
 
@@ -34,42 +34,45 @@ STUDY = study_text(
     'posterior = { samplers = ["nuts", "emcee"] }',
     'evidence = { methods = ["importance"], referee = "never" }',
     simulate="viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003",
-    name="one",
+    name="rig",
 )
 
 
-AFTER_SINDY = tuple(f"{kind}/one/0/viscous" for kind in ("mode", "posterior", "evidence", "sensitivity"))
-"""The sparse regression has all terms in its library, and a mode is looked for from every estimate."""
+AFTER_SINDY = tuple(f"{kind}/rig/0/viscous" for kind in ("mode", "posterior", "evidence", "sensitivity"))
+"""Tasks that start from estimates; those of the sparse regression use all damping terms."""
 
 
 MODULES = {name: path for name, path in EVERY.items() if name.startswith("bayesdamp")}
 
 
 def by_parser(path: Path) -> set[str]:
-    """What a module imports of the package, but for what stands under TYPE_CHECKING, by Python's own parser."""
+    """Return the modules of the package that a module imports, except under TYPE_CHECKING, by Python's own parser."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     tree.body = [n for n in tree.body if not (isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test))]
     return {name for base, below in imports(tree) for name in (base, f"{base}.{below}")} & set(MODULES)
 
 
-def test_imports_are_found_as_the_parser_finds_them():
+def test_direct_imports_are_those_of_the_parser():
+    """A module may contain a program for another process that imports the module itself. Control: another module."""
     for name, path in MODULES.items():
-        # a text for another process may import the module that it stands in
         assert by_parser(path) - {name} == set(direct_imports(name)) & set(MODULES) - {name}, name
-    # negative control: it does tell apart
     assert by_parser(MODULES["bayesdamp.pipeline.run"]) != direct_imports(
         "bayesdamp.pipeline.candidates.tasks"
     )
 
 
-def test_each_kind_reaches_the_physics_and_nothing_that_is_no_part_of_it():
+def test_the_code_of_each_kind_of_task_contains_physics_and_nothing_unrelated():
     for kind in CODE:
         assert set(CODE[kind]) <= set(MODULES)
-        found = import_closure(CODE[kind])
-        assert any(name.startswith("bayesdamp.physics.") for name in found)
-        assert "bayesdamp.pipeline.run" not in found, "it reaches everything: no kind would keep its results"
-        assert not [name for name in found - set(CODE[kind]) if name.startswith(UNRELATED_MODULES)]
-        assert "bayesdamp.physics.damping.viscous" not in found  # a plug-in: it counts where it is used
+        modules = import_closure(CODE[kind])
+        assert any(name.startswith("bayesdamp.physics.") for name in modules)
+        assert "bayesdamp.pipeline.run" not in modules, (
+            "it imports everything, so any change would change every key"
+        )
+        assert not [name for name in modules - set(CODE[kind]) if name.startswith(UNRELATED_MODULES)]
+        assert (
+            "bayesdamp.physics.damping.viscous" not in modules
+        )  # a plug-in is added to the keys where it is used
 
 
 @pytest.fixture(scope="module")
@@ -111,5 +114,5 @@ def test_a_changed_line_changes_the_keys_of_what_depends_on_it(copy, file, chang
     finally:
         path.write_text(text, encoding="utf-8")
     changed = {n for n in before if before[n] != after[n]}
-    assert changed == {n for n in before if any(one in n for one in changes)}
+    assert changed == {n for n in before if any(part in n for part in changes)}
     assert keys(copy) == before

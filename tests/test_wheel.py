@@ -1,4 +1,4 @@
-"""The wheel has what the program needs: its studies, templates and types, and neither tests nor validation."""
+"""The wheel contains the studies, templates and types that the program needs, and neither tests nor validation."""
 
 from __future__ import annotations
 
@@ -14,6 +14,15 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 
+def run(*arguments: str | Path, folder: Path = ROOT, path: Path = ROOT) -> str:
+    """Run Python in a folder with a PYTHONPATH, and return its output."""
+    env = os.environ | {"PYTHONPATH": str(path)}
+    command = [sys.executable, *arguments]
+    process = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
+    assert process.returncode == 0, process.stderr
+    return process.stdout
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
@@ -22,17 +31,11 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     left_out = shutil.ignore_patterns("__pycache__")
     for name in ("bayesdamp", "studies", "validation"):
         shutil.copytree(ROOT / name, source / name, symlinks=True, ignore=left_out)
-    made = subprocess.run(
-        [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-q", "-w", out, source],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert made.returncode == 0, made.stderr
+    run("-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-q", "-w", out, source)
     return next(out.glob("bayesdamp-*.whl"))
 
 
-def test_all_is_in_it(wheel: Path) -> None:
+def test_the_wheel_contains_the_package_and_its_studies(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     studies = {f"bayesdamp/studies/{p.name}" for p in (ROOT / "studies").iterdir()}
     assert {"bayesdamp/py.typed", "bayesdamp/report/templates/report.html"} | studies <= names
@@ -43,20 +46,9 @@ def test_all_is_in_it(wheel: Path) -> None:
     assert not [n for n in names if n.startswith(("tests", "docs", "reports", "validation"))]
 
 
-def test_a_shipped_study_is_found_by_name(wheel: Path, tmp_path: Path) -> None:
-    zipfile.ZipFile(wheel).extractall(tmp_path / "installed")
+def test_a_shipped_study_is_loaded_by_its_name(wheel: Path, tmp_path: Path) -> None:
+    installed = tmp_path / "installed"
+    zipfile.ZipFile(wheel).extractall(installed)
     where = "from bayesdamp.config.load import shipped_folder; print(shipped_folder())"
-    for arguments, said in (
-        (("-c", where), str(tmp_path / "installed" / "bayesdamp" / "studies")),
-        (("-m", "bayesdamp", "check", "quickstart"), "quickstart: ok"),
-    ):
-        done = subprocess.run(
-            [sys.executable, *arguments],
-            cwd=tmp_path,
-            env=os.environ | {"PYTHONPATH": str(tmp_path / "installed")},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        assert said in done.stdout
+    assert str(installed / "bayesdamp" / "studies") in run("-c", where, folder=tmp_path, path=installed)
+    assert "quickstart: ok" in run("-m", "bayesdamp", "check", "quickstart", folder=tmp_path, path=installed)

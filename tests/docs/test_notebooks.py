@@ -1,4 +1,4 @@
-"""The notebooks run as they stand, cell by cell, with warnings as errors, and show their figures in a kernel."""
+"""The notebooks run cell by cell with warnings as errors, their results are true, and a kernel shows their figures."""
 
 from __future__ import annotations
 
@@ -18,29 +18,31 @@ NAMES = ("own_record", "paper", "many_specimens")
 
 
 def cells(path: Path) -> list[str]:
-    """The code of a notebook."""
-    found = json.loads(path.read_text(encoding="utf-8"))["cells"]
-    return ["".join(cell["source"]) for cell in found if cell["cell_type"] == "code"]
+    """Return the code cells of a notebook."""
+    book = json.loads(path.read_text(encoding="utf-8"))
+    return ["".join(cell["source"]) for cell in book["cells"] if cell["cell_type"] == "code"]
 
 
-def own_record(found: dict[str, Any]) -> bool:
-    summary, truth = found["posterior"].summary(), {"zeta": 0.03, "mu_c": 0.06}
+def own_record(names: dict[str, Any]) -> bool:
+    summary, truth = names["posterior"].summary(), {"zeta": 0.03, "mu_c": 0.06}
     return all(abs(summary.loc[n, "mean"] - true) < 4 * summary.loc[n, "sd"] for n, true in truth.items())
 
 
-def paper(found: dict[str, Any]) -> bool:
-    return all(row[name] < 1e-4 for row in found["rows"] for name in row if name.endswith("refined"))
+def paper(names: dict[str, Any]) -> bool:
+    return all(row[name] < 1e-4 for row in names["rows"] for name in row if name.endswith("refined"))
 
 
-def many_specimens(found: dict[str, Any]) -> bool:
-    third = found["difference"]("third", "first")
+def many_specimens(names: dict[str, Any]) -> bool:
+    third = names["difference"]("third", "first")
     return third["difference %"] > 2 * third["sd"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("holds", [own_record, paper, many_specimens])
-def test_what_a_notebook_finds_is_true(holds: Callable[..., bool], monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the names are after the last cell of the notebook that is called as the function."""
+def test_the_results_of_a_notebook_are_true(
+    holds: Callable[..., bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each function checks the names after the last cell of the notebook with its name."""
     monkeypatch.chdir(NOTEBOOKS)
     mpl.use("agg")
     space: dict[str, Any] = {"__name__": "__main__"}
@@ -52,7 +54,7 @@ def test_what_a_notebook_finds_is_true(holds: Callable[..., bool], monkeypatch: 
     assert holds(space)
 
 
-def test_the_three_are_all() -> None:
+def test_every_notebook_is_tested() -> None:
     assert {path.stem for path in NOTEBOOKS.glob("*.ipynb")} == set(NAMES)
 
 
@@ -64,7 +66,7 @@ signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=6.0, samples=15
 
 
 def shown(cells: list[str], monkeypatch: pytest.MonkeyPatch, backend: str = "agg") -> list[int]:
-    """How many pictures each cell shows in a kernel whose environment names this backend."""
+    """Return the number of pictures that each cell shows in a kernel with this backend."""
     monkeypatch.setenv("MPLBACKEND", backend)
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in cells])
     NotebookClient(

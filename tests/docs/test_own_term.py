@@ -1,4 +1,4 @@
-"""The term of the how-to page is one that `compare` can weigh, with the ratio that its force has."""
+"""The damping term of the how-to page is complete, and its damping ratio is that of its force."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bayesdamp.physics.damping import DampingTerm
 PAGE = Path(__file__).resolve().parents[2] / "docs/howto/own-term.md"
 
 
-def test_the_term_on_the_page_has_a_kernel_and_the_ratio_of_its_force() -> None:
+def test_the_ratio_of_the_term_is_that_of_its_force() -> None:
     code = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert code is not None
     names: dict[str, object] = {}
