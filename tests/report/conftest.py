@@ -1,4 +1,4 @@
-"""Folders of runs, made without running anything: one measured and one simulated signal."""
+"""Folders of runs with a measured and a simulated signal, written without computing anything."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ DETAILS = {
     "koopman": {"generator_eigenvalues_re": [-0.05, -0.05], "generator_eigenvalues_im": [4.48, -4.48]},
     "neural_ode": {"velocity": [-1.0, 0.0, 1.0], "force": [-0.11, 0.0, 0.1], "law": [-0.1, 0.0, 0.1]},
 }
-"""What some methods say besides their estimates."""
+"""What some methods store besides their estimates."""
 
 RATIOS = (
     DampingRatio(0.51, "rad", 0.006512, 2.1e-5, 4.7e-5, 0.006411, 0.006618),
@@ -87,30 +87,19 @@ VERDICTS = (
         damping_ratio=RATIOS[:1], frequency=Interval(0.71265, 0.71193, 0.71618, "Hz"), unexplained_pct=0.41,
     ),
 )  # fmt: skip
+QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
 CANDIDATES = {"viscous": (-812.34, -1204.6, 0.03127), "viscous+coulomb": (321.7, 298.2, 0.00213)}
 """Log evidence, log evidence under exact laws and rms residual in rad."""
 
 
-def stages(method: str) -> list[dict]:
-    own = {"estimator": method, "stage": "initial", "details": DETAILS.get(method, {})}
-    return [own, {"estimator": method, "stage": "refined", "details": {}}]
-
-
-def trajectory(signal: str, model: str, t: np.ndarray) -> np.ndarray:
-    """A decay that looks like this model's, in rad."""
-    rate, frequency = (0.13, 25.1) if signal == "bench" else (0.05, 4.47)
-    start = 0.5 if signal == "bench" else 0.3
-    envelopes = {
-        "viscous": np.exp(-1.06 * rate * t),
-        "coulomb": np.maximum(1 - 0.62 * rate * t, 0.0),
-        "quadratic": 1 / (1 + 1.7 * rate * t),
-        "viscous+coulomb": np.maximum(np.exp(-rate * t) - 0.02 * t / t[-1], 0.0),
-    }
-    return start * envelopes[model] * np.cos(frequency * t)
+def trajectory(kind: str, t: np.ndarray) -> np.ndarray:
+    """Return a viscous decay at times in s, in rad."""
+    start, rate, frequency = (0.5, 0.14, 25.1) if kind == "bench" else (0.3, 0.053, 4.47)
+    return start * np.exp(-rate * t) * np.cos(frequency * t)
 
 
 class RunMaker:
-    """Writes the folder of a run; `tables`, `signals` and `models` say what of it."""
+    """Writes the folder of a run; `tables` are the rows of its tables, by file name."""
 
     def __init__(self, folder: Path, signals=("bench", "sim"), repeats=None, models=MODELS) -> None:
         self.folder, self.store, self.rng = folder, Store(folder), np.random.default_rng(7)
@@ -143,103 +132,102 @@ class RunMaker:
     def signal(self, signal: str, repeat: int) -> tuple[np.ndarray, np.ndarray]:
         kind = self.kind(signal)
         t = np.arange(5000) / 260.0 if kind == "bench" else np.linspace(0, 10, 1000)
-        noise = self.rng.normal(0, 0.003, t.size)
-        y = trajectory(kind, "viscous+coulomb" if kind == "bench" else "viscous", t) + noise
+        y = trajectory(kind, t) + self.rng.normal(0, 0.003, t.size)
         period = 0.25 if kind == "bench" else 1.405
         meta: dict = {"features": asdict(FeatureValues(0.0, 0.3, 0.1, 4.5, period, 9.0, 140.0, 0.001))}
         arrays = {"t": t, "y": y}
-        if kind == "bench":  # held before, and at rest at last
+        if kind == "bench":  # deflected and at rest before its release, and at rest at the end
             raw = np.concatenate([np.full(520, y[0]), y, np.full(1300, 0.0088)])
             arrays |= {"raw_t": np.arange(raw.size) / 260.0, "raw_y": raw}
         self.put(f"signal/{signal}/{repeat}", meta, arrays)
         return t, y
 
     def mode(self, place: dict, path: str, kind: str, t: np.ndarray, y: np.ndarray) -> None:
-        model = place["model"]
-        fit = trajectory(kind, model, t)
-        residual, lags = y - fit, np.arange(26)
-        size = {n: SIZE[kind][n] for n, _ in (OWN[term] for term in model.split("+"))}
-        values, sds = ({n: pair[i] for n, pair in size.items()} for i in (0, 1))
-        parts = (("whole", 0, 1), ("first half", 0, 0.5), ("second half", 0.5, 1), ("middle", 0.25, 0.75))
+        fit = trajectory(kind, t)
+        residual = y - fit
+        sizes = {name: SIZE[kind][name] for name, _ in (OWN[term] for term in place["model"].split("+"))}
+        values, sds = ({name: pair[i] for name, pair in sizes.items()} for i in (0, 1))
         windows = [
             {"label": label, "start": start * t[-1], "stop": stop * t[-1], "values": values, "sd": sds}
-            for label, start, stop in parts
+            for label, start, stop in (("whole", 0, 1), ("first half", 0, 0.5), ("second half", 0.5, 1))
         ]
         meta = {"values": values, "sd": sds, "log_posterior": 1234.5, "windows": windows}
         meta |= {"error_budget": {"step_error": 2e-8, "log_likelihood_change": 0.0021}}
         arrays = {"t": t, "fit": fit, "residual": residual, "whitened": residual / residual.std()}
-        self.put(f"mode/{path}", meta, arrays | {"autocorrelation": 0.94**lags})
+        self.put(f"mode/{path}", meta, arrays | {"autocorrelation": 0.94 ** np.arange(26)})
         factor, unit = (180 / math.pi, "deg") if kind == "bench" else (1.0, "rad")
-        best = LOG_BAYES[kind][model] > -2
-        fitted = {"rms": residual.std() * factor, "rms_unit": unit, "residual_autocorrelation": 0.235}
-        fitted |= {"window_spread": 4.1 if kind == "bench" else 0.6}
-        fitted |= {"predictive_p": (0.003 if kind == "bench" else 0.41) if best else 0.0}
-        fitted |= {"verdict": f"the residual is {'as small as' if best else 'far above'} the noise"}
-        self.tables["fits.csv"].append({**place, "restoring": "horizontal_pendulum", **fitted})
+        is_good = LOG_BAYES[kind][place["model"]] > -2
+        self.tables["fits.csv"].append({
+            **place, "restoring": "horizontal_pendulum", "rms": residual.std() * factor, "rms_unit": unit,
+            "residual_autocorrelation": 0.235, "window_spread": 4.1 if kind == "bench" else 0.6,
+            "predictive_p": (0.003 if kind == "bench" else 0.41) if is_good else 0.0,
+            "verdict": f"the residual is {'as small as' if is_good else 'far above'} the noise",
+        })  # fmt: skip
 
     def estimates(self, place: dict, path: str, kind: str) -> None:
-        rows, later = self.tables["estimates.csv"], place["repeat"] + 1
-        for i, method in enumerate(METHODS):
-            common = {**place, "estimator": method, "evaluations": 300 * (i + 1) * later}
-            common |= {"seconds": 0.3 * (i + 1) * later}
+        rows, repeats = self.tables["estimates.csv"], place["repeat"] + 1
+        for i, method in enumerate(METHODS, 1):
+            of_method = {**place, "estimator": method, "outcome": "ok"}
             if method == "envelope" and "+" in place["model"]:
-                refused = {"outcome": "refuses: the envelope of a sum of dampings has no closed form here"}
-                rows.append({**place, "estimator": method, "stage": "initial", "seconds": 0.0, **refused})
+                reason = "refuses: the envelope of a sum of dampings has no closed form here"
+                rows.append({**of_method, "stage": "initial", "seconds": 0.0, "outcome": reason})
                 continue
-            for stage, rough in (("initial", 30), ("refined", 0.2)):
+            for stage, error in (("initial", 30), ("refined", 0.2)):
                 for name, unit in (OWN[term] for term in place["model"].split("+")):
                     value, sd = SIZE[kind][name]
                     value = 0.0 if kind == "sim" and name == "mu_c" and "+" in place["model"] else value
-                    value += sd * rough * self.rng.normal()
-                    true = TRUTH[name] if kind == "sim" else math.nan
-                    known = {"truth": true, "error_pct": 100 * (value / true - 1) if true else math.nan}
-                    known |= {"stderr": sd if stage == "refined" else math.nan}
-                    at = {"stage": stage, "parameter": name, "unit": unit, "value": value, "outcome": "ok"}
-                    rows.append({**common, **at, **known})
+                    value += sd * error * self.rng.normal()
+                    truth = TRUTH[name] if kind == "sim" else math.nan
+                    rows.append({
+                        **of_method, "stage": stage, "parameter": name, "unit": unit, "value": value, "truth": truth,
+                        "error_pct": 100 * (value / truth - 1) if truth else math.nan,
+                        "stderr": sd if stage == "refined" else math.nan,
+                        "evaluations": 300 * i * repeats, "seconds": 0.3 * i * repeats,
+                    })  # fmt: skip
             trace = {"initial/loss": np.exp(-np.arange(200) / 40)} if method == "pinn" else {}
-            self.put(f"estimate/{path}/{method}", {"stages": stages(method)}, trace)
+            stages = [
+                {"estimator": method, "stage": stage, "details": {}} for stage in ("initial", "refined")
+            ]
+            stages[0]["details"] = DETAILS.get(method, {})
+            self.put(f"estimate/{path}/{method}", {"stages": stages}, trace)
 
     def posterior(self, place: dict, path: str, kind: str) -> None:
-        model = place["model"]
-        size = [(*OWN[term], *SIZE[kind][OWN[term][0]]) for term in model.split("+")]
-        size += [(n, u, v, s) for n, (v, s, u) in SHARED[kind].items()]
-        names, units = [s[0] for s in size], [s[1] for s in size]
-        mean, sd = np.array([s[2] for s in size]), np.array([s[3] for s in size])
-        if kind == "sim" and "coulomb" in model:
+        own = [OWN[term] for term in place["model"].split("+")]
+        sizes = [(n, u, *SIZE[kind][n]) for n, u in own] + [
+            (n, u, v, s) for n, (v, s, u) in SHARED[kind].items()
+        ]
+        names, units, mean, sd = (list(column) for column in zip(*sizes))
+        if kind == "sim" and "mu_c" in names:
             mean[names.index("mu_c")] = 0.0
         for sampler in ("nuts", "emcee"):
-            draws = mean + sd * self.rng.normal(size=(4, 1000, len(names)))
-            own = [n in TRUTH for n in names]
-            draws[..., own] = np.abs(draws[..., own])
-            slow = sampler == "emcee" and model == "quadratic"
-            outcome = "not converged: R̂ of stiffness is 1.034, above 1.01" if slow else "ok"
+            draws = np.array(mean) + np.array(sd) * self.rng.normal(size=(4, 1000, len(names)))
+            draws[..., : len(own)] = np.abs(draws[..., : len(own)])
+            is_slow = sampler == "emcee" and place["model"] == "quadratic"
+            outcome = "not converged: R̂ of stiffness is 1.034, above 1.01" if is_slow else "ok"
             stored = {"sampler": sampler, "names": names, "draws": [], "log_likelihood": []}
             meta = {"posterior": stored, "units": dict(zip(names, units))}
             self.put(f"posterior/{path}/{sampler}", meta, {"draws": draws}, outcome)
             flat = draws.reshape(-1, len(names))
             derived = ("natural_frequency", "rad/s", np.sqrt(20 + 0.001 * self.rng.normal(size=len(flat))))
             for name, unit, x in (*zip(names, units, flat.T), derived):
-                levels = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
-                row = {q: np.quantile(x, level) for q, level in levels.items()}
-                row |= {"mean": x.mean(), "sd": x.std(), "hdi_low": row["q2.5"], "hdi_high": row["q97.5"]}
-                row |= {
-                    "ess_bulk": 3900.0 if sampler == "nuts" else 1200.0,
-                    "ess_tail": 2800.0,
-                    "seconds": 4.0,
-                }
-                row |= {"rhat": 1.034 if slow and name == "stiffness" else 1.001, "outcome": outcome}
-                row |= {"sampler": sampler, "parameter": name, "unit": unit}
-                divergences = 0 if sampler == "nuts" else None
-                self.tables["posteriors.csv"].append({**place, **row, "divergences": divergences})
+                quantiles = dict(zip(QUANTILES, np.quantile(x, list(QUANTILES.values()))))
+                self.tables["posteriors.csv"].append({
+                    **place, **quantiles, "sampler": sampler, "parameter": name, "unit": unit, "mean": x.mean(),
+                    "sd": x.std(), "hdi_low": quantiles["q2.5"], "hdi_high": quantiles["q97.5"],
+                    "ess_bulk": 3900.0 if sampler == "nuts" else 1200.0, "ess_tail": 2800.0, "seconds": 4.0,
+                    "rhat": 1.034 if is_slow and name == "stiffness" else 1.001, "outcome": outcome,
+                    "divergences": 0 if sampler == "nuts" else None,
+                })  # fmt: skip
 
     def evidence(self, place: dict, path: str, kind: str) -> None:
         logs = {m: LOG_BAYES[kind][m] for m in self.models}
         own, total = logs[place["model"]], sum(math.exp(v) for v in logs.values())
         for method, shift, diagnostic in (("importance", 0.0, "Pareto k 0.21"), ("bridge", 0.02, "")):
-            row = {"method": method, "log_evidence": 29362.41 + own + shift, "stderr": 0.008, "outcome": "ok"}
-            row |= {"log_bayes_factor": own - max(logs.values()), "probability": math.exp(own) / total}
-            row |= {"restoring": "horizontal_pendulum", "diagnostic": diagnostic}
-            self.tables["evidence.csv"].append({**place, **row})
+            self.tables["evidence.csv"].append({
+                **place, "method": method, "log_evidence": 29362.41 + own + shift, "stderr": 0.008, "outcome": "ok",
+                "log_bayes_factor": own - max(logs.values()), "probability": math.exp(own) / total,
+                "restoring": "horizontal_pendulum", "diagnostic": diagnostic,
+            })  # fmt: skip
             self.put(f"evidence/{path}/{method}", {}, {})
 
     def info(self) -> dict:
@@ -274,7 +262,7 @@ class RunMaker:
 
 
 def write_answers(folder: Path) -> None:
-    """Give the records of VERDICTS their answers, with sentences as they are written now."""
+    """Write VERDICTS as the answers on their records, with sentences by the current program."""
     store = Store(folder)
     verdicts = [replace(v, sentence=sentence(v)) for v in VERDICTS]
     for v in verdicts:
@@ -286,23 +274,23 @@ def write_answers(folder: Path) -> None:
 
 @pytest.fixture(scope="session")
 def whole_run(tmp_path_factory) -> Path:
-    """A run in which everything is there. Not to be changed by a test."""
+    """A run with all kinds of results. Tests must not change it."""
     return RunMaker(tmp_path_factory.mktemp("whole")).make()
 
 
 @pytest.fixture
 def sketchy(monkeypatch):
-    """Figures are composed but not drawn, for tests of the text."""
+    """Figures are composed but not rendered, for tests of the text."""
     monkeypatch.setattr("bayesdamp.report.drawing._encode", lambda _: (b"<svg/>", b"png"))
 
 
 @pytest.fixture
 def maker_of(tmp_path, sketchy):
-    """Makers of other runs in the test's own folder; their figures are not drawn."""
+    """Makers of runs in the test's own folder; their figures are not rendered."""
     return functools.partial(RunMaker, tmp_path / "run")
 
 
 @pytest.fixture
 def maker(maker_of):
-    """A small run, for a test to spoil."""
+    """The maker of a small run that a test may damage."""
     return maker_of(signals=("sim",), repeats={"sim": 1}, models=("viscous", "viscous+coulomb"))

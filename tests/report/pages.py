@@ -1,4 +1,4 @@
-"""A page taken apart: what it loads, its identifiers, its text, its tables and numbers."""
+"""Parse a page of HTML: what it loads, its identifiers, its text, its tables and the numbers in them."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class Shown(NamedTuple):
 def numbers(text: str) -> list[Shown]:
     """Return the numbers in a text, in its order; milliseconds in s. A cell of 0 alone is exactly 0."""
     text = re.sub(r"\((\S+) ± (\S+)\)( × 10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", r"\1\3 ± \2\3", text)
-    found = []
+    parsed = []
     for bound, digits, decimals, e, raised, ms in _NUMBER.findall(text):
         power = 10.0 ** (int((e or raised or "0").translate(_RAISED)) - 3 * bool(ms))
         value = float(digits.translate(_RAISED).replace("\u202f", "")) * power
-        found.append(
+        parsed.append(
             Shown(bound.strip(), value, 0.0 if text == "0" else 0.5 * power * 10.0 ** -len(decimals))
         )
-    return found
+    return parsed
 
 
 class Page(HTMLParser):
@@ -77,7 +77,7 @@ class Page(HTMLParser):
 
 
 def foreign(html: str) -> list[str]:
-    """Everything that a browser would fetch from elsewhere."""
+    """Return everything that a browser would load from outside the page."""
     loads = [load for load in Page(html).loads if not load.startswith(("data:", "#"))]
     return loads + re.findall(r"@import[^;]*|url\([^)]*\)|https?://[^\s\"'<]+", html)
 

@@ -1,4 +1,4 @@
-"""The page in a browser: nothing wider than the window, figures drawn, tables that sort and filter, all of it in print.
+"""The page in a browser: it fits the window, shows its figures, sorts and filters its tables, and prints completely.
 
 Needs Chromium or Chrome; skipped where there is none.
 """
@@ -23,22 +23,22 @@ pytestmark = pytest.mark.skipif(not BROWSER, reason=f"no browser: none of {', '.
 WIDTHS = (1280, 390)
 HEIGHT = 900
 PROBE = """<script>
-const seen = (one) => one.getClientRects().length > 0;
-const box = (one) => one.getBoundingClientRect();
+const visible = (element) => element.getClientRects().length > 0;
+const box = (element) => element.getBoundingClientRect();
 const out = {width: innerWidth, page: document.documentElement.scrollWidth};
-out.broken = [...document.images].filter((i) => seen(i) && !i.naturalWidth).length;
-out.figures = [...document.images].filter(seen).length;
-out.smallest = Math.min(...[...document.querySelectorAll("main *")].filter((e) => seen(e) && e.children.length === 0
+out.broken = [...document.images].filter((i) => visible(i) && !i.naturalWidth).length;
+out.figures = [...document.images].filter(visible).length;
+out.smallest = Math.min(...[...document.querySelectorAll("main *")].filter((e) => visible(e) && e.children.length === 0
   && e.textContent.trim() && !e.closest("svg, sub")).map((e) => parseFloat(getComputedStyle(e).fontSize)));
 out.scrolled = [...document.querySelectorAll(".scroll, figure > div")].filter((e) => e.scrollWidth > e.clientWidth + 1
   && getComputedStyle(e).overflowX !== "auto").length;
-out.scales = [...document.images].filter(seen).map((i) => box(i).width
+out.scales = [...document.images].filter(visible).map((i) => box(i).width
   / (i.currentSrc === i.src ? parseFloat(i.style.width) : 430));
 const lines = (c) => { const r = document.createRange(); r.selectNodeContents(c); return r.getClientRects().length; };
 const words = (c) => c.textContent.trim().split(/\\s+|(?<=[/+-])(?=\\S)/).length;
-out.torn = [...document.querySelectorAll("th, td")].filter((c) => seen(c) && !c.classList.contains("w")
+out.torn = [...document.querySelectorAll("th, td")].filter((c) => visible(c) && !c.classList.contains("w")
   && !c.querySelector("*") && lines(c) > words(c)).map((c) => c.textContent);
-const table = [...document.querySelectorAll("table")].find((t) => seen(t) && t.tHead.querySelector("[aria-sort]"));
+const table = [...document.querySelectorAll("table")].find((t) => visible(t) && t.tHead.querySelector("[aria-sort]"));
 const column = (i) => [...table.tBodies[0].rows].map((r) => r.cells[i].textContent);
 if (table) {
   const heads = [...table.tHead.rows[0].cells];
@@ -49,27 +49,27 @@ const field = document.querySelector(".filter");
 if (field) {
   const rows = [...field.parentNode.querySelector("table").tBodies[0].rows];
   field.value = rows[0].textContent.slice(0, 6); field.dispatchEvent(new Event("input"));
-  out.kept = rows.filter((r) => !r.hidden).length; out.rows = rows.length;
+  out.filtered = rows.filter((r) => !r.hidden).length; out.rows = rows.length;
 }
 const folded = () => document.querySelectorAll("details:not([open])").length;
 out.folded = folded(); dispatchEvent(new Event("beforeprint")); out.printing = folded();
 dispatchEvent(new Event("afterprint")); out.after = folded();
-const told = parent.document.createElement("pre");
-told.id = "probe"; told.textContent = JSON.stringify(out); parent.document.body.replaceChildren(told);
+const result = parent.document.createElement("pre");
+result.id = "probe"; result.textContent = JSON.stringify(out); parent.document.body.replaceChildren(result);
 </script>"""
 
 
 def browse(*arguments: str) -> str:
-    """What the browser says on its standard output."""
+    """Run the browser and return its standard output."""
     fixed = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--virtual-time-budget=4000")
-    done = subprocess.run(
+    process = subprocess.run(
         [BROWSER, *fixed, *arguments], capture_output=True, text=True, timeout=120, check=True
     )
-    return done.stdout
+    return process.stdout
 
 
 def probed(html: str, folder: Path, width: int) -> dict:
-    """What the probe finds of a page in a window of this width."""
+    """Return the measurements of PROBE on a page in a window of this width."""
     at = folder / f"probe{width}.html"
     # In a frame: a window of its own is never narrower than 500 pixels.
     inside = escape(html.replace("</body>", f"{PROBE}</body>"))
@@ -82,7 +82,7 @@ def probed(html: str, folder: Path, width: int) -> dict:
 
 
 def pages(html: str, folder: Path, name: str) -> int:
-    """Sheets of paper that a page takes."""
+    """Return the number of printed pages."""
     at, pdf = folder / f"{name}.html", folder / f"{name}.pdf"
     at.write_text(html, encoding="utf-8")
     browse(f"--print-to-pdf={pdf}", at.as_uri())
@@ -101,8 +101,9 @@ def probes(html: str, tmp_path_factory) -> dict[int, dict]:
 
 
 def test_nothing_is_wider_than_the_window_and_text_is_legible(probes, html, tmp_path):
-    """Letters are 7 pt and more where drawn: on a phone four fifths of that can be read, two fifths cannot. Negative
-    control: a block of 3,000 pixels."""
+    """Letters in figures have at least 7 pt, so a figure on a phone must have at least 3/4 of its size.
+
+    Control: a block of 3,000 pixels."""
     for width in WIDTHS:
         assert probes[width]["width"] == width
         assert probes[width]["page"] <= width
@@ -114,8 +115,8 @@ def test_nothing_is_wider_than_the_window_and_text_is_legible(probes, html, tmp_
     assert probed(wide, tmp_path, 390)["page"] > 2900
 
 
-def test_words_in_tables_are_not_torn_into_letters(probes, html, tmp_path):
-    """Negative control: words that may break anywhere, as those of the first column once did."""
+def test_words_in_tables_are_not_broken_inside(probes, html, tmp_path):
+    """Control: words that may break anywhere."""
     assert probes[390]["torn"] == []
     anywhere = html.replace("overflow-wrap: break-word", "overflow-wrap: anywhere")
     assert anywhere != html
@@ -127,10 +128,10 @@ def test_tables_sort_and_filter(probes):
     assert probe["up"] != probe["down"]
     assert sorted(probe["up"]) == sorted(probe["down"])
     assert probe["sort"] == "descending"
-    assert 0 < probe["kept"] < probe["rows"]
+    assert 0 < probe["filtered"] < probe["rows"]
 
 
-def test_all_that_is_folded_is_open_in_print(probes, html, tmp_path):
+def test_collapsed_sections_are_open_in_print(probes, html, tmp_path):
     probe = probes[1280]
     assert probe["folded"] > 3
     assert probe["printing"] == 0

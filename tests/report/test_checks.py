@@ -26,7 +26,7 @@ ROW = {"signal": "a", "repeat": 0, "restoring": "linear", "outcome": "ok"}
 
 
 def verdict(damping: str = "viscous", probability: float = 0.98, **changes: Any) -> Verdict:
-    """1 % at 0.2 rad, ζ = 0.05 ± 0.002."""
+    """Return a verdict with a damping ratio of 1 % at 0.2 rad and ζ = 0.05 ± 0.002."""
     ratio = DampingRatio(0.2, "rad", 0.01, 0.0002, 0.0004, 0.009, 0.011)
     zeta = Coefficient("zeta", 0.05, 0.001, 0.0, 0.048, 0.052, "1/s")
     result = Verdict("a", Grade.EXACT, probability > 0.95, damping, probability, restoring="linear")
@@ -57,27 +57,25 @@ def fitted(value: float = 0.05, estimator: str = "envelope") -> dict:
     return {**common, "unit": "1/s", "value": value, "truth": 0.05}
 
 
-def run_of(answer: Verdict | None = None, unit: str = "rad", truth: str = "", **given: Any) -> RunFolder:
-    """As much of a run as checks read."""
-    cells = {kind: cell(kind, v) for kind, v in given.pop("cells", {}).items()}
-    cells |= {"answer": cell("answer", answer)} if answer else {}
-    simulation = {"damping": truth.split("+")} if truth else {}
-    result = {
+def run_of(answer: Verdict | None = None, truth: str = "", **given: Any) -> RunFolder:
+    """Return an object with the parts of a run that checks read; `results`: functions of the parts of a task's name."""
+    results = {"answer": lambda *_: cell("answer", answer) if answer else None, **given.pop("results", {})}
+    parts = {
         **{key: [] for key in ("models", "estimates", "posteriors", "evidence", "fits")},
         **{"signals": ["a"], "info": {}, "answered": {}, "under_law": False},
         "repeats": lambda _: [0],
-        "task_result": lambda kind, *_: cells.get(kind),
+        "task_result": lambda kind, *name: results[kind](*name) if kind in results else None,
         "task_results": lambda *_: [],
-        "unit": lambda _: UNITS[unit],
+        "unit": lambda _: UNITS["rad"],
         "is_simulated": lambda _: bool(truth),
-        "simulation": lambda _: simulation,
+        "simulation": lambda _: {"damping": truth.split("+")} if truth else {},
         "provenance": lambda _: SimpleNamespace(warnings=()),
     }
-    return cast(RunFolder, SimpleNamespace(**{**result, **given}))
+    return cast(RunFolder, SimpleNamespace(**{**parts, **given}))
 
 
 def checked(run: RunFolder) -> tuple[list[str], list[str]]:
-    """The sentences of the checks that pass, and of those that fail."""
+    """Return the sentences of the checks that pass, and of those that fail."""
     result = RecordChecks(run, "a").all()
     return [c.text for c in result if not c.fails], [c.text for c in result if c.fails]
 
@@ -148,9 +146,7 @@ def test_the_damping_ratio_of_chains_confirms_or_contradicts() -> None:
     def ratios(value: float, half: float) -> str:
         row = {"amplitude": 0.2, "value": value, "low": value - half, "high": value + half}
         chains = SimpleNamespace(meta={"ratios": [{**row, "sd_noise": 0.0, "sd_law": 0.0}]}, arrays={})
-        stored = {"answer": cell("answer", verdict()), "posterior": chains}
-        run = run_of(posteriors=chain())
-        run.task_result = lambda kind, *_: stored.get(kind)  # type: ignore[method-assign]
+        run = run_of(verdict(), posteriors=chain(), results={"posterior": lambda *_: chains})
         return " ".join(check.text for check in RecordChecks(run, "a").all())
 
     assert "NUTS confirms the damping ratio: 1.000 % (0.900 to 1.100) at 0.2 rad." in ratios(0.01, 0.001)
@@ -158,25 +154,20 @@ def test_the_damping_ratio_of_chains_confirms_or_contradicts() -> None:
     assert "gives an interval 0.5 times as wide: 1.000 % (0.950 to 1.050) at 0.2 rad" in ratios(0.01, 0.0005)
 
 
-def test_an_answer_that_rests_on_the_priors_width_says_so() -> None:
-    """Odds of 99 that a prior a tenth as wide turns into 99 / 40 are not the record's; 99 / 2 are."""
+def test_an_answer_that_depends_on_the_width_of_the_prior_fails_a_check() -> None:
+    """A prior a tenth as wide turns odds of 99 into 99/40, so 0.71. Control: into 99/2."""
 
     def widths(by: float) -> list[str]:
         logs = {"viscous": [-5.0, -5.0, -5.0], "coulomb": [-9.6 + np.log(by), -9.6, -11.9]}
-        run = run_of(verdict(), evidence=evidence(viscous=0.99, coulomb=0.01))
-        answer = run.task_result("answer")
 
-        def stored(kind: str, *parts: object) -> object:
-            if kind != "sensitivity":
-                return answer if kind == "answer" else None
-            result = {"factors": np.array([0.1, 1.0, 10.0]), "log_evidence": np.array(logs[str(parts[2])])}
-            return SimpleNamespace(outcome="ok", arrays={**result, "trusted": np.ones(3, bool)})
+        def sensitivity(*name: object) -> SimpleNamespace:
+            arrays = {"factors": np.array([0.1, 1.0, 10.0]), "log_evidence": np.array(logs[str(name[2])])}
+            return SimpleNamespace(outcome="ok", arrays={**arrays, "trusted": np.ones(3, bool)})
 
-        run.task_result = stored  # type: ignore[method-assign, assignment]
-        return checked(run)[1]
+        tables = evidence(viscous=0.99, coulomb=0.01)
+        return checked(run_of(verdict(), evidence=tables, results={"sensitivity": sensitivity}))[1]
 
     (text,) = widths(40.0)
-    # 0.99 / (0.99 + 0.01 * 40)
     assert "with priors 0.10 times as wide, the probability of viscous is 0.71" in text
     assert widths(2.0) == []
 

@@ -1,4 +1,4 @@
-"""What the figures rest on: thinning that keeps extremes, margins that hold all labels, densities that respect zero."""
+"""Figures keep extremes, show all labels and contours of the stated mass, and end densities at zero."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from bayesdamp.report.results.estimators import CoefficientEstimates
 
 
 def test_thinning_keeps_the_extremes():
+    """Control: plain decimation loses them."""
     t = np.linspace(0, 100, 100_001)
     y = np.sin(40 * t)
     y[50_123] = 7.0
     at, values = thin_line(t, y, 2000)
     assert len(at) <= 2100
-    assert y[::50].max() < 7.0  # control: plain decimation loses it
+    assert y[::50].max() < 7.0
     assert values.max() == 7.0
     assert (at[0], at[-1]) == (t[0], t[-1])
     assert np.all(np.diff(at) > 0)
@@ -47,6 +48,7 @@ def labels_inside(figure: Figure) -> bool:
 
 @pytest.mark.parametrize("scale", [3e-7, 1.2e-3, 1.2e4])
 def test_labels_of_any_size_are_inside_a_figure_with_fixed_margins(scale: float) -> None:
+    """Control: margins that are too narrow."""
     t = np.linspace(0.0, 20.0, 400)
     y = scale * np.exp(-0.1 * t) * np.cos(6 * t)
     arrays = {"t": t, "record": y, "fit": y, "residual": 0.01 * y}
@@ -61,7 +63,7 @@ def test_labels_of_any_size_are_inside_a_figure_with_fixed_margins(scale: float)
         assert labels_inside(draw_raw_record(t, y, "acceleration / (m/s²)", 2.0, 15.0))
         without = {name: array for name, array in arrays.items() if name not in ("fit", "residual")}
         assert labels_inside(answer(without, "m", "viscous"))
-        fix_margins(figure, left=0.2)  # the control
+        fix_margins(figure, left=0.2)
         assert not labels_inside(figure)
 
 
@@ -75,29 +77,18 @@ def test_contours_enclose_their_mass():
         assert np.mean(inside >= level) == pytest.approx(mass, abs=0.03)
 
 
-def _draw() -> Figure:
-    figure = Figure(figsize=(3, 2))
-    figure.add_subplot().plot([0, 1], [0, 1])
-    return figure
-
-
-def test_a_figure_is_the_same_in_every_report(tmp_path):
-    first = Drawings(tmp_path / "a").add("x", "a < b", _draw)
-    second = Drawings(tmp_path / "b").add("x", "a < b", _draw)
-    assert first == second
-    assert "a &lt; b" in first
-    for kind in ("svg", "png"):
-        assert (tmp_path / "a" / f"x.{kind}").read_bytes() == (tmp_path / "b" / f"x.{kind}").read_bytes()
-    assert 'width="216pt"' in (tmp_path / "a" / "x.svg").read_text()
-
-
-def test_a_figures_name_cannot_leave_the_folder(tmp_path):
-    Drawings(tmp_path / "figures").add("../up/x", "caption", _draw)
-    assert {p.parent.name for p in tmp_path.rglob("*.svg")} == {"figures"}
+def test_a_figure_has_its_size_an_escaped_caption_and_a_name_inside_the_folder(tmp_path):
+    figure = Drawings(tmp_path / "figures").add(
+        "../up/x", "a < b", lambda: Figure(figsize=(3, 2)).add_subplot().figure
+    )
+    assert "a &lt; b" in figure
+    (path,) = tmp_path.rglob("*.svg")
+    assert path.parent.name == "figures"
+    assert 'width="216pt"' in path.read_text()
 
 
 def test_the_density_of_any_coefficient_ends_at_zero():
-    """That of a user's term too; a parameter that may be negative is drawn beyond it (the negative control)."""
+    """Also that of a user's term. Control: a parameter that may be negative is drawn below zero too."""
     half = np.abs(np.random.default_rng(0).standard_normal((2, 1000)))
     figure = marginals("sticky", {"nuts": {"c_sticky": half, "slope": half}}, {}, {}, ["c_sticky"])
     coefficient, other = (ax.lines[0].get_xdata() for ax in figure.axes[:2])

@@ -1,4 +1,4 @@
-"""The report of a folder in which something is missing, damaged, refused or in doubt."""
+"""The report of a folder with missing, damaged, refused or foreign results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_an_empty_run_says_so(tmp_path):
 
 
 def without(kinds: str, *tables: str) -> Callable[[Path], None]:
-    """Return what removes results of these kinds, and tables, from a run."""
+    """Return a function that removes results of these kinds, and tables, from a run."""
 
     def spoil(folder: Path) -> None:
         for path in (*(folder / f"{name}.csv" for name in tables), *(folder / "cells").rglob("*.npz")):
@@ -57,12 +57,12 @@ SPOILED: list[tuple[Callable[[Path], None], str]] = [
 
 
 @pytest.mark.parametrize(("spoil", "text"), SPOILED)
-def test_what_is_missing_damaged_or_refused_is_said(maker, spoil, text):
+def test_the_page_says_what_is_missing_damaged_or_refused(maker, spoil, text):
     spoil(folder := maker.make())
     assert text in Page(render(folder).read_text()).words
 
 
-def test_a_run_of_another_version_is_one_line(maker):
+def test_a_run_of_another_version_is_refused_in_one_line(maker):
     folder = maker.make()
     store = Store(folder)
     with store.lock():
@@ -74,7 +74,7 @@ def test_a_run_of_another_version_is_one_line(maker):
     assert "\n" not in str(error.value)
 
 
-def test_a_table_of_another_program(maker):
+def test_a_table_with_other_columns_is_refused(maker):
     folder = maker.make()
     (folder / "fits.csv").write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match=r"fits\.csv: column deviation, .* predictive_p"):

@@ -1,4 +1,4 @@
-"""Many records at a glance, and the estimators against the posterior."""
+"""The overview of many records, and the estimates against the posterior of their record."""
 
 from __future__ import annotations
 
@@ -50,31 +50,28 @@ def folder(tmp_path: Path, sketchy: None) -> Path:
     return tmp_path
 
 
-def test_every_record_has_a_curve_and_a_line_that_leads_to_its_answer(folder: Path) -> None:
+def test_the_overview_has_the_common_answer_first_and_a_link_to_each_record(folder: Path) -> None:
     page = render(folder).read_text(encoding="utf-8")
     section = page[page.index('id="overview"') : page.index('id="answer"')]
-    assert "Viscous damping (probability 0.98)" in section, "what they say together comes first"
+    assert "Viscous damping (probability 0.98)" in section
     assert section.index("Viscous damping (probability 0.98)") < section.index("<figure")
     for name in SIZES:
         assert section.count(f'href="#answer-{name}"') == 1
         assert f'id="answer-{name}"' in page
-    assert "7.02 deg" in section, "in the unit that the record came in"
-    assert section.count(">0.58<") == len(SIZES), "the limit within which, by the sentence, the law holds"
 
 
-def test_the_terminal_has_a_line_a_record_and_the_specimen(folder: Path) -> None:
+def test_the_terminal_has_the_common_answer_first_and_a_line_for_each_record(folder: Path) -> None:
+    """Names of records are shown without the beginning that all share."""
     out = io.StringIO()
     print_conclusion(folder, Console(file=out, width=120))
     text = out.getvalue()
     lines = [line.split() for line in text.splitlines()]
-    assert [line[0] for line in lines if "viscous" in line] == ["1", "2", "3"], (
-        "names without what all begin with"
-    )
-    assert text.index("rig: Viscous damping") < text.index("record "), "what they say together comes first"
-    assert "at 7" in text.replace("\n", " "), "at an amplitude that all pass"
+    assert [line[0] for line in lines if "viscous" in line] == ["1", "2", "3"]
+    assert text.index("rig: Viscous damping") < text.index("record ")
+    assert "at 7" in text.replace("\n", " ")
 
 
-def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Path) -> None:
+def test_estimates_are_compared_with_the_posterior_of_their_own_record(whole_run: Path) -> None:
     run = RunFolder(whole_run)
     estimates = estimates_of(run, "sim", "viscous")[0]
     assert estimates.truth == 0.05
@@ -86,14 +83,13 @@ def test_estimates_stand_against_the_posterior_of_their_own_record(whole_run: Pa
 
 
 def test_records_are_compared_at_an_amplitude_that_all_pass(folder: Path) -> None:
+    """There the ratio is read from the curve; without such an amplitude it is that at the middle of the record."""
     records = answers(RunFolder(folder))
     shared = common_amplitude(records)
     assert shared == pytest.approx(np.degrees(np.sqrt(0.05 * 0.3)))
     rising = replace(records[0], arrays={**records[0].arrays, "ratio": 0.1 * records[0].arrays["amplitude"]})
     at = ratio_of(rising, shared)
-    assert at.value == pytest.approx(0.1 * shared, rel=0.02), (
-        "read off the curve, not the record's own middle"
-    )
+    assert at.value == pytest.approx(0.1 * shared, rel=0.02)
     far = replace(records[1], arrays={**records[1].arrays, "amplitude": 100 * records[1].arrays["amplitude"]})
     assert common_amplitude([records[0], far]) is None
     own = ratio_of(records[0], None)

@@ -1,4 +1,4 @@
-"""Which methods' errors differ by more than luck."""
+"""Methods have different ranks only if their errors differ by more than chance."""
 
 from __future__ import annotations
 
@@ -16,22 +16,21 @@ from bayesdamp.report.results.estimators import (
 
 
 @pytest.mark.parametrize("count", [5, 50])
-def test_intervals_hold_the_true_size_and_a_method_is_seldom_ahead_of_itself(count: int):
-    """Of 1,000 sets of normal errors 95 % would; Tukey's t is somewhat short for five. Chance of a false alarm 1e-4.
+def test_intervals_contain_the_true_size_and_equal_methods_are_rarely_distinguished(count: int):
+    """Of 1,000 sets of normal errors 95 % should; Tukey's t is somewhat short for five. False alarms in 1e-4 of seeds.
 
-    Negative control: of two sets of one size, 2.5 % would be said to be smaller.
+    Control: of two sets of the same size the first counts as better in 2.5 %.
     """
     rng = np.random.default_rng(count)
     sets = [
         [dict(enumerate(2.0 * np.abs(rng.standard_normal(count)))) for _ in range(2)] for _ in range(1000)
     ]
-    inside = [low <= 2.0 <= high for low, high in (error_interval(one) for one, _ in sets)]
+    inside = [low <= 2.0 <= high for low, high in (error_interval(first) for first, _ in sets)]
     assert (0.88 if count == 5 else 0.91) < np.mean(inside) < 0.985
-    assert np.mean([is_significantly_better(one, other) for one, other in sets]) < 0.05
+    assert np.mean([is_significantly_better(*pair) for pair in sets]) < 0.05
 
 
-def test_places_are_ranges():
-    """Methods whose errors the repeats cannot tell apart share their ranks: the second and the third."""
+def test_methods_that_cannot_be_distinguished_share_their_ranks():
     some = (1.0, 1.1, 0.9, 1.05, 0.95)
     errors = {
         "best": {i: 0.1 * some[i % 5] for i in range(50)},

@@ -1,4 +1,4 @@
-"""The report: whole, partial and empty folders, one self-contained file, the contract of its sections."""
+"""The report is one self-contained file with all sections, warnings, figures and escaped text."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from rich.console import Console
 
 from bayesdamp.report.render import render
 from bayesdamp.report.results.run import RunFolder, models_not_pruned
-from bayesdamp.report.sections import SECTIONS, Section
+from bayesdamp.report.sections import SECTIONS
 from bayesdamp.report.terminal import print_conclusion
 from bayesdamp.store import write_json
-from bayesdamp.store.results import claim
 from tests.report.conftest import RunMaker
 from tests.report.pages import Page, foreign
 
@@ -28,24 +27,22 @@ def page(whole_run) -> str:
 
 
 def test_the_page_loads_nothing(page):
+    """Control: four kinds of loads."""
     assert foreign(page) == []
-
-
-def test_the_check_for_foreign_loads_sees_them():
     assert foreign("<p><img src='https://example.org/x.png'></p>")
     assert foreign("<style>@import 'x.css';</style>")
     assert foreign("<p style='background: url(x.png)'></p>")
     assert foreign("<script src='figures/x.js'></script>")
 
 
-def test_every_section_is_there_in_order(page):
+def test_the_page_has_every_section_in_order(page):
     ids = [i for i in Page(page).ids if i in SECTIONS.names()]
     assert ids == [
         "answer", "asked", "record", "estimates", "posteriors", "evidence", "fit_quality", "priors", "provenance",
     ]  # fmt: skip
 
 
-def test_what_warns_is_on_the_page(page):
+def test_warnings_are_on_the_page(page):
     words = Page(page).words
     for text in (
         "Most probable damping by evidence in 2 repeats of this record: viscous in 2 (probability at least 0.80).",
@@ -64,14 +61,14 @@ def test_negative_terms_of_a_regression_are_subtracted(page):
 
 
 def test_measured_signals_have_no_truth(page):
-    """Error columns: ζ of the simulated signal, under the two models that have it, none for μ = 0."""
+    """Errors are shown for ζ of the simulated signal under the two models that have it, and not for μ = 0."""
     section = page[page.index('id="estimates"') : page.index('id="posteriors"')]
     bench, sim = section.split("<h3>sim</h3>")
     assert bench.count("<th>error ") == 0
     assert sim.count("<th>error ") == 2
 
 
-def test_figures_are_saved_and_inside(page, whole_run):
+def test_figures_are_saved_and_embedded(page, whole_run):
     svg = {p.stem for p in (whole_run / "figures").glob("*.svg")}
     assert svg == {p.stem for p in (whole_run / "figures").glob("*.png")}
     assert {"record-bench", "record-sim", "pairs-bench-viscous+coulomb"} <= svg
@@ -80,32 +77,18 @@ def test_figures_are_saved_and_inside(page, whole_run):
 
 
 def test_a_second_report_is_the_same(tmp_path):
-    """Drawn in another worker's thread, as in its process."""
+    """Also if another thread draws it. Only figures that a report drew before are removed."""
     folder = RunMaker(tmp_path, signals=["sim"], repeats={"sim": 1}, models=("viscous",)).make()
     first, figures = render(folder).read_text(encoding="utf-8"), folder / "figures"
-    drawn = {path.name for path in figures.iterdir()}
+    drawn = {path.name: path.read_bytes() for path in figures.glob("*.*g")}
     (figures / ".drawn").write_text((figures / ".drawn").read_text() + "\nstale.png\n../report.html")
     for name in ("stale.png", "another.png"):
         (figures / name).write_bytes(b"")
     before = {p: p.stat().st_mtime_ns for p in (folder / "cells").rglob("*.npz")}
     with ThreadPoolExecutor(1) as pool:
         assert render(folder, pool).read_text(encoding="utf-8") == first
-    # no report drew another.png
-    assert {path.name for path in figures.iterdir()} == drawn | {"another.png"}
+    assert {path.name: path.read_bytes() for path in figures.glob("*.*g")} == drawn | {"another.png": b""}
     assert before == {p: p.stat().st_mtime_ns for p in (folder / "cells").rglob("*.npz")}
-
-
-def test_contract_of_a_section(tmp_path):
-    """A folder without results has valid sections too; `page` has those of a whole run."""
-    claim(tmp_path)
-    write_json(tmp_path / "run.json", {})
-    sections = [SECTIONS.get(name) for name in SECTIONS.names()]
-    for section in sections:
-        assert isinstance(section, Section)
-        assert section.title
-        if section.applies(RunFolder(tmp_path)):
-            Page(section.render(RunFolder(tmp_path)))
-    assert len({section.order for section in sections}) == len(sections)
 
 
 def test_text_of_the_user_is_escaped(maker):
@@ -120,7 +103,7 @@ def test_text_of_the_user_is_escaped(maker):
     assert "a &amp; b" in html
 
 
-def test_many_signals_fold(maker_of):
+def test_many_signals_are_collapsed_and_only_their_best_models_are_drawn(maker_of):
     names = [f"sim-{i}" for i in range(6)]
     folder = maker_of(signals=names, models=("viscous", "coulomb")).make()
     html = render(folder).read_text()
@@ -131,7 +114,7 @@ def test_many_signals_fold(maker_of):
     assert "marginals-sim-5-coulomb" not in drawn
 
 
-def test_what_one_has_to_know_of_the_reading_is_on_the_page_and_on_the_terminal(maker_of) -> None:
+def test_warnings_from_reading_a_record_are_on_the_page_and_on_the_terminal(maker_of) -> None:
     folder = maker_of(signals=("bench",), repeats={"bench": 1}, models=("viscous+coulomb", "viscous")).make()
     warning = "it swings by 80 turns to either side."
     for warned in (False, True):
@@ -146,18 +129,17 @@ def test_what_one_has_to_know_of_the_reading_is_on_the_page_and_on_the_terminal(
         (folder / "run.json").write_text(json.dumps(info))
 
 
-def test_models_that_were_pruned_are_no_failed_check(maker_of) -> None:
-    """Another outcome is one."""
+def test_a_pruned_model_is_not_a_failed_check(maker_of) -> None:
+    """It has a row in a table of its own, with its reason, and no fit. Control: a refused model is a failed check."""
     folder = maker_of(signals=("sim",), repeats={"sim": 1}, models=("viscous", "coulomb", "quadratic")).make()
     table = (folder / "evidence.csv").read_text()
-    for outcome, believed in (("pruned: far behind", True), ("refused: no mode", False)):
+    for outcome, is_pruned in (("pruned: far behind", True), ("refused: no mode", False)):
         rows = [
             re.sub(r",ok$", f",{outcome}", row) if ",coulomb," in row else row for row in table.splitlines()
         ]
         (folder / "evidence.csv").write_text("\n".join(rows) + "\n")
         words = Page(render(folder).read_text()).words
-        assert ("The evidence of Coulomb (" in words) != believed
-        # What was pruned is a line of its own table, with its reason, and has no fit.
-        assert ("Not computed further: 1 model, and why" in words) == believed
-        assert ("far behind" in words) == believed
-        assert ("coulomb" in models_not_pruned(RunFolder(folder), "sim", 0)) != believed
+        assert ("The evidence of Coulomb (" in words) != is_pruned
+        assert ("Not computed further: 1 model, and why" in words) == is_pruned
+        assert ("far behind" in words) == is_pruned
+        assert ("coulomb" in models_not_pruned(RunFolder(folder), "sim", 0)) != is_pruned

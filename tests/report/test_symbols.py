@@ -1,4 +1,4 @@
-"""How a parameter is written stands on its term: the report asks it, of a user's own term too."""
+"""The report writes a parameter with the symbol of its damping term or law, also for a user's own term."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.report import words
 
 
-def test_all_that_ship_say_it():
+def test_every_parameter_of_a_shipped_term_or_law_has_a_symbol():
     for term in map(TERMS.get, TERMS.names()):
         for name in (term.parameter, *(p.name for p in term.inferred)):
             assert parameter_symbol(name) is not None, name
@@ -22,8 +22,8 @@ def test_all_that_ship_say_it():
     assert words.axis("zeta", "1/s") == r"$\zeta$ / (1/s)"
 
 
-def test_a_term_without_a_symbol_is_named_by_its_own_parameter_and_words(tmp_path):
-    """Negative control: once it is forgotten, nothing is said of it."""
+def test_a_user_s_term_without_a_symbol_is_written_with_the_name_of_its_parameter(tmp_path):
+    """Control: without the plug-in the parameter has no meaning."""
     source = (Path(__file__).parents[1] / "plugins" / "cubic_drag.py").read_text(encoding="utf-8")
     (tmp_path / "own.py").write_text(source.replace("    unit =", '    words = "sticky seal"\n    unit ='))
     use_modules(read_modules([tmp_path / "own.py"]))
@@ -36,8 +36,8 @@ def test_a_term_without_a_symbol_is_named_by_its_own_parameter_and_words(tmp_pat
     assert words.symbol("drag3").meaning == "parameter"
 
 
-def test_indices_are_set_and_marks_of_html_stay_text():
-    """In every cell of a table; a record's name may be any."""
+def test_indices_are_subscripts_and_html_of_the_user_is_escaped():
+    """In every part of a table."""
     table = Table(["<i>θs"], [TableLine(["<b>μc"])], caption="<u>F_damp", notes=["<s>"])
     shown = table.__html__()
     for text in ("&lt;i&gt;θ<sub>s</sub>", "&lt;b&gt;μ<sub>c</sub>", "&lt;u&gt;F<sub>damp</sub>"):
