@@ -120,7 +120,7 @@ CONTRADICTIONS: dict[str, dict[str, Any]] = {
 }
 
 
-def test_a_check_that_contradicts_the_answer_says_so() -> None:
+def test_what_contradicts_the_answer_is_a_failed_check() -> None:
     answer = verdict(rivals=(Rival("coulomb", 0.02),))
     failed = {text: checked(run_of(answer, **changes))[1] for text, changes in CONTRADICTIONS.items()}
     assert [text for text, sentences in failed.items() if not any(text in s for s in sentences)] == []

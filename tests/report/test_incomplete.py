@@ -15,7 +15,7 @@ from bayesdamp.types import InputError
 from tests.report.pages import Page
 
 
-def test_an_empty_run_says_so(tmp_path):
+def test_the_page_of_an_empty_run_says_that_it_has_no_results(tmp_path):
     claim(tmp_path)
     write_json(tmp_path / "run.json", {})
     words = Page(render(tmp_path).read_text()).words

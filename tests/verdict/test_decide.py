@@ -150,14 +150,26 @@ def test_a_fact_is_stated_only_beyond_its_threshold(changed: dict, control: dict
         assert (text in " ".join([verdict.sentence, *verdict.remarks])) is is_stated
 
 
-def test_the_frequency_at_an_amplitude_of_the_record_precedes_an_extrapolated_natural_frequency() -> None:
-    for natural, extrapolated in [(0.7118, False), (0.7118 * 1.006, True)]:
-        interval = Quantity(natural, natural - 1e-4, natural + 1e-4)
-        verdict = verdict_of(frequency=interval, frequency_at=HERTZ)
-        text = "frequency 0.711800 ± 0.000100 Hz at 0.03 rad (extrapolated"
-        assert (text in verdict.sentence) is extrapolated
-        assert ("natural frequency" in verdict.sentence) is not extrapolated
-        assert verdict.frequency_at == FrequencyAt(0.03, "rad", 0.7118, 0.7117, 0.7119)
+@pytest.mark.parametrize(
+    ("natural", "start", "is_given"),
+    [
+        (HERTZ, "natural frequency 0.711800 ± 0.000100 Hz", True),
+        (
+            Quantity(0.7161, 0.7160, 0.7162),
+            "frequency 0.711800 ± 0.000100 Hz at 0.03 rad (extrapolated",
+            True,
+        ),
+        (Quantity(0.7, 0.3, 0.8), "frequency 0.711800 ± 0.000100 Hz at 0.03 rad", False),
+    ],
+)
+def test_an_extrapolated_or_undetermined_natural_frequency_is_replaced_by_that_at_an_amplitude(
+    natural: Quantity, start: str, is_given: bool
+) -> None:
+    verdict = verdict_of(frequency=natural, frequency_at=HERTZ)
+    assert start in verdict.sentence
+    assert ("extrapolated" in verdict.sentence) is ("extrapolated" in start)
+    assert (verdict.frequency is not None) is is_given
+    assert verdict.frequency_at == FrequencyAt(0.03, "rad", 0.7118, 0.7117, 0.7119)
 
 
 def test_terms_of_a_sum_are_listed_by_their_share_of_the_energy() -> None:
@@ -244,13 +256,6 @@ def test_a_frequency_that_the_restoring_law_contradicts_is_the_measured_one() ->
     assert (verdict.decided, verdict.contradicted, verdict.frequency) == (True, False, None)
     assert "frequency 0.720000 ± 0.000100 Hz at 0.03 rad" in verdict.sentence
     assert any("contradicts the measured frequency" in remark for remark in verdict.remarks)
-
-
-def test_a_natural_frequency_that_is_not_determined_is_left_out() -> None:
-    verdict = verdict_of(frequency=Quantity(0.7, 0.3, 0.8), frequency_at=HERTZ)
-    assert verdict.frequency is None
-    assert "extrapolated" not in verdict.sentence
-    assert "frequency 0.711800 ± 0.000100 Hz at 0.03 rad" in verdict.sentence
 
 
 def test_reservations_precede_other_remarks() -> None:

@@ -1,20 +1,15 @@
-"""What is shown of a verdict: its table in a notebook, and the arrays of its picture in a record's own unit."""
+"""A verdict on the terminal, in a table, and in a notebook."""
 
 from __future__ import annotations
 
 import io
-import math
 from dataclasses import replace
 
-import numpy as np
-import pytest
 from rich.console import Console
 
 from bayesdamp.report.terminal import VerdictPrinter
-from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import DampingRatio, Grade
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.units import LENGTH_ARRAYS, picture_in_unit
 
 SURE = Verdict("a", Grade.EXACT, True, "viscous", 0.99)
 
@@ -48,14 +43,3 @@ def test_the_sampled_sentence_is_printed_too() -> None:
     assert text.count("The first.") == text.count("The sampled.") == 1
     confirmed = text.index("Sampling (sequential Monte Carlo) confirms this result")
     assert confirmed < text.index("The sampled.")
-
-
-def test_lengths_and_energies_of_a_picture_are_in_the_records_unit() -> None:
-    """Energies per unit of inertia go with the square of the unit, times and ratios stay."""
-    length = sorted(LENGTH_ARRAYS)[0]
-    arrays = {length: np.array([0.5]), "work/viscous": np.array([2.0]), "free/ratio": np.array([0.01])}
-    shown = picture_in_unit(arrays, UNITS["deg"])
-    per = 180 / math.pi
-    assert shown[length] == pytest.approx([0.5 * per])
-    assert shown["work/viscous"] == pytest.approx([2.0 * per**2])
-    assert shown["free/ratio"] is arrays["free/ratio"]

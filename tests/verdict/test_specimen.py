@@ -128,15 +128,15 @@ def test_log_evidence_of_another_form_adds_up_over_records() -> None:
     """By hand: in each of two records 3 nats more than viscous damping, with a ninetieth of its prior probability."""
     hard = "viscous", "duffing"
     form, other = OtherForm("displacement", "linear", 3.0), OtherForm("cubic", "linear", -9.0, "coulomb")
-    two = answered("b", 0.01, {V: 0.0, hard: -40.0}, others=(form,))
+    second = answered("b", 0.01, {V: 0.0, hard: -40.0}, others=(form,))
     ahead = math.exp(6) * OTHER_FORMS_ODDS / OTHER_FORMS_COUNT
     for others in ((form,), (form, other)):
-        one = answered("a", 0.01, {V: 0.0, hard: -40.0}, others=others)
-        verdict = specimen("rig", [one, two])
+        first = answered("a", 0.01, {V: 0.0, hard: -40.0}, others=others)
+        verdict = specimen("rig", [first, second])
         assert (verdict.damping, verdict.rivals[0].damping) == ("viscous", "displacement")
         assert verdict.probability == pytest.approx(1 / (1 + ahead), rel=1e-3)
         assert not verdict.decided
-    behind = specimen("rig", [one, answered("b", 0.01, {V: 0.0, hard: -40.0})])
+    behind = specimen("rig", [first, answered("b", 0.01, {V: 0.0, hard: -40.0})])
     assert behind.probability == thresholds.CAP
 
 
@@ -171,9 +171,9 @@ def test_ratio_spread_and_prediction_are_those_of_quadrature() -> None:
 
 
 def test_ratios_are_given_at_amplitudes_that_all_records_reach() -> None:
-    one, two = (answered(n, 0.01, {V: 0.0}) for n in "ab")
-    lower = replace(two, curve={"amplitude": 0.8 * AMPLITUDE})
-    middle = specimen("rig", [one, lower]).damping_ratio[1].amplitude
+    first, second = (answered(n, 0.01, {V: 0.0}) for n in "ab")
+    lower = replace(second, curve={"amplitude": 0.8 * AMPLITUDE})
+    middle = specimen("rig", [first, lower]).damping_ratio[1].amplitude
     assert middle == pytest.approx(np.sqrt(0.8 * AMPLITUDE.max() * AMPLITUDE.min()))
 
 
