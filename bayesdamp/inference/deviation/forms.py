@@ -184,10 +184,8 @@ def bound_other_forms(
     parameters, solver = result.fit.parameters, comparison.solvers[result.candidate.restoring]
     times, x, v = _nodes_and_middles(result)
     weight = v * (np.gradient(times) / (times[-1] - times[0]))
-    # Mean power of the sum's terms per unit score, and of the viscous force 2ω θ̇, whose damping ratio is 1.
+    # Mean power of the sum's terms per unit coefficient, and of the viscous force 2ω θ̇, whose damping ratio is 1.
     works = solver.works(x, v, weight, result.further, result.fit.active)[0]
-    own = np.flatnonzero(parameters.free < len(solver.terms))
-    power = works[parameters.free[own]] * parameters.rates(result.z)[own]
     viscous = 2 * comparison.data.frequency * float(np.sum(weight * v))
     right = x > comparison.data.rest_under(result.candidate.restoring, result.law)
     bounds: dict[str, float] = {}
@@ -209,7 +207,7 @@ def bound_other_forms(
         posterior = linear_posterior(model, result.grid(coarse=True), comparison.variance, comparison.samples)
         u = posterior.draws(model.positive, FEW, rng)[0]
         lost = np.abs(u[:, d]) * size * work
-        rest = np.maximum(u[:, own] @ power, 0.0)
+        rest = np.maximum(parameters.values(u[:, :d])[:, : works.size] @ works, 0.0)
         share = float(np.quantile(lost / np.maximum(lost + rest, 1e-300), 0.95))
         bounds[form.name] = max(bounds.get(form.name, 0.0), share)
     return bounds

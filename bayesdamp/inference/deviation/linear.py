@@ -281,14 +281,22 @@ class LinearModel:
         model = condense(self.root @ matrix, target, self.positive, self.shared, self.damping)
         return replace(model, rest=self.rest + model.rest, count=self.count)
 
-    def only(self, scores: np.ndarray) -> LinearModel:
-        """Return the model in which only some of the standard normal scores are unknown; the others are fixed at 0.
+    def only(self, scores: np.ndarray, others: np.ndarray) -> LinearModel:
+        """Return the model in which only some of the standard normal scores are unknown; the others are fixed.
 
-        scores: marks the scores that remain unknowns, booleans (d,). The deviations g and h remain unknowns too.
+        The deviations g and h remain unknowns too.
+
+        Parameters
+        ----------
+        scores : ndarray of bool, shape (d,)
+            Which scores remain unknowns.
+        others : ndarray, shape (d,)
+            The values of the fixed scores; those of the unknown ones have no effect.
         """
         columns = np.concatenate([scores, np.ones(self.root.shape[1] - scores.size, bool)])
         masks = (mask[scores] for mask in (self.positive, self.shared, self.damping))
-        model = condense(self.root[:, columns], self.target, *masks)
+        target = self.target - self.root[:, ~columns] @ others[~scores]
+        model = condense(self.root[:, columns], target, *masks)
         return replace(model, rest=self.rest + model.rest, count=self.count)
 
 

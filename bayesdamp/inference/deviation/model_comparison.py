@@ -322,16 +322,18 @@ class ModelComparison:
     def expected_evidence(self, candidate: MotionCandidate, whole: Linearisation) -> float:
         """Predict the log evidence of a candidate, in nats, without fitting it.
 
-        It is the evidence of the linear model of a larger sum, `whole`, in which the terms that the candidate does not
-        have are left out (the standard normal scores of their parameters are fixed at 0). Return infinity if the
-        candidate has a term that `whole` does not have.
+        It is the evidence of the linear model of a larger sum, `whole`, in which the coefficients of the terms that the
+        candidate does not have are 0. Return infinity if the candidate has a term that `whole` does not have.
         """
         parameters, terms = whole.fit.parameters, [TERMS.get(t) for t in candidate.damping]
         names = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
         if not {t.parameter for t in terms} <= set(parameters.free_names):
             return np.inf
         present = np.array([n in names for n in parameters.free_names])
-        model = whole.model.only(present | ~parameters.damping)
+        # The model is linear in a coefficient, whose score at 0 may be infinite under the user's prior.
+        coefficients = np.isin(parameters.free_names, [TERMS.get(t).parameter for t in TERMS.names()])
+        off = whole.z - parameters.values(whole.z)[parameters.free] / parameters.rates(whole.z)
+        model = whole.model.only(present | ~parameters.damping, np.where(coefficients, off, whole.z))
         return linear_posterior(model, whole.grid(coarse=True), self.variance, self.samples).log_evidence
 
     def evaluate(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:

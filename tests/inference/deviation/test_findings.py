@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import halfnorm, lognorm, uniform
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.draws import CandidateDraws, between_knots, midline_drift
@@ -19,6 +20,7 @@ from bayesdamp.inference.deviation.findings import (
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.physics.damping import others
+from bayesdamp.priors import HalfNormal, LogNormal, Uniform
 from bayesdamp.types import Signal
 from tests.inference.deviation.decays import A, W, decay
 from tests.physics.independent import trajectory
@@ -66,6 +68,28 @@ def test_expected_evidence_is_near_that_of_a_fit(comparison: ModelComparison) ->
         assert expected == pytest.approx(r.log_evidence, abs=3.0)
     hopeless = comparison.expected_evidence(MotionCandidate(("quadratic",), "linear"), whole.linearisation)
     assert hopeless < comparison.best.log_evidence - 20
+
+
+def test_a_prior_changes_evidence_by_its_density_and_no_sum_is_left_out() -> None:
+    """A record of five cycles determines a coefficient much better than these priors, so that the log evidence of its
+    term changes by that of the prior density at the estimate (closed form). Control: 0 is the median of neither prior's
+    scores, and a sum without the term would be hopeless if the term had its median coefficient."""
+    y = trajectory("linear", {**P, "zeta": 0.07, "mu_c": 0.0}, TIMES[:200])[:, 0]
+    signal = Signal(TIMES[:200], y + 0.03 * A * np.random.default_rng(5).standard_normal(y.size))
+    asked = {"damping": ["viscous", "coulomb"], "restoring": ["linear"], "known": {"epsilon": EPSILON}}
+    logs, densities = [], []
+    for prior, density in (
+        (HalfNormal(0.3), halfnorm(scale=0.3)),
+        (Uniform(0.0, 0.5), uniform(0.0, 0.5)),
+        (LogNormal(0.1, 1.0), lognorm(1.0, scale=0.1)),
+    ):
+        priors = {"zeta": prior, "mu_c": HalfNormal(0.3)}
+        result = compare_signal(signal, **asked, priors=priors, approximate=False)
+        viscous, coulomb = sorted(result.results, key=lambda r: "coulomb" in r.candidate.damping)
+        logs.append(viscous.log_evidence - coulomb.log_evidence)
+        densities.append(density.logpdf(viscous.fit.values[0]))
+        assert max(compute_findings(result).bound.values()) < 0.9
+    assert np.diff(logs) == pytest.approx(np.diff(densities), abs=0.03)
 
 
 def test_intervals_contain_the_truth(comparison: ModelComparison) -> None:
