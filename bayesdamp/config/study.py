@@ -522,7 +522,7 @@ class Study:
 
     @property
     def likelihood(self) -> str:
-        """Whether samplers and evidence methods allow deviations from the damping and restoring laws.
+        """The deviations from the laws that samplers and evidence methods allow: "law" or "none".
 
         "law" if the study sets deviation = "law"; "none" if it sets "none" or "auto" (which concerns only the answer).
         """

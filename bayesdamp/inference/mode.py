@@ -252,10 +252,11 @@ class Mode:
 
     @property
     def factor(self) -> np.ndarray:
-        """Lower Cholesky factor of the posterior's covariance, (d, d), with the common prior scale of `near`.
+        """Lower Cholesky factor, (d, d), of the posterior's covariance.
 
-        With `linear` it is that of the covariance of its draws. Raises Refusal if the information is not positive
-        definite.
+        Under exact laws it is that of the inverse information, with the unknown prior scale that coefficients share
+        fixed as in `near`; raises Refusal if the information is not positive definite. With `linear` it is that of the
+        covariance of the draws in `linear`.
         """
         return self._normal[1]
 

@@ -49,11 +49,12 @@ class RatioLikelihood(RecordLikelihood):
     growth: np.ndarray
 
     def log_ratio(self, amplitude: float, amplitudes: np.ndarray, draws: np.ndarray) -> np.ndarray:
-        """Return the log damping ratio at an amplitude (rad or m), (n,), for draws of the parameters, (n, k).
+        """Return the natural log of the damping ratio at one amplitude for n draws of the parameters, (n, k), as (n,).
 
-        It is the natural logarithm, in which parameters besides the coefficients, such as an exponent, have a linear
-        effect (`growth`). It is interpolated between the `amplitudes` of the record's damping curve, (a,), and
-        extrapolated outside their range, linearly in the logarithms.
+        The ratio is the sum of the coefficients times `per_unit`. Other parameters, such as an exponent, change its
+        logarithm linearly with their distance from the mode (`growth`). Between the `amplitudes` of the record's
+        damping curve, (a,), the log ratio is interpolated linearly in the log amplitude; outside their range it is
+        extrapolated likewise. All amplitudes are in rad or m.
         """
         good = np.all(np.isfinite(self.per_unit), axis=1)
         order = np.flatnonzero(good)[np.argsort(amplitudes[good])]

@@ -521,7 +521,9 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
     named = split_cells(last, layout.separator)
     if layout.separator != BLANKS and 1 < len(named) < len(columns) and all(map(_has_letters, named)):
         what = f"its header names {len(named)} columns, but its rows have {len(columns)}"
-        warnings.append(f"{what}: check which column is which, and whether decimal commas separate cells.")
+        warnings.append(
+            f"{what}: check which column is which, and whether decimal commas were read as separators of cells."
+        )
     facts = settings or header_facts(line for line, names in head if not names)
     left_out = "repeats the names of the columns and is left out."
     notes = tuple(f"Line {first + 1 + i} {left_out}" for i in repeated[:3])
