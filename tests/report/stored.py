@@ -1,4 +1,4 @@
-"""The numbers in a run's files, in the cells and sentences where the page and the terminal show them."""
+"""The stored numbers that the cells and sentences of the page and of the terminal must show."""
 
 from __future__ import annotations
 

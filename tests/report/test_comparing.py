@@ -61,7 +61,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_the_page_compares_errors_under_the_true_model_and_times_with_published_ones(folder):
-    """Means of two repeats, the worst method first; times are sums over two signals and two repeats."""
+    """Mean errors of two repeats; times are sums over two signals and two repeats."""
     page = render(folder).read_text(encoding="utf-8")
     errors, times = (table.rows for table in Tables(page).tables if table.path[0] == "comparison")
     assert errors == [

@@ -31,7 +31,7 @@ def tree(folder: Path) -> dict[str, bytes | str]:
     }
 
 
-def of_another(name: str, content: str = "mine") -> Callable[[Path], None]:
+def write_user_file(name: str, content: str = "mine") -> Callable[[Path], None]:
     """Return a function that writes a file of the user."""
 
     def write(folder: Path) -> None:
@@ -48,7 +48,7 @@ def linked(name: str) -> Callable[[Path], None]:
         with Store(folder).lock():
             pass
         (folder / name).unlink(missing_ok=True)
-        of_another("other/a.npz")(folder)
+        write_user_file("other/a.npz")(folder)
         (folder / name).symlink_to(folder / "other" / ("a.npz" if name == ".lock" else ""))
 
     return write
@@ -62,9 +62,9 @@ def hard_linked_lock(folder: Path) -> None:
 
 
 OTHERS: dict[str, Callable[[Path], None]] = {
-    "cells": of_another("cells/photo.npz"), "report": of_another("report.html"), "lock": of_another(".lock"),
-    "description": of_another("run.json", '{"name": "mine"}'), "mark": of_another(MARK_FILE),
-    "half a mark": of_another(MARK_FILE, MARK_TEXT[:9]),
+    "cells": write_user_file("cells/photo.npz"), "report": write_user_file("report.html"), "lock": write_user_file(".lock"),
+    "description": write_user_file("run.json", '{"name": "mine"}'), "mark": write_user_file(MARK_FILE),
+    "half a mark": write_user_file(MARK_FILE, MARK_TEXT[:9]),
     "linked lock": linked(".lock"), "linked cells": linked("cells"), "hard-linked lock": hard_linked_lock,
 }  # fmt: skip
 
@@ -78,21 +78,14 @@ def test_a_folder_with_a_file_that_no_run_wrote_is_refused_and_left_alone(tmp_pa
     assert tree(tmp_path) == before
 
 
-@pytest.fixture(scope="module")
-def a_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("runs")
-    records = [str(folder / f"{name}.csv") for name in "ab"]
+def test_a_file_of_the_user_with_the_name_of_a_run_s_file_is_not_replaced(tmp_path: Path) -> None:
+    """Control: the run's own folder may be locked again."""
+    run, records = tmp_path / "run", [str(tmp_path / f"{name}.csv") for name in "ab"]
     for record in records:
         assert main(["simulate", "--samples", "300", "--duration", "8", "--out", record]) == 0
     words = "--repeats --restoring linear --damping viscous --quick --deviation none --workers 1 --out"
-    assert main(["compare", *records, *words.split(), str(folder / "run")]) == 0
-    return folder / "run"
-
-
-def test_a_file_of_the_user_with_the_name_of_a_run_s_file_is_not_replaced(
-    a_run: Path, tmp_path: Path
-) -> None:
-    names = [path.name for path in a_run.iterdir() if path.is_file() and path.name != MARK_FILE]
+    assert main(["compare", *records, *words.split(), str(run)]) == 0
+    names = [path.name for path in run.iterdir() if path.is_file() and path.name != MARK_FILE]
     assert {"verdict.json", "verdicts.csv", "damping_curves.csv", "fits.csv", "run.json"} < set(names)
     for name in names:
         folder = tmp_path / name.replace(".", "_")
@@ -101,7 +94,7 @@ def test_a_file_of_the_user_with_the_name_of_a_run_s_file_is_not_replaced(
         with pytest.raises(InputError, match="no run of bayesdamp wrote"), Store(folder).lock():
             pass
         assert tree(folder) == {name: b"mine"}
-    with Store(a_run).lock():  # the control: its own folder
+    with Store(run).lock():
         pass
 
 
