@@ -31,7 +31,7 @@ def tree(folder: Path) -> dict[str, bytes | str]:
     }
 
 
-def write_user_file(name: str, content: str = "mine") -> Callable[[Path], None]:
+def user_file(name: str, content: str = "mine") -> Callable[[Path], None]:
     """Return a function that writes a file of the user."""
 
     def write(folder: Path) -> None:
@@ -48,7 +48,7 @@ def linked(name: str) -> Callable[[Path], None]:
         with Store(folder).lock():
             pass
         (folder / name).unlink(missing_ok=True)
-        write_user_file("other/a.npz")(folder)
+        user_file("other/a.npz")(folder)
         (folder / name).symlink_to(folder / "other" / ("a.npz" if name == ".lock" else ""))
 
     return write
@@ -62,9 +62,9 @@ def hard_linked_lock(folder: Path) -> None:
 
 
 OTHERS: dict[str, Callable[[Path], None]] = {
-    "cells": write_user_file("cells/photo.npz"), "report": write_user_file("report.html"), "lock": write_user_file(".lock"),
-    "description": write_user_file("run.json", '{"name": "mine"}'), "mark": write_user_file(MARK_FILE),
-    "half a mark": write_user_file(MARK_FILE, MARK_TEXT[:9]),
+    "cells": user_file("cells/photo.npz"), "report": user_file("report.html"), "lock": user_file(".lock"),
+    "description": user_file("run.json", '{"name": "mine"}'), "mark": user_file(MARK_FILE),
+    "half a mark": user_file(MARK_FILE, MARK_TEXT[:9]),
     "linked lock": linked(".lock"), "linked cells": linked("cells"), "hard-linked lock": hard_linked_lock,
 }  # fmt: skip
 
