@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
@@ -61,26 +60,15 @@ def angles(p: Mapping[str, jax.Array]) -> jax.Array:
     return jax.lax.scan(step, jnp.array([p["theta0"], p["omega0"]]), None, TIMES.size)[1]
 
 
-@dataclass(frozen=True)
-class Run:
-    """Least effective sizes, means and sds of the parameters, and CPU seconds with compilation and without it."""
-
-    sizes: dict[str, float]
-    means: np.ndarray
-    sds: np.ndarray
-    seconds: dict[str, float]
-
-
-def run_twice(sample: Callable[[int], np.ndarray]) -> Run:
-    """Run a function from a seed to draws (chain, draw, parameter) twice: the first run compiles."""
+def run_twice(sample: Callable[[int], np.ndarray]) -> tuple[np.ndarray, dict[str, float]]:
+    """Run a function from a seed to draws (chain, draw, parameter) twice, because the first run compiles. Return draws
+    and CPU seconds."""
     seconds, draws = {}, np.empty(0)
     for seed, kind in enumerate(("with compilation", "compiled")):
         start = time.process_time()
         draws = sample(seed)
         seconds[kind] = time.process_time() - start
-    parameters = np.moveaxis(draws, -1, 0)
-    sizes = {"bulk": min(map(ess_bulk, parameters)), "tail": min(map(ess_tail, parameters))}
-    return Run(sizes, draws.mean(axis=(0, 1)), draws.std(axis=(0, 1)), seconds)
+    return draws, seconds
 
 
 def our_sampler(target: Target, mode: Mode) -> Callable[[int], np.ndarray]:
@@ -118,16 +106,20 @@ def numpyro_sampler(target: Target, mode: Mode) -> Callable[[int], np.ndarray]:
 
 def test_effective_samples_a_second() -> None:
     """Both have the same means. Control: means that are an sd apart are not taken for the same."""
-    target, mode = problem()
-    ours, theirs = run_twice(our_sampler(target, mode)), run_twice(numpyro_sampler(target, mode))
+    runs = [run_twice(sampler(*problem())) for sampler in (our_sampler, numpyro_sampler)]
+    sizes = {
+        name: [min(map(function, np.moveaxis(draws, -1, 0))) for draws, _ in runs]
+        for name, function in (("bulk", ess_bulk), ("tail", ess_tail))
+    }
     rows, ratios = [], {}
-    for size in ours.sizes:
-        for kind in ours.seconds:
-            rates = [run.sizes[size] / run.seconds[kind] for run in (ours, theirs)]
-            ratios[f"effective samples a second, {size}, {kind}: ours / NumPyro"] = rates[0] / rates[1]
-            rows.append([size, kind, *(f"{rate:.0f}" for rate in rates)])
+    for name, pair in sizes.items():
+        for kind in runs[0][1]:
+            rates = [size / seconds[kind] for size, (_, seconds) in zip(pair, runs, strict=True)]
+            ratios[f"effective samples a second, {name}, {kind}: ours / NumPyro"] = rates[0] / rates[1]
+            rows.append([name, kind, *(f"{rate:.0f}" for rate in rates)])
     header = ["effective samples", "compilation", "ours a CPU s", "NumPyro's a CPU s"]
     add_table("NUTS beside NumPyro's", header, rows, ratios)
-    within = STANDARD_ERRORS * np.hypot(ours.sizes["bulk"] ** -0.5, theirs.sizes["bulk"] ** -0.5)
-    assert np.all(np.abs(ours.means - theirs.means) < within * ours.sds)
+    ours, theirs = (draws.mean(axis=(0, 1)) for draws, _ in runs)
+    within = STANDARD_ERRORS * np.hypot(*(size**-0.5 for size in sizes["bulk"]))
+    assert np.all(np.abs(ours - theirs) < within * runs[0][0].std(axis=(0, 1)))
     assert within < 1

@@ -95,15 +95,13 @@ def compare(*records: Path, options: str = "--quick", fresh: bool = False) -> Co
     return Cost(verdict, end, cpu, memory)
 
 
-def add_costs(
-    title: str, costs: Mapping[str, Cost], ratios: dict[str, float], bar: float | None = 1.0
-) -> None:
+def add_costs(title: str, costs: Mapping[str, Cost], ratios: dict[str, float]) -> None:
     rows = [
         [name, f"{c.verdict:.1f}", f"{c.end:.1f}", f"{c.cpu:.1f}", f"{c.memory:.0f}"]
         for name, c in costs.items()
     ]
     header = ["what", "s to the verdict", "s to the end", "CPU s", "peak MiB"]
-    add_table(title, header, rows, ratios, {} if bar is None else dict.fromkeys(ratios, bar))
+    add_table(title, header, rows, ratios, dict.fromkeys(ratios, 1.0))
 
 
 def test_one_record_and_three() -> None:

@@ -168,13 +168,6 @@ def envelope_row(name: str) -> dict[str, Any]:
     return {"quick": row}
 
 
-def measured_rows() -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the name of each measured record and the stored answer on it."""
-    for name, decays in signals():
-        for number, signal in enumerate(decays, start=1):
-            yield f"{name}-{number}", {"quick": answered(signal, measured=True)}
-
-
 def stored(group: str) -> dict[str, Any]:
     """Return the stored answers of a group, by record; none if there is no file."""
     path = FOLDER / f"{group}.json"
@@ -190,7 +183,10 @@ def write(group: str, rows: Mapping[str, Any]) -> None:
 def rows_of(group: str, names: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Answer the records of a group again, those of these names or all."""
     if group == "measured":
-        yield from (pair for pair in measured_rows() if not names or pair[0] in names)
+        for record, decays in signals():
+            numbered = {f"{record}-{i}": signal for i, signal in enumerate(decays, start=1)}
+            for name in (n for n in numbered if not names or n in names):
+                yield name, {"quick": answered(numbered[name], measured=True)}
         return
     every, row_of = list(simulated_names()), simulated_row
     if group == "envelopes":
