@@ -1,6 +1,6 @@
-"""Does the answer warn where no law fits? The scoring, and the table that ships.
+"""The report on records that no law fits: its scoring, and the share of wrong answers in the shipped table.
 
-`make reports ARGS=misfit` makes the table; reports/misfit/README.md says what is in it.
+`make reports ARGS=misfit` computes the table; reports/misfit/README.md describes it.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from validation.scoring import named
 
 TABLE = Path(__file__).resolve().parents[2] / "reports" / "misfit" / "scored.csv"
 BAR = 0.05
-"""At most this share of all records may be named a wrong damping outright."""
+"""Largest share of records that may have a wrong damping as a decided answer."""
 
 
-def test_the_page_counts_what_is_wrong_and_unwarned():
-    made = [("clean", 1, 1), ("cubic", 1, 0), ("cubic", 0, 0)]
-    said = page(pd.DataFrame(made, columns=["group", "decided", "right"]).assign(outcome="ok"))
-    assert "in 1 of 2 (" in said
-    assert "named outright in 1 of 1 (" in said
-    assert "| cubic | 2 | 2 | 0 of 2 (0.00–0.66) | 1 of 2 (0.09–0.91) |" in said
+def test_the_page_counts_wrong_answers_without_a_warning():
+    rows = [("clean", 1, 1), ("cubic", 1, 0), ("cubic", 0, 0)]
+    text = page(pd.DataFrame(rows, columns=["group", "decided", "right"]).assign(outcome="ok"))
+    assert "in 1 of 2 (" in text
+    assert "named outright in 1 of 1 (" in text
+    assert "| cubic | 2 | 2 | 0 of 2 (0.00–0.66) | 1 of 2 (0.09–0.91) |" in text
 
 
 def too_many(wrong: int, count: int) -> bool:
-    """Whether so many wrong ones would be, under the bar, a chance of one in a thousand."""
+    """Return whether so many wrong answers have a probability below 1e-3 if their share is BAR."""
     return binom.sf(wrong - 1, count, BAR) < 1e-3
 
 
 @pytest.mark.slow
-def test_wrong_and_unwarned_is_rare():
+def test_wrong_answers_without_a_warning_are_rare():
     rows = read_rows(TABLE)
     for part in (rows, rows[rows["group"].isin(INSIDE)]):
         assert len(part) >= 20

@@ -25,7 +25,7 @@ def is_short(step: Step) -> bool:
 
 
 @pytest.mark.parametrize("beyond", [(None, np.nan), (None, np.inf), (np.nan, 1.0), (-np.inf, 1.0)], ids=str)
-def test_keeps_the_best_finite_point(beyond: tuple[float | None, float]):
+def test_the_best_finite_point_is_returned(beyond: tuple[float | None, float]):
     """A step to a point without a finite value and information is rejected, also if the value increases."""
     end = levenberg_marquardt(parabola_until(1.5, *beyond), np.zeros(1), FLOOR, is_short, limit=50)
     assert np.isfinite(end.value)

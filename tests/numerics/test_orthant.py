@@ -1,4 +1,4 @@
-"""Orthant probabilities against SciPy and quadrature; draws against rejection."""
+"""Probabilities that normal variables are all positive, against SciPy and quadrature; draws against rejection."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.stats import ks_2samp, multivariate_normal, norm
 from bayesdamp.numerics.orthant import draw, log_probability
 
 FALSE_ALARM = 1e-4
-"""Of each comparison of draws."""
+"""Probability of a false alarm of each comparison of draws."""
 
 
 def covariance_of(rng: np.random.Generator, k: int) -> np.ndarray:
@@ -19,28 +19,28 @@ def covariance_of(rng: np.random.Generator, k: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("k", [1, 3])
-def test_probability_is_scipys(k: int) -> None:
+def test_the_probability_is_that_of_scipy(k: int) -> None:
     rng = np.random.default_rng(k)
     means = rng.normal(0, 1.5, (8, k))
     covariances = np.array([covariance_of(rng, k) for _ in means])
-    found = np.exp(log_probability(means, covariances))
+    probability = np.exp(log_probability(means, covariances))
     truth = [
         multivariate_normal.cdf(m, np.zeros(k), c, abseps=1e-8, releps=1e-8, maxpts=10**6)
         for m, c in zip(means, covariances)
     ]
-    assert found == pytest.approx(truth, abs=1e-4, rel=2e-3)
+    assert probability == pytest.approx(truth, abs=1e-4, rel=2e-3)
     wrong = np.exp(log_probability(-means, covariances))  # control
     assert np.max(np.abs(wrong - truth)) > 0.1
 
 
-def test_many_coordinates() -> None:
-    """20 with correlations of one half: the chance that the first of 21 equal independent variables is the least."""
+def test_the_probability_in_20_dimensions_is_that_of_the_closed_form() -> None:
+    """With correlations of one half it is the chance that the first of 21 independent variables is the smallest."""
     covariance = 0.5 * (np.eye(20) + np.ones((20, 20)))
     assert np.exp(log_probability(np.zeros((1, 20)), covariance[None])) == pytest.approx(1 / 21, rel=0.1)
 
 
 def by_quadrature(mean: np.ndarray, r: float) -> float:
-    """Log of P(both ≥ 0), unit variances and correlation r, over the second in units of its density at its mode."""
+    """Return log P(both ≥ 0) for unit variances and correlation r, by quadrature over the second variable."""
     s = np.sqrt(1 - r * r)
 
     def log_density(y: float) -> float:
@@ -58,41 +58,45 @@ def by_quadrature(mean: np.ndarray, r: float) -> float:
 @pytest.mark.parametrize(
     ("mean", "r"), [((12.0, -5.0), -0.99), ((-5.0, 12.0), 0.98), ((0.0, 0.0), -0.3), ((-2.0, -1.5), 0.6)]
 )
-def test_unlikely_coordinates_in_either_order(mean: tuple[float, float], r: float) -> None:
-    """A coefficient that a record would have negative, bound to one that it shows well: logs to a thousandth."""
+def test_small_probabilities_do_not_depend_on_the_order(mean: tuple[float, float], r: float) -> None:
+    """One mean is far below 0, and the correlation strong. The logarithm is right to 2e-3."""
     covariance = np.array([[1.0, r], [r, 1.0]])
-    found = log_probability(np.array([mean]), covariance[None])[0]
-    assert found == pytest.approx(by_quadrature(np.array(mean), r), abs=2e-3)
+    assert log_probability(np.array([mean]), covariance[None])[0] == pytest.approx(
+        by_quadrature(np.array(mean), r), abs=2e-3
+    )
 
 
 def rejected(rng: np.random.Generator, mean: np.ndarray, factor: np.ndarray, places: list[int]) -> np.ndarray:
-    """Draws by rejection, as many as remain of 400,000."""
+    """Return draws by rejection, those of 400,000 that remain."""
     draws = mean + rng.standard_normal((400_000, mean.size)) @ factor.T
     return draws[np.all(draws[:, places] >= 0, axis=1)]
 
 
-def apart(found: np.ndarray, truth: np.ndarray) -> float:
-    """Least p-value of two-sample Kolmogorov–Smirnov tests of all coordinates and their sums in pairs."""
-    rows, columns = np.triu_indices(found.shape[1])
-    sums = ((x[:, rows] + x[:, columns]).T for x in (found, truth))
+def smallest_p_value(draws: np.ndarray, truth: np.ndarray) -> float:
+    """Return the smallest p-value of two-sample Kolmogorov–Smirnov tests of all coordinates and their sums in pairs."""
+    rows, columns = np.triu_indices(draws.shape[1])
+    sums = ((x[:, rows] + x[:, columns]).T for x in (draws, truth))
     return min(float(ks_2samp(*pair).pvalue) for pair in zip(*sums, strict=True))
 
 
 @pytest.mark.parametrize("places", [[1], [0, 1, 3]])
 def test_draws_are_those_of_rejection(places: list[int]) -> None:
-    """False alarm: 1e-5 of each; a draw in four is a repeat by resampling, and a quarter of them are taken."""
+    """False alarm: 1e-5 for each test. Every fourth draw is used, because resampling repeats draws.
+
+    Control: draws of the normal distribution that are clipped at 0.
+    """
     rng = np.random.default_rng(11 + len(places))
     mean, factor = np.array([0.3, -0.8, 1.0, 0.4]), rng.standard_normal((4, 4))
-    found = draw(rng, mean, factor, np.array(places, int), 8000)
-    assert found.shape == (8000, 4)
-    assert np.all(found[:, places] >= 0)
+    draws = draw(rng, mean, factor, np.array(places, int), 8000)
+    assert draws.shape == (8000, 4)
+    assert np.all(draws[:, places] >= 0)
     truth = rejected(rng, mean, factor, places)
-    assert apart(found[::4], truth) > FALSE_ALARM / 10
+    assert smallest_p_value(draws[::4], truth) > FALSE_ALARM / 10
     plain = mean + rng.standard_normal((2000, 4)) @ factor.T
-    assert apart(np.maximum(plain, 0), truth) < FALSE_ALARM / 10  # control: cut off by clipping
+    assert smallest_p_value(np.maximum(plain, 0), truth) < FALSE_ALARM / 10
 
 
-def test_one_wall_is_the_normal_distribution_function() -> None:
+def test_the_probability_in_one_dimension_is_the_normal_distribution_function() -> None:
     means = np.array([-200.0, -30.0, -3.0, 0.0, 2.0])
-    found = log_probability(means[:, None], np.full((5, 1, 1), 4.0))
-    assert found == pytest.approx(norm.logcdf(means / 2), rel=1e-12)
+    logs = log_probability(means[:, None], np.full((5, 1, 1), 4.0))
+    assert logs == pytest.approx(norm.logcdf(means / 2), rel=1e-12)

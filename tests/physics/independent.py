@@ -1,4 +1,4 @@
-"""Trajectories by other means: an eighth-order solver of SciPy, in equations written out once more."""
+"""Motions that do not use the package: SciPy's eighth-order solver with its own equations, and closed forms."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ LAWS: dict[str, dict[str, float]] = {
     "pendulum": {"stiffness": 20.0, "rest_angle": 0.1, **START, "theta0": 2.0},
     "duffing": {"stiffness": 20.0, "rest_angle": -0.02, "cubic": -60.0, **START},
 }
-"""Parameters of each law that take its nonlinearity seriously; the first are the paper's."""
+"""Parameters of each law with a clear nonlinearity; those of the horizontal pendulum are from the paper."""
 
 
 def restoring(law: str, p: Mapping[str, float]) -> Callable[[float], float]:
-    """F_rest(θ) on plain floats."""
+    """Return the restoring force as a function of the angle, for plain floats."""
     k = p["stiffness"]
     if law == "horizontal_pendulum":
         return lambda x: k * (x - p["spring_angle"]) - p["gravity"] * math.cos(x)
@@ -34,7 +34,7 @@ def restoring(law: str, p: Mapping[str, float]) -> Callable[[float], float]:
 
 
 def drag(p: Mapping[str, float]) -> Callable[[float, float], float]:
-    """F_damp(θ̇, sign) on plain floats: the paper's three terms, those in p; `sign` is used where ε = 0."""
+    """Return the damping force of the paper's terms in p as a function of velocity and sign (used if ε = 0)."""
     zeta, mu_c, mu_q = (p.get(n, 0.0) for n in ("zeta", "mu_c", "mu_q"))
     eps = p.get("epsilon", 1.0)
 
@@ -53,11 +53,11 @@ def trajectory(
     longest: float = 0.05,
     grip: float | None = None,
 ) -> np.ndarray:
-    """θ, θ̇, θ̈ at the times, shape (n, 3), at a relative tolerance of 1e-11.
+    """Return θ, θ̇, θ̈ at the times, (n, 3), at a relative tolerance of 1e-11.
 
-    From turning point to turning point, so that no step crosses the kink of θ̇|θ̇| or the jump of a sign; with
-    exact friction the body stays where it stops if it can. longest: the longest step in s. grip: the friction that a
-    body at rest can bear, mu_c by default.
+    The solver restarts at each turning point, so that no step crosses the kink of θ̇|θ̇| or the jump of a sign. With
+    exact friction a body stays at rest if the friction `grip` (mu_c by default) is large enough. longest: largest step
+    in s.
     """
     spring, damp = restoring(law, p), force or drag(p)
     if grip is None:
@@ -90,14 +90,16 @@ def trajectory(
 
 
 def viscous(t: np.ndarray, zeta: float, omega: float, start: float) -> np.ndarray:
-    """θ of θ̈ + 2ζθ̇ + ω²θ = 0 from rest at the start, in closed form."""
+    """Return θ of θ̈ + 2ζθ̇ + ω²θ = 0 from rest at `start`, in closed form."""
     w = math.sqrt(omega**2 - zeta**2)
     return start * np.exp(-zeta * t) * (np.cos(w * t) + zeta / w * np.sin(w * t))
 
 
 def with_coulomb(p: Mapping[str, float], times: np.ndarray) -> np.ndarray:
-    """θ, θ̇, θ̈ of k(θ − θ_e) with exact Coulomb friction in closed form, shape (n, 3): half cosines about centres that
-    are μ_c/k off the rest angle, then rest."""
+    """Return θ, θ̇, θ̈ of a linear spring with exact Coulomb friction in closed form, (n, 3).
+
+    The motion consists of half cosines about centres at a distance of μ_c/k from the rest angle, and ends at rest.
+    """
     w = math.sqrt(p["stiffness"])
     out = np.zeros((times.size, 3))
     t, x, v = 0.0, p["theta0"] - p["rest_angle"], p["omega0"]

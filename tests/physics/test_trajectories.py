@@ -1,4 +1,4 @@
-"""Records from parameters by name: against SciPy's solver of order eight, closed forms, and central differences."""
+"""Motions and their derivatives by parameters, against SciPy's eighth-order solver and central differences."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ from validation.truth.oscillator import SUMS
 
 TIMES = np.linspace(0.0, 6.0, 241)
 UNITS = {**PAPER, "c_xxv": 2.0, "stiffness": 20.0, "gravity": 5.0}
-"""Sizes of parameters, of which central differences are a share; 0.1 for angles and ε."""
+"""Sizes of parameters for central differences; 0.1 for angles and ε."""
 LIMIT = 1e-6
-"""rad, at default settings"""
+"""Largest error in rad with the default settings."""
 
 
 def acting(damping: str, law: str, **changed: float) -> dict[str, float]:
-    """The paper's coefficients of a sum, 0 for terms that it lacks, and a law's parameters."""
+    """Return the parameters of a law and the paper's coefficients, 0 for terms that are not in the sum."""
     terms = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
     shares = {parameter: PAPER[parameter] * (name in damping) for name, parameter in terms.items()}
     return {**shares, **LAWS[law], **changed}
 
 
 @pytest.mark.parametrize(("law", "damping"), [("pendulum", SUMS[0]), ("duffing", SUMS[-1])])
-def test_a_record_is_within_its_tolerance(law: str, damping: str) -> None:
-    """Of the angle, velocity and acceleration, from a time that is not 0; repeated times have the same value."""
+def test_angle_velocity_and_acceleration_are_within_the_tolerance(law: str, damping: str) -> None:
+    """The times do not begin at 0, and repeated times have equal values."""
     p = acting(damping, law)
     truth = trajectory(law, p, TIMES)
     times = 3.0 + np.repeat(TIMES, 2)
     for order, quantity in enumerate(QUANTITIES):
         scale = 0.3 * math.sqrt(20.0) ** order
         for share in (1e-5, 1e-8):
-            found = Trajectories(Oscillator(damping, law), times, quantity, p, share * scale).record(p)
-            assert np.array_equal(found[::2], found[1::2])
-            assert np.max(np.abs(found[::2] - truth[:, order])) < share * scale
+            y = Trajectories(Oscillator(damping, law), times, quantity, p, share * scale).record(p)
+            assert np.array_equal(y[::2], y[1::2])
+            assert np.max(np.abs(y[::2] - truth[:, order])) < share * scale
 
 
-def test_tables_have_every_law_and_sum() -> None:
+def test_the_tables_of_tests_contain_every_law_and_sum() -> None:
     assert sorted(LAWS) == LAW_PLUGINS.names()
     assert list(SUMS) == all_sums()
 
 
 @pytest.mark.parametrize("damping", SUMS)
-def test_every_sum(damping: str) -> None:
-    """The control: a coefficient that is off by one part in ten thousand."""
+def test_the_motion_of_every_sum_is_that_of_another_solver(damping: str) -> None:
+    """Control: coefficients that are wrong by 1e-4."""
     p = acting(damping, "linear")
     y = simulate(Oscillator(tuple(damping.split("+")), "linear"), p, TIMES)
     assert np.max(np.abs(y - trajectory("linear", p, TIMES)[:, 0])) < LIMIT
@@ -69,14 +69,14 @@ def test_every_sum(damping: str) -> None:
         ("linear", {"theta0": 100.0, "stiffness": 1e4, "rest_angle": 0.0}),  # other scales
     ],
 )
-def test_unusual_motions(law: str, changed: dict[str, float]) -> None:
+def test_unusual_motions_are_those_of_another_solver(law: str, changed: dict[str, float]) -> None:
     p = acting("viscous+quadratic", law, **changed)
     y = simulate(Oscillator(("viscous", "quadratic"), law), p, TIMES)
     truth = trajectory(law, p, TIMES, longest=0.01)[:, 0]
     assert np.max(np.abs(y - truth)) < LIMIT * max(1.0, abs(p["theta0"]))
 
 
-def test_a_missing_parameter_and_an_unknown_quantity() -> None:
+def test_a_missing_parameter_and_an_unknown_quantity_are_refused() -> None:
     osc, p = Oscillator(("viscous",), "linear"), acting("viscous", "linear")
     with pytest.raises(ValueError, match="'zeta' is missing"):
         simulate(osc, {k: v for k, v in p.items() if k != "zeta"}, TIMES)
@@ -84,8 +84,8 @@ def test_a_missing_parameter_and_an_unknown_quantity() -> None:
         simulate(osc, p, TIMES, quantity="angel")
 
 
-def pushed(p: dict[str, float]) -> np.ndarray:
-    """The angle under c (θ − rest)² θ̇ on a horizontal pendulum, rest by bisection."""
+def about_rest(p: dict[str, float]) -> np.ndarray:
+    """Return the angle under c (θ − rest)² θ̇ on a horizontal pendulum by SciPy, with the rest by bisection."""
     spring = restoring("horizontal_pendulum", p)
     low, high = -2.0, 2.0
     for _ in range(60):
@@ -102,32 +102,29 @@ def pushed(p: dict[str, float]) -> np.ndarray:
 HANGING = {"c_xxv": 2.0, "stiffness": 20.0, "gravity": 5.0, "spring_angle": 0.1, "theta0": 0.8, "omega0": 0.3}
 
 
-def test_the_rest_moves_with_the_law() -> None:
-    """Damping by the displacement: its rest is the equilibrium, whatever rest is given nearby, and so are slopes."""
+def test_damping_by_the_displacement_is_about_the_equilibrium() -> None:
+    """A given rest is only a start for its search. Also the derivatives follow the equilibrium."""
     osc = Oscillator("displacement", "horizontal_pendulum")
-    made = Trajectories(osc, TIMES, "angle", HANGING, 1e-10)
-    names = tuple(HANGING)
-    found, slopes = made.with_slopes(HANGING, names)
-    assert np.max(np.abs(found - pushed(HANGING))) < 1e-9
-    assert made.record({**HANGING, "rest": 0.2}) == pytest.approx(found, abs=1e-10)
-    for name, row in zip(names, slopes, strict=True):
+    trajectories = Trajectories(osc, TIMES, "angle", HANGING, 1e-10)
+    y, slopes = trajectories.with_slopes(HANGING, tuple(HANGING))
+    assert np.max(np.abs(y - about_rest(HANGING))) < 1e-9
+    assert trajectories.record({**HANGING, "rest": 0.2}) == pytest.approx(y, abs=1e-10)
+    for name, row in zip(HANGING, slopes, strict=True):
         h = 1e-4 * UNITS.get(name, 0.1)
-        up, down = (pushed({**HANGING, name: HANGING[name] + sign * h}) for sign in (1, -1))
+        up, down = (about_rest({**HANGING, name: HANGING[name] + sign * h}) for sign in (1, -1))
         truth = (up - down) / (2 * h)
         assert np.max(np.abs(row - truth)) < 1e-5 * np.max(np.abs(truth)), name
 
 
-@pytest.mark.parametrize("quantity", ["angle", "acceleration"])
-def test_slopes_are_central_differences(quantity: str) -> None:
-    """By every parameter of the paper's sum, ε among them, of another solver's motions."""
-    osc, order = Oscillator(SUMS[-1], "horizontal_pendulum"), QUANTITIES.index(quantity)
-    p = acting(SUMS[-1], "horizontal_pendulum")
-    found, slopes = Trajectories(osc, TIMES, quantity, p, 1e-10).with_slopes(p, osc.parameters)
+def test_derivatives_of_an_acceleration_are_central_differences() -> None:
+    """By every parameter of the paper's sum, also ε, of motions by another solver."""
+    osc, p = Oscillator(SUMS[-1], "horizontal_pendulum"), acting(SUMS[-1], "horizontal_pendulum")
+    y, slopes = Trajectories(osc, TIMES, "acceleration", p, 1e-10).with_slopes(p, osc.parameters)
     assert slopes.shape == (len(osc.parameters), TIMES.size)
-    assert found == pytest.approx(trajectory("horizontal_pendulum", p, TIMES)[:, order], abs=1e-8)
+    assert y == pytest.approx(trajectory("horizontal_pendulum", p, TIMES)[:, 2], abs=1e-8)
     for name, row in zip(osc.parameters, slopes, strict=True):
         h = 1e-3 * UNITS.get(name, 0.1)
         ends = [trajectory("horizontal_pendulum", {**p, name: p[name] + s * h}, TIMES) for s in (1, -1)]
-        truth = (ends[0] - ends[1])[:, order] / (2 * h)
+        truth = (ends[0] - ends[1])[:, 2] / (2 * h)
         limit = 1e-3 if name == "epsilon" else 1e-4
         assert np.max(np.abs(row - truth)) < limit * np.max(np.abs(truth)), name

@@ -1,5 +1,4 @@
-"""Which columns are taken for a record, by hand-made tables of which the right answer is plain, and some of which none
-is."""
+"""Which columns are read as a record: tables made by hand with one right choice, and tables that must be refused."""
 
 from __future__ import annotations
 
@@ -20,10 +19,8 @@ V = np.gradient(Y, T)
 A = np.gradient(V, T)
 OTHER = 0.2 * np.exp(-0.15 * T) * np.cos(5 * T + 1)
 NOISE = np.random.default_rng(1).normal(0, 0.1, T.size)
-BEATING = 0.2 * np.exp(-0.07 * T) * (np.cos(6 * T) - np.cos(6.8 * T))
 STEADY = 0.3 * np.cos(6 * T)
 INDEX = np.arange(T.size)
-FLAT = np.full(T.size, 1.5)
 
 
 def write(path: Path, columns: dict[str, np.ndarray], *above: str, named: bool = True) -> Path:
@@ -31,69 +28,74 @@ def write(path: Path, columns: dict[str, np.ndarray], *above: str, named: bool =
     return write_table(path, "\n".join(head), *columns.values())
 
 
-PLAIN: dict[str, tuple[dict[str, np.ndarray], str | None, str]] = {
+CLEAR: dict[str, tuple[dict[str, np.ndarray], str, str]] = {
     "two columns": ({"t": T, "x": Y}, "t", "x"),
-    "an index before": ({"sample": INDEX, "time": T, "x": Y}, "time", "x"),
+    "sample numbers first": ({"sample": INDEX, "time": T, "x": Y}, "time", "x"),
     "times last": ({"phi (deg)": Y, "Elapsed (s)": T}, "Elapsed (s)", "phi (deg)"),
-    "a switch beside": ({"t": T, "trigger": (T > 3) * 5.0, "voltage": FLAT, "x": Y}, "t", "x"),
-    "derivatives named": ({"t": T, "acceleration": A, "velocity": V, "position": Y}, "t", "position"),
+    "a switch and a constant": ({"t": T, "trigger": (T > 3) * 5.0, "volts": 0 * T + 1.5, "x": Y}, "t", "x"),
+    "derivatives by name": ({"t": T, "acceleration": A, "velocity": V, "position": Y}, "t", "position"),
     "derivatives by unit": ({"t": T, "a (m/s²)": A, "v (m/s)": V, "s (m)": Y}, "t", "s (m)"),
-    "the same in two units": ({"t": T, "angle (rad)": Y, "arc (mm)": 210 * Y + 3}, "t", "angle (rad)"),
-    "what does not die down": ({"t": T, "drive": np.cos(6 * T + 1), "reference": STEADY, "x": Y}, "t", "x"),
+    "one motion in two units": ({"t": T, "angle (rad)": Y, "arc (mm)": 210 * Y + 3}, "t", "angle (rad)"),
+    "a steady drive": ({"t": T, "drive": np.cos(6 * T + 1), "reference": STEADY, "x": Y}, "t", "x"),
     "axes of a phone": ({"t": T, "ax (g)": 0.1 * OTHER, "ay (g)": Y, "absolute (g)": abs(Y)}, "t", "ay (g)"),
-    "axes alike, without units": ({"t": T, "z": 0.1 * Y, "y": Y, "x": 0.03 * OTHER}, "t", "y"),
-    "a drift beside": ({"t": T, "x": Y, "y": 3 * np.exp(-0.2 * T) + 0.5 * np.cos(0.8 * T)}, "t", "x"),
-    "an energy beside": ({"t": T, "kinetic energy": V**2, "x": Y}, "t", "x"),
-    "residuals of a fit": ({"t": T, "x": Y, "r": BEATING}, "t", "x"),
-    "two times": ({"Time (s)": T, "Time (ms)": 1000 * T, "x": Y}, "Time (s)", "x"),
-}
+    "axes without units": ({"t": T, "z": 0.1 * Y, "y": Y, "x": 0.03 * OTHER}, "t", "y"),
+    "a drift": ({"t": T, "x": Y, "y": 3 * np.exp(-0.2 * T) + 0.5 * np.cos(0.8 * T)}, "t", "x"),
+    "an energy": ({"t": T, "kinetic energy": V**2, "x": Y}, "t", "x"),
+    "residuals of a fit": (
+        {"t": T, "x": Y, "r": 0.2 * np.exp(-0.07 * T) * (np.cos(6 * T) - np.cos(6.8 * T))}, "t", "x",
+    ),
+    "times in two units": ({"Time (s)": T, "Time (ms)": 1000 * T, "x": Y}, "Time (s)", "x"),
+}  # fmt: skip
+ONLY_CHOICE = (
+    "two columns",
+    "sample numbers first",
+    "times last",
+    "a switch and a constant",
+    "times in two units",
+)
+"""Tables in which only one column is a motion, so that the choice needs no explanation."""
 
 
-ALONE = ("two columns", "an index before", "times last", "a switch beside", "two times")
-"""Of the tables above, those in which one column changes."""
-
-
-@pytest.mark.parametrize("what", PLAIN)
-def test_a_plain_choice_is_made_and_said(tmp_path: Path, what: str) -> None:
-    columns, time, value = PLAIN[what]
+@pytest.mark.parametrize("case", CLEAR)
+def test_a_clear_choice_is_made_and_explained(tmp_path: Path, case: str) -> None:
+    columns, time, value = CLEAR[case]
     record = read_record(write(tmp_path / "a.csv", columns))
     assert record.columns == (time, value)
     np.testing.assert_allclose(record.y, columns[value], atol=1e-12)
     np.testing.assert_allclose(record.t, T, atol=1e-12)  # type: ignore[arg-type]
     assert record.choice in " ".join(map(str, record.provenance.notes))
-    assert (f"Using column {value!r}" in record.choice) == (what not in ALONE)
+    assert (f"Using column {value!r}" in record.choice) == (case not in ONLY_CHOICE)
 
 
-OPEN: dict[str, tuple[dict[str, np.ndarray], bool, str]] = {
-    "two that swing": ({"t": T, "x": Y, "y": OTHER}, True, "'x', 'y' may each be the record; give the name"),
-    "without names": ({"t": T, "x": Y, "y": OTHER}, False, "2, 3 may each be the record"),
+UNCLEAR: dict[str, tuple[dict[str, np.ndarray], bool, str]] = {
+    "two motions": ({"t": T, "x": Y, "y": OTHER}, True, "'x', 'y' may each be the record; give the name"),
+    "two motions without names": ({"t": T, "x": Y, "y": OTHER}, False, "2, 3 may each be the record"),
     "channels without a unit": ({"t": T, "ch1": Y, "ch2": OTHER}, True, "or of several channels"),
-    "no time": ({"x": Y, "y": OTHER}, True, "may each be the record"),
-    "times alone": ({"t": T}, True, "has only one column, and it contains the times"),
-    "one without time": ({"x": Y}, True, "export the times too, or give the rate in Hz (--rate)"),
+    "two motions without times": ({"x": Y, "y": OTHER}, True, "may each be the record"),
+    "only times": ({"t": T}, True, "has only one column, and it contains the times"),
+    "no times": ({"x": Y}, True, "export the times too, or give the rate in Hz (--rate)"),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("columns", "named", "said"), OPEN.values(), ids=OPEN)
-def test_where_no_choice_is_plain_one_line_lists_what_there_is(tmp_path: Path, columns, named, said) -> None:
-    with pytest.raises(InputError, match=re.escape(said)) as caught:
+@pytest.mark.parametrize(("columns", "named", "message"), UNCLEAR.values(), ids=UNCLEAR)
+def test_an_unclear_choice_is_refused_in_one_line(tmp_path: Path, columns, named, message) -> None:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
         read_records(write(tmp_path / "a.csv", columns, named=named))
     assert len(str(caught.value)) < 300
 
 
-def test_sensors_of_one_unit_are_a_record_each(tmp_path: Path) -> None:
+def test_sensors_of_one_unit_are_separate_records(tmp_path: Path) -> None:
     path = write(tmp_path / "a.csv", {"t (ms)": 1000 * T, "left (g)": Y, "right (g)": OTHER})
-    found = read_records(path)
-    assert [record.channel for record in found] == ["left (g)", "right (g)"]
-    assert not any(record.run for record in found)
+    records = read_records(path)
+    assert [(record.channel, record.run) for record in records] == [("left (g)", ""), ("right (g)", "")]
     assert read_records(path, channels=["right"])[0].y[0] == OTHER[0]
     with pytest.raises(InputError, match="contains 2 records; give the run or channel of one: 'left"):
         read_record(path)
 
 
 RUNS = {
-    "behind": ("Time (s) Run #{}", "Angle (deg) Run #{}"),
-    "before": ("Run {}: Time (s)", "Run {}: Angle (deg)"),
+    "number last": ("Time (s) Run #{}", "Angle (deg) Run #{}"),
+    "number first": ("Run {}: Time (s)", "Run {}: Angle (deg)"),
     "in brackets": ("t (s) (trial {})", "Angle (deg) (trial {})"),
     "underscores": ("t_run{}", "Angle_deg_run{}"),
     "one column of times": ("Time (s)", "Angle (deg) Run {}"),
@@ -101,79 +103,77 @@ RUNS = {
 
 
 @pytest.mark.parametrize(("time", "value"), RUNS.values(), ids=RUNS)
-def test_runs_of_a_file_are_repeats(tmp_path: Path, time: str, value: str) -> None:
+def test_numbered_columns_are_runs_of_one_channel(tmp_path: Path, time: str, value: str) -> None:
     columns: dict[str, np.ndarray] = {}
     for i in (1, 2, 3, 4):
         columns |= {time.format(i): T, value.format(i): i * Y}
     path = write(tmp_path / "a.csv", columns)
-    found = read_records(path)
-    assert [record.run for record in found] == ["1", "2", "3", "4"]
-    assert all(record.unit == "deg" for record in found)
-    assert len({record.channel for record in found}) == 1
-    for i, record in enumerate(found, start=1):
+    records = read_records(path)
+    assert [(record.run, record.unit) for record in records] == [(i, "deg") for i in "1234"]
+    assert len({record.channel for record in records}) == 1
+    for i, record in enumerate(records, start=1):
         np.testing.assert_allclose(record.y, i * Y, atol=1e-12)
-    assert [r.run for r in read_records(path, runs="1,3-4")] == ["1", "3", "4"]
-    assert [r.run for r in read_records(path, runs=" 4 , 2 ")] == ["4", "2"]
-    assert read_record(path, run=3, channel=found[0].channel).columns == found[2].columns
+    assert [record.run for record in read_records(path, runs=" 4 , 1-2 ")] == ["4", "1", "2"]
+    assert read_record(path, run=3, channel=records[0].channel).columns == records[2].columns
     for wrong in ("7", "3-1", "", "a"):
         with pytest.raises(InputError, match=f"no runs '{wrong}'; give numbers .*there are runs 1, 2, 3, 4"):
             read_records(path, runs=wrong)
 
 
-def test_one_column_is_chosen_for_all_runs(tmp_path: Path) -> None:
-    """Run 2 was not let go, so by itself it would give another column or none."""
+def test_all_runs_use_the_same_column(tmp_path: Path) -> None:
+    """Run 2 contains only noise; alone it would give another column or none."""
     columns = {"t": T}
     for i, y in ((1, Y), (2, 1e-3 * NOISE), (3, Y)):
         columns |= {f"roll (deg) Run {i}": y, f"temperature Run {i}": NOISE + i}
-    found = read_records(write(tmp_path / "a.csv", columns))
-    assert [record.channel for record in found] == ["roll (deg)"] * 3
+    records = read_records(write(tmp_path / "a.csv", columns))
+    assert [record.channel for record in records] == ["roll (deg)"] * 3
 
 
 PHONE = ((0.15, "acceleration {} (m/s²)", 1.0), (0.6, "{} (g)", 1 / 9.81), (1.2, "acc {}", 1.0))
 
 
-@pytest.mark.parametrize(("size", "head", "scale"), PHONE)
-def test_of_a_phone_on_a_pendulum_the_axis_across_gravity_is_taken(tmp_path: Path, size, head, scale) -> None:
-    """It measures m/s² at 0.8 of a pendulum's effective length, with a little drag: motion by SciPy."""
+@pytest.mark.parametrize(("angle_0", "name", "scale"), PHONE)
+def test_a_phone_on_a_pendulum_is_read_along_its_path(tmp_path: Path, angle_0, name, scale) -> None:
+    """The acceleration at 0.8 of a pendulum's effective length, computed from SciPy's solution.
+
+    The axis that points to the pivot oscillates at twice the frequency and must be refused, also if it is the only one.
+    """
     g, length, t = 9.81, 0.85, np.arange(3000) / 100
 
-    def swing(_: float, u: np.ndarray) -> list[float]:
+    def slope(_: float, u: np.ndarray) -> list[float]:
         return [u[1], -g / length * np.sin(u[0]) - 0.03 * u[1]]
 
-    angle, speed = u = solve_ivp(swing, (0, t[-1]), [size, 0.0], t_eval=t, rtol=1e-8, atol=1e-10).y
-    turning = np.array([swing(0.0, state)[1] for state in u.T])
-    across = 0.8 * length * turning + g * np.sin(angle)
+    angle, speed = u = solve_ivp(slope, (0, t[-1]), [angle_0, 0.0], t_eval=t, rtol=1e-8, atol=1e-10).y
+    across = 0.8 * length * np.array([slope(0.0, state)[1] for state in u.T]) + g * np.sin(angle)
     along = -(g * np.cos(angle) + 0.8 * length * speed**2)
     noise = 0.02 * np.random.default_rng(2).standard_normal((3, t.size))
-    x, y, z = map(head.format, "xyz")
+    x, y, z = map(name.format, "xyz")
     columns = dict(zip((x, y, z), scale * (noise + np.array([across, along, 0 * t + 0.05])), strict=True))
     assert read_record(write(tmp_path / "a.csv", {"t (s)": t, **columns})).channel == x
-    # what points to the pivot is not answered for being the only one that swings
-    for path in (
-        write(tmp_path / "alone.csv", {"t (s)": t, y: columns[y]}),
-        write(tmp_path / "b.csv", {"t (s)": t, y: columns[y], z: columns[z]}),
-    ):
+    for names in ((y,), (y, z)):
+        path = write(tmp_path / "b.csv", {"t (s)": t, **{name: columns[name] for name in names}})
         with pytest.raises(InputError, match=r"contains gravity .* at twice the freq.* \(--angle\)"):
             read_record(path)
     assert read_record(path, value=y).channel == y
 
 
-def test_what_moves_up_and_down_is_answered_where_it_is_named(tmp_path: Path) -> None:
-    """The mean acceleration of a spring's mass is gravity too: whether it is one is for the user to say."""
-    head = "acceleration (m/s²)"
-    path = write(tmp_path / "a.csv", {"t (s)": T, head: 9.81 + 10 * Y})
+def test_a_vertical_acceleration_with_gravity_must_be_named(tmp_path: Path) -> None:
+    """The mean may also be gravity on a mass that moves up and down: only the user knows."""
+    name = "acceleration (m/s²)"
+    path = write(tmp_path / "a.csv", {"t (s)": T, name: 9.81 + 10 * Y})
     with pytest.raises(InputError, match="or this one if the body moves up and down"):
         read_record(path)
-    assert read_record(path, value=head).channel == head
-    for name, mean in ((head, 5.0), ("angle", 9.81)):
-        other = write(tmp_path / "b.csv", {"t (s)": T, name: mean + 10 * Y})
-        assert read_record(other).channel == name
+    assert read_record(path, value=name).channel == name
+    for other, mean in ((name, 5.0), ("angle", 9.81)):  # negative control: not gravity
+        assert read_record(write(tmp_path / "b.csv", {"t (s)": T, other: mean + 10 * Y})).channel == other
 
 
 def test_a_channel_with_one_spike_is_not_preferred(tmp_path: Path) -> None:
-    for width, at in ((1, 300), (30, 580)):
+    for width, first in ((1, 300), (30, 580)):
         spike = 0.01 * NOISE
-        spike[at : at + width] += 20 * np.sin(np.pi * (np.arange(width) + 0.5) / width)[: T.size - at]
+        spike[first : first + width] += (
+            20 * np.sin(np.pi * (np.arange(width) + 0.5) / width)[: T.size - first]
+        )
         columns = {"t (s)": T, "first (m)": Y, "second (m)": spike}
         assert read_record(write(tmp_path / "a.csv", columns)).channel == "first (m)"
 
@@ -190,36 +190,34 @@ PAIRS = [
 
 
 def side_by_side(path: Path, names: list[str], columns: list[np.ndarray]) -> Path:
-    """A table of columns of several lengths, with empty cells at the ends of the shorter ones."""
+    """Write columns of different lengths; the shorter ones end with empty cells."""
     rows = [",".join(repr(float(c[i])) if i < c.size else "" for c in columns) for i in range(T.size)]
     path.write_text("\n".join([*([",".join(names)] if any(names) else []), *rows]), encoding="utf-8")
     return path
 
 
 @pytest.mark.parametrize("names", [*PAIRS, ["A (mm)", "t_A (s)", "B (mm)", "t_B (s)"]], ids=str)
-def test_values_keep_the_times_beside_them(tmp_path: Path, names: list[str]) -> None:
+def test_each_value_column_uses_the_times_next_to_it(tmp_path: Path, names: list[str]) -> None:
     columns = [T, Y, SLOW, LATER] if names in PAIRS else [Y, T, LATER, SLOW]
-    found = read_records(side_by_side(tmp_path / "a.csv", names, columns))
-    for record, t, y in zip(found, (T, SLOW), (Y, LATER), strict=True):
-        np.testing.assert_allclose(record.t, t, atol=1e-12)  # type: ignore[arg-type]
-        np.testing.assert_allclose(record.y, y, atol=1e-12)
+    path = side_by_side(tmp_path / "a.csv", names, columns)
+    for record, t, y in zip(read_records(path), (T, SLOW), (Y, LATER), strict=True):
         time, value = record.columns
-        again = read_record(tmp_path / "a.csv", time=time, value=value)
-        np.testing.assert_array_equal(again.t, record.t)  # type: ignore[arg-type]
+        for same in (record, read_record(path, time=time, value=value)):
+            np.testing.assert_allclose(same.t, t, atol=1e-12)  # type: ignore[arg-type]
+            np.testing.assert_allclose(same.y, y, atol=1e-12)
 
 
 def test_columns_of_one_clock_are_not_pairs(tmp_path: Path) -> None:
-    """The negative control: the same times twice, times on both sides, a value that only grows."""
-    for names, columns, taken in (
+    """Negative control: the same times twice, times on both sides, and a value that only grows."""
+    for names, columns, chosen in (
         (["t", "x (m)", "t", "v (m/s)"], [T, Y, T, V], (1, "x (m)")),
         (["time (s)", "x (mm)", "stamp (ms)"], [T, Y, 1e3 * T], ("time (s)", "x (mm)")),
         (["t (s)", "x (mm)", "way (m)", "y (mm)"], [T, Y, np.cumsum(abs(Y)), STEADY], ("t (s)", "x (mm)")),
     ):
-        assert read_record(side_by_side(tmp_path / "a.csv", names, columns)).columns == taken
+        assert read_record(side_by_side(tmp_path / "a.csv", names, columns)).columns == chosen
 
 
-def test_numbers_of_samples_give_way_to_a_rate_in_the_head(tmp_path: Path) -> None:
+def test_a_rate_in_the_head_replaces_sample_numbers(tmp_path: Path) -> None:
     record = read_record(write(tmp_path / "a.csv", {"x": INDEX, "y": Y}, "# delta t (s): 0.02"))
     assert (record.t, record.rate, record.columns) == (None, 50.0, (None, "y"))
-    alone = read_record(write(tmp_path / "b.csv", {"x": INDEX, "y": Y}))
-    assert alone.columns == ("x", "y")
+    assert read_record(write(tmp_path / "b.csv", {"x": INDEX, "y": Y})).columns == ("x", "y")

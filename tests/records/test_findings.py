@@ -1,4 +1,4 @@
-"""What looks wrong is said, with the option that mends it; what is right is not."""
+"""Doubts about units, times and rates are reported with the option that removes them; correct files give none."""
 
 from __future__ import annotations
 
@@ -17,87 +17,94 @@ T = np.arange(600) / 50
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 NOISE = 0.01 * np.random.default_rng(1).standard_normal(T.size)
 DEG = 57 * Y + 50 * NOISE
-BOTH = [Kind.DEGREES]
 
 CASES = {
-    # names, times, values, options of reading, unit asked for, kinds, what the option says
+    # head, times, values, options of reading, given unit, kinds of doubts, text of the option
     "right": ("t,angle", T, Y, {}, None, [], ""),
     "degrees": ("t,angle", T, 50 * Y, {}, None, [Kind.DEGREES], "--unit rad"),
     "counts": ("t,angle", T, 5000 * Y, {}, None, [Kind.DEGREES], "--unit deg"),
-    "rad, asked": ("t,angle", T, 50 * Y, {}, "rad", [], ""),
+    "rad is given": ("t,angle", T, 50 * Y, {}, "rad", [], ""),
     "many turns": ("t,angle (rad)", T, 100 * Y, {}, None, [], ""),
     "ms": ("t,angle", 1e3 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit ms"),
-    "ms, said": ("t (ms),angle", 1e3 * T, Y, {}, None, [], ""),
-    "ms, said wrongly": ("t (ms),angle (deg)", T, 50 * Y, {}, None, [Kind.TIME_UNIT], "--time-unit s, or ms"),
-    "us, said wrongly": ("TimeUS,x (m)", 1e3 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit ms, or us"),
+    "ms in the head": ("t (ms),angle", 1e3 * T, Y, {}, None, [], ""),
+    "ms in the head, but s": ("t (ms),angle (deg)", T, 50 * Y, {}, None, [Kind.TIME_UNIT], "--time-unit s, or ms"),
+    "us in the head, but ms": ("TimeUS,x (m)", 1e3 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit ms, or us"),
     "s, in bursts": ("t (s),angle (deg)", np.floor(3 * T) / 3, 50 * Y, {}, None, [], ""),
     "s, backwards": ("t (s),angle (deg)", T[::-1], 50 * Y, {}, None, [], ""),
     "ms, a small swing": ("t (ms),angle (deg)", T, Y, {}, None, [], ""),
     "ms, an acceleration": ("t (ms),acc (g)", T, 50 * Y, {}, None, [], ""),
-    "h, said": ("time (h),angle", T / 3600, Y, {}, None, [], ""),
-    "weeks, said": ("time (weeks),angle", T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit s if they are"),
+    "h in the head": ("time (h),angle", T / 3600, Y, {}, None, [], ""),
+    "weeks in the head": ("time (weeks),angle", T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit s if they are"),
     "datenum": ("time,angle", 738000 + T / 86400, Y, {}, None, [Kind.TIME_UNIT], "--time-unit d"),
-    "slow, said": ("t (s),angle", 1e3 * T, Y, {}, None, [], ""),
-    "numbers of samples": ("t,angle", np.arange(600.0), Y, {}, None, [Kind.SAMPLE_NUMBERS], "--rate HZ"),
+    "slow, s in the head": ("t (s),angle", 1e3 * T, Y, {}, None, [], ""),
+    "sample numbers": ("t,angle", np.arange(600.0), Y, {}, None, [Kind.SAMPLE_NUMBERS], "--rate HZ"),
     "interval as rate": ("x,angle", Y[::-1], Y, {"rate": 0.02, "value": 2}, None, [Kind.PERIOD], "--rate 50"),
     "rate": ("x,angle", Y[::-1], Y, {"rate": 50.0, "value": 2}, None, [], ""),
     "rate against the file's": (
         "# sample rate: 50 Hz\nx,angle", Y[::-1], Y, {"rate": 500.0, "value": 2}, None, [Kind.RATE], "--rate 50",
     ),
-    "a label behind the times": ("Time (probe 1),angle", T, Y, {}, None, [], ""),
+    "a label after the times": ("Time (probe 1),angle", T, Y, {}, None, [], ""),
     "rate of its times": ("t (ms),angle", 1e3 * T, Y, {"rate": 50.0}, None, [], ""),
-    "rate beside numbers of samples": ("t,angle", np.arange(600.0), Y, {"rate": 50.0}, None, [], ""),
+    "rate and sample numbers": ("t,angle", np.arange(600.0), Y, {"rate": 50.0}, None, [], ""),
     "times against the file's rate": ("# fs = 25\nt,angle", T, Y, {}, None, [Kind.RATE], "--rate 25"),
     "an envelope": ("t,angle", T, np.hypot(Y, 0.05 * np.sin(6 * T)), {}, None, [], ""),
-    "wrapped, said": ("t,angle (deg)", T, DEG % 360, {}, None, [], ""),
-    "wrapped, no unit": ("t,angle", T, DEG % 360, {}, None, BOTH, ""),
-    "wrapped, asked": ("t,angle", T, DEG % 360, {}, "deg", [], ""),
+    "wrapped, deg in the head": ("t,angle (deg)", T, DEG % 360, {}, None, [], ""),
+    "wrapped, no unit": ("t,angle", T, DEG % 360, {}, None, [Kind.DEGREES], ""),
+    "wrapped, deg is given": ("t,angle", T, DEG % 360, {}, "deg", [], ""),
     "unwrapped": ("t,angle (deg)", T, DEG + 360, {}, None, [], ""),
     "a factor in brackets": ("t,angle (deg x1000)", T, Y, {}, None, [Kind.UNIT], "--unit"),
     "a range": ("t,accel (16 g)", T, Y, {}, None, [Kind.UNIT], "--unit counts"),
     "a power of a unit": ("t,acc (m/s^2)", T, Y, {}, None, [], ""),
-    "a factor, asked": ("t,disp (1e-3 m)", T, Y, {}, "mm", [], ""),
+    "a factor, but the unit is given": ("t,disp (1e-3 m)", T, Y, {}, "mm", [], ""),
     "a factor of times": ("t (1e-3 s),angle", 1e3 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit s if they are"),
     "a probe": ("t,Ch1 x10 (V)", T, Y, {}, None, [], ""),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_doubt_is_told_where_there_is_one(tmp_path: Path, case: str) -> None:
-    names, t, y, options, unit, kinds, option = CASES[case]
-    raw = read_record(write_table(tmp_path / "a.csv", names, t, y), **options)
-    found = findings(raw, *unit_or_guess(raw, unit, None), unit is not None)
-    assert [finding.kind for finding in found] == kinds
-    assert all(option in finding.option and len(str(finding)) < 250 for finding in found)
+def test_a_doubt_is_reported_if_and_only_if_there_is_one(tmp_path: Path, case: str) -> None:
+    head, t, y, options, unit, kinds, option = CASES[case]
+    raw = read_record(write_table(tmp_path / "a.csv", head, t, y), **options)
+    doubts = findings(raw, *unit_or_guess(raw, unit, None), unit is not None)
+    assert [doubt.kind for doubt in doubts] == kinds
+    assert all(option in doubt.option and len(str(doubt)) < 250 for doubt in doubts)
 
 
-def test_an_unknown_unit_is_refused_in_python(tmp_path: Path) -> None:
-    for head, said, asked in (
+@pytest.mark.parametrize(
+    ("head", "message", "option"),
+    [
         ("t,disp (1e-3 m)", "'1e-3 m', is not a unit of displacement", {"unit": "mm"}),
         ("t (1e-3 s),angle", "'1e-3 s', is not known", {"time_unit": "ms"}),
-    ):
-        path = write_table(tmp_path / "a.csv", head, T, Y)
-        with pytest.raises(bayesdamp.InputError, match=said) as caught:
-            bayesdamp.read(path)
-        assert f"{next(iter(asked))}=" in str(caught.value)
-        assert bayesdamp.read(path, **asked).signal().t.size > 100
+    ],
+)
+def test_python_refuses_an_unknown_unit_and_names_the_option(tmp_path: Path, head, message, option) -> None:
+    path = write_table(tmp_path / "a.csv", head, T, Y)
+    with pytest.raises(bayesdamp.InputError, match=message) as caught:
+        bayesdamp.read(path)
+    assert f"{next(iter(option))}=" in str(caught.value)
+    assert bayesdamp.read(path, **option).signal().t.size > 100
 
 
-def test_constant_columns_are_told(tmp_path: Path) -> None:
+def test_constant_columns_are_reported(tmp_path: Path) -> None:
     flat = np.full(T.size, 2.5)
     raw = read_record(write_table(tmp_path / "a.csv", "t,angle,volts,lamp", T, Y, flat, flat))
-    (found,) = findings(raw, "rad", "angle")
-    assert found.kind is Kind.CONSTANT
-    assert "'volts', 'lamp'" in found.sentence
+    (doubt,) = findings(raw, "rad", "angle")
+    assert doubt.kind is Kind.CONSTANT
+    assert "'volts', 'lamp'" in doubt.sentence
 
 
-def test_what_is_too_large_for_radians_is_read_as_degrees_or_counts(tmp_path: Path) -> None:
-    for name, size, unit in (
+@pytest.mark.parametrize(
+    ("name", "size", "unit"),
+    [
         ("angle", 1, "rad"), ("angle", 50, "deg"), ("", 50, "deg"), ("voltage", 50, "counts"),
         ("angle", 5000, "counts"), ("angle (rad)", 50, "rad"),
-    ):  # fmt: skip
-        path = write_table(tmp_path / "a.csv", f"t,{name}" if name else "", T, size * Y)
-        assert unit_or_guess(read_record(path), None, None) == (unit, "angle")
-        record = bayesdamp.read(path)
-        assert record.unit == unit
-        assert ("no unit given" in str(record.signal().provenance.warnings)) is (unit != "rad")
+    ],
+)  # fmt: skip
+def test_values_too_large_for_rad_are_read_in_deg_or_counts_with_a_warning(
+    tmp_path: Path, name, size, unit
+) -> None:
+    path = write_table(tmp_path / "a.csv", f"t,{name}" if name else "", T, size * Y)
+    assert unit_or_guess(read_record(path), None, None) == (unit, "angle")
+    record = bayesdamp.read(path)
+    assert record.unit == unit
+    assert ("no unit given" in str(record.signal().provenance.warnings)) is (unit != "rad")

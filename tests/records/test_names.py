@@ -1,8 +1,9 @@
-"""Units that columns are named after."""
+"""Units and quantities in the names of columns."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import bayesdamp
 from bayesdamp.records.cleaning.clean import clean
@@ -38,45 +39,43 @@ VALUES = {
 
 def test_units_in_names() -> None:
     for table, read in ((TIMES, seconds_in), (VALUES, unit_and_quantity)):
-        found = {name: read(name) for names in table.values() for name in names.split(" | ")}
-        assert found == {name: unit for unit, names in table.items() for name in names.split(" | ")}
+        units = {name: unit for unit, names in table.items() for name in names.split(" | ")}
+        assert {name: read(name) for name in units} == units
 
 
 T = np.arange(1500) * 0.01
 Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 
 
-def test_a_name_that_says_another_unit_is_told_of(tmp_path):
+def test_a_given_unit_that_contradicts_the_name_gives_a_warning(tmp_path):
     raw = read_record(write_table(tmp_path / "x.csv", "t,phi (deg)", T, Y), time=1, value=2)
-    notes = [clean(raw, name="x", unit=unit).provenance.warnings for unit in ("rad", "deg")]
-    told = [
-        any("'phi (deg)', but its values are used as displacements in rad; if" in n for n in some)
-        for some in notes
-    ]
-    assert told == [True, False]
+    for unit, warns in (("rad", True), ("deg", False)):
+        warnings = str(clean(raw, name="x", unit=unit).provenance.warnings)
+        assert ("'phi (deg)', but its values are used as displacements in rad; if" in warnings) is warns
 
 
-ASKED = (
-    ("a (mm/s²)", None, None, "mm", "acceleration"), (2, None, None, "mm", "acceleration"),
-    (2, "m", None, "m", "acceleration"), (2, "rad", "angle", "rad", "angle"), ("U [V]", None, None, "V", "angle"),
-    (3, "g", None, "g", "acceleration"), (4, None, None, "rad", "velocity"), (4, "deg", None, "deg", "velocity"),
-    (4, None, "angle", "rad", "angle"), (5, None, None, "rad", "angle"),
+@pytest.mark.parametrize(
+    ("column", "given_unit", "given_quantity", "unit", "quantity"),
+    [
+        ("a (mm/s²)", None, None, "mm", "acceleration"), (2, None, None, "mm", "acceleration"),
+        (2, "m", None, "m", "acceleration"), (2, "rad", "angle", "rad", "angle"), ("U [V]", None, None, "V", "angle"),
+        (3, "g", None, "g", "acceleration"), (4, None, None, "rad", "velocity"), (4, "deg", None, "deg", "velocity"),
+        (4, None, "angle", "rad", "angle"), (5, None, None, "rad", "angle"),
+    ],
 )  # fmt: skip
-"""Column, unit and quantity that are asked for; those that are taken."""
-
-
-def test_unit_and_quantity_are_those_of_the_name_unless_others_are_asked_for(tmp_path):
+def test_a_given_unit_or_quantity_replaces_that_of_the_name(
+    tmp_path, column, given_unit, given_quantity, unit, quantity
+):
     y = [0.1 * Y] * 4
     path = write_table(tmp_path / "x.csv", "t [ms],a (mm/s²),U [V],angularVelocity,accuracy", 1e3 * T, *y)
-    for column, unit, quantity, *found in ASKED:
-        record = bayesdamp.read(path, value=column, unit=unit, quantity=quantity)
-        assert [record.unit, record.quantity] == found, (column, unit, quantity)
+    record = bayesdamp.read(path, value=column, unit=given_unit, quantity=given_quantity)
+    assert (record.unit, record.quantity) == (unit, quantity)
 
 
 ROWS = [f"{0.5 * i:.3f},{i % 7 - 3.0:.3f}" for i in range(40)]
 
 
-def test_a_line_of_units_below_the_names_and_an_instruments_preamble():
+def test_a_line_of_units_below_the_names_is_joined_to_them():
     for heads, labels in (
         (["Model,DSO", "Record Length,3000", "Time (ms),CH1 (V)"], ["Time (ms)", "CH1 (V)"]),
         (["Time,Channel A", "(ms),(V)", ""], ["Time (ms)", "Channel A (V)"]),

@@ -1,4 +1,4 @@
-"""Opening files: whatever a reader raises is one line, with its cause; one that crashes or hangs costs one line."""
+"""Errors of readers, also crashes and readers that do not end, are reported in one line."""
 
 from __future__ import annotations
 
@@ -21,18 +21,19 @@ from bayesdamp.types import InputError
 
 
 @pytest.mark.parametrize(
-    ("method", "said"), [("claims", "is damaged or not what its name says"), ("read", "damaged or cut off")]
+    ("method", "message"),
+    [("claims", "is damaged or not what its name says"), ("read", "damaged or cut off")],
 )
 @pytest.mark.parametrize(
     "error", [NotImplementedError("no 25.5"), RuntimeError(), RecursionError("deep")], ids=repr
 )
-def test_a_reader_that_fails(tmp_path, monkeypatch, method: str, said: str, error: BaseException) -> None:
-    """Negative control: who interrupts is no damaged file."""
+def test_an_error_of_a_reader_is_one_line(tmp_path, monkeypatch, method, message, error) -> None:
+    """Negative control: an interrupt by the user is not reported as a damaged file."""
     path = tmp_path / "a.npy"
     np.save(path, np.eye(40))
     assert read_contents(path).columns
     monkeypatch.setattr(NumpyReader, method, Mock(side_effect=error))
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         read_contents(path)
     assert (caught.value.where, caught.value.__cause__) == ("a.npy", error)
     assert len(str(caught.value)) < 300
@@ -41,15 +42,12 @@ def test_a_reader_that_fails(tmp_path, monkeypatch, method: str, said: str, erro
         read_contents(path)
 
 
-def test_threads_that_read_leave_output_and_warnings_of_the_program_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Reads that overlap end in another order than they began in."""
+def test_reading_in_threads_does_not_change_output_and_warnings_of_the_program(tmp_path, monkeypatch) -> None:
+    """The reads overlap, and end in another order than they began."""
     before, read = (sys.stdout, list(warnings.filters)), NumpyReader.read
 
     def slow(self: NumpyReader, path: Path) -> Contents:
-        # an error in tests, where the reader's filter is not in force
-        warnings.warn("of no interest", stacklevel=1)
+        warnings.warn("of no interest", stacklevel=1)  # an error in tests, unless the reader's filter applies
         time.sleep(0.01 if path.stem == "0" else 0.002)
         return read(self, path)
 
@@ -58,7 +56,7 @@ def test_threads_that_read_leave_output_and_warnings_of_the_program_alone(
     for path in paths:
         np.save(path, np.eye(40))
     with ThreadPoolExecutor(4) as pool:
-        assert all(found.columns for found in pool.map(read_contents, 3 * paths))
+        assert all(contents.columns for contents in pool.map(read_contents, 3 * paths))
     assert (sys.stdout, warnings.filters) == before
 
 
@@ -80,13 +78,16 @@ def hanging(path: Path) -> dict[str, np.ndarray]:
     return {}
 
 
-def test_what_goes_wrong_is_one_line(tmp_path):
-    for load, said in (
+@pytest.mark.parametrize(
+    ("load", "message"),
+    [
         (crashing, r"x\.bin: its reader crashed \(SIGSEGV\); the file is damaged"),
         (failing, r"x\.bin: cannot be read \(KeyError: 'no such\\nthing'\); the file is damaged"),
         (refusing, r"^x\.bin: holds no record; give another$"),
         (hanging, r"x\.bin: its reader did not end within 1 s; the file is damaged"),
-    ):
-        with pytest.raises(InputError, match=said) as caught:
-            load_isolated(load, tmp_path / "x.bin", 1.0 if load is hanging else 60.0)
-        assert "\n" not in str(caught.value)
+    ],
+)
+def test_a_reader_that_crashes_or_hangs_is_reported_in_one_line(tmp_path, load, message):
+    with pytest.raises(InputError, match=message) as caught:
+        load_isolated(load, tmp_path / "x.bin", 1.0 if load is hanging else 60.0)
+    assert "\n" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""Tables of text, arrays, and what is wrong in them with its one line."""
+"""Reading text tables and array files, and the one-line refusals of bad ones."""
 
 import re
 
@@ -38,54 +38,54 @@ TEXTS = {
     "integers first": (["t,x", *rows(), "2,0"], "t", "x"),
     "exponents": (["t;x", *(f"{t:.2E};{y:.4E}".replace(".", ",") for t, y in zip(T, Y))], "t", "x"),
 }
+ENCODINGS = {"semicolon and decimal comma": ("utf-8", "utf-8-sig", "utf-16")}
 
 
-@pytest.mark.parametrize("what", TEXTS)
-def test_text(tmp_path, what):
-    lines, time, value = TEXTS[what]
-    others = {"semicolon and decimal comma": ("utf-8-sig", "utf-16")}
-    for encoding in ("utf-8", *others.get(what, ())):
+@pytest.mark.parametrize("case", TEXTS)
+def test_a_text_table_is_read(tmp_path, case):
+    lines, time, value = TEXTS[case]
+    for encoding in ENCODINGS.get(case, ("utf-8",)):
         raw = read_record(write(tmp_path / "a.csv", lines, encoding), time=time, value=value)
         np.testing.assert_array_equal(raw.t[:20], np.round(T, 1))
         np.testing.assert_array_equal(raw.y[:20], Y)
 
 
 def test_a_head_longer_than_the_rows_gives_names_and_units(tmp_path):
-    """Separators at its end, more names, and facts beside the first rows."""
-    for separator, head, said in (
+    """A head with separators at its end, with more names than columns, and with facts next to the first rows."""
+    longer = "its header names {} columns, but its rows have 2"
+    for separator, head, warnings in (
         (",", "t (ms){0}phi (deg){0}{0}", []),
-        (";", "t (ms){0}phi (deg){0}comment", ["its header names 3 columns, but its rows have 2"]),
+        (";", "t (ms){0}phi (deg){0}comment", [longer.format(3)]),
         ("\t", "t (ms){0}phi (deg){0}name{0}value", [
-            "its header names 4 columns, but its rows have 2", "line 2 has 4 cells where the table has 2 (and 1 more",
+            longer.format(4), "line 2 has 4 cells where the table has 2 (and 1 more",
         ]),
     ):  # fmt: skip
         lines = rows(separator)
-        if len(said) == 2:
+        if len(warnings) == 2:
             lines[:2] = [lines[0] + "\tmass\t1.5", lines[1] + "\twho\tme"]
         record = read_record(write(tmp_path / "a.csv", [head.format(separator), *lines]))
         assert (record.columns, record.unit) == (("t (ms)", "phi (deg)"), "deg")
         np.testing.assert_allclose(record.t, T / 1e3, atol=1e-12)
         np.testing.assert_array_equal(record.y, Y)
-        found = record.provenance.warnings
-        assert len(found) == len(said)
-        assert all(line.startswith(start) for line, start in zip(found, said))
+        for warning, start in zip(record.provenance.warnings, warnings, strict=True):
+            assert warning.startswith(start)
 
 
-def test_a_head_shorter_than_the_rows_is_told_of(tmp_path):
-    """Decimal commas that also separate cells make more cells than names; a column without a name does not."""
+def test_a_head_shorter_than_the_rows_gives_a_warning():
+    """Decimal commas that also separate cells make more cells than names. Empty columns do not count."""
     split = [f"{1000 * t:.0f},{y:.4f}".replace(".", ",") for t, y in zip(T, Y)]
-    for head, lines, said in (
+    numbered = [f"{i},{row}" for i, row in enumerate(rows())]
+    for head, lines, warnings in (
         ("t (ms),x (mm)", split, ["its header names 2 columns, but its rows have 3"]),
         (
             "t (ms),x,v",
-            [f"{i},{row},1.5" for i, row in enumerate(rows())],
+            [f"{row},1.5" for row in numbered],
             ["its header names 3 columns, but its rows have 4"],
         ),
-        (",t,x", [f"{i},{row}" for i, row in enumerate(rows())], []),
+        (",t,x", numbered, []),
         ("t,x", [f"{row},," for row in rows()], []),
     ):
-        found = parse_table([head, *lines]).warnings
-        assert [line.split(":")[0] for line in found] == said
+        assert [line.split(":")[0] for line in parse_table([head, *lines]).warnings] == warnings
 
 
 STAMPS = {
@@ -106,55 +106,44 @@ def test_dates_in_the_column_of_times(tmp_path, stamps, second, third):
     np.testing.assert_allclose(record.t[:3] - record.t[0], [0, second, third], rtol=0, atol=1e-9)
 
 
-def test_thousands_in_groups(tmp_path):
-    """As a spreadsheet writes 1234.5; a point alone is no group of thousands."""
+def test_thousands_separators_are_read(tmp_path):
+    """As spreadsheets write 1234.5 in English and in German. A point alone is a decimal point."""
     english = ["t (ms),x", *(f'"{1000 * t:,.2f}",{y:.4f}' for t, y in zip(T, Y))]
-    german = [
-        line.replace('",', ";").replace('"', "").translate(str.maketrans(",.", ".,")) for line in english
-    ]
-    for lines in (["t (ms);x", *german[1:]], english):
+    swapped = str.maketrans({",": ".", ".": ",", '"': ""})
+    german = ["t (ms);x", *(line.replace('",', ";").translate(swapped) for line in english[1:])]
+    for lines in (german, english):
         raw = read_record(write(tmp_path / "a.csv", lines))
         np.testing.assert_allclose(raw.t, T, atol=1e-12)
         np.testing.assert_array_equal(raw.y, Y)
-    pointed = [f"{t:.1f};{5 + y:.3f}" for t, y in zip(T, Y)]
-    raw = read_record(write(tmp_path / "c.csv", ["t;x", *pointed]))
+    raw = read_record(write(tmp_path / "c.csv", ["t;x", *(f"{t:.1f};{5 + y:.3f}" for t, y in zip(T, Y))]))
     np.testing.assert_allclose(raw.y, 5 + Y, atol=6e-4)
 
 
 def test_a_serial_monitors_stamps_are_times(tmp_path):
-    lines = [f"10:00:{t:06.3f} -> {y:.4f}" for t, y in zip(T, Y)]
-    raw = read_record(write(tmp_path / "a.txt", lines))
+    raw = read_record(write(tmp_path / "a.txt", [f"10:00:{t:06.3f} -> {y:.4f}" for t, y in zip(T, Y)]))
     np.testing.assert_allclose(raw.t - raw.t[0], T, atol=1e-9)
     np.testing.assert_array_equal(raw.y, Y)
-    assert raw.columns == (1, 2)
 
 
-def test_incomplete_rows_are_left_out_and_said(tmp_path):
+def test_incomplete_rows_and_repeated_heads_are_left_out(tmp_path):
     lines = ["t;x;v", "0,00;;", *(f"{r};" for r in rows(";", ",")[1:]), "9,0;;"]
     raw = read_record(write(tmp_path / "a.csv", lines), time="t", value="x")
-    assert raw.y.size == 19
-    assert raw.provenance.more["incomplete_rows"] == 2
+    assert (raw.y.size, raw.provenance.more["incomplete_rows"]) == (19, 2)
     assert any("2 rows with an empty cell" in note for note in raw.provenance.notes)
+    raw = read_record(write(tmp_path / "a.csv", ["time, angle", *rows()[:8], "time, angle", *rows()[8:]]))
+    np.testing.assert_array_equal(raw.y, Y)
+    assert "Line 10 repeats the names of the columns and is left out." in raw.provenance.notes
 
 
-def test_matlab(tmp_path):
-    path = tmp_path / "a.mat"
-    struct = {"time": T, "signals": {"values": Y[:, None]}}
-    savemat(path, {"Theta1": struct, "both": np.stack([T, Y], axis=1)})
-    for time, value in (("Theta1.time", "Theta1.signals.values"), ("both.1", "both.2")):
-        raw = read_record(path, time=time, value=value)
-        np.testing.assert_array_equal(raw.t, T)
-        np.testing.assert_array_equal(raw.y, Y)
-    with pytest.raises(InputError, match=r"Theta1\.signals\.values"):
-        read_record(path, time="Theta1.time", value="Theta1.signals.value")
-
-
-def test_numpy(tmp_path):
-    np.savez(tmp_path / "a.npz", t=T, x=Y, both=np.stack([T, Y], axis=1))
-    np.save(tmp_path / "a.npy", np.stack([T, Y], axis=1))
-    named = np.array(list(zip(T, Y)), dtype=[("t", float), ("x", float)])
-    np.save(tmp_path / "b.npy", named)
+def test_variables_of_matlab_and_numpy_files_are_read_by_name_or_number(tmp_path):
+    both = np.stack([T, Y], axis=1)
+    savemat(tmp_path / "a.mat", {"Theta1": {"time": T, "signals": {"values": Y[:, None]}}, "both": both})
+    np.savez(tmp_path / "a.npz", t=T, x=Y, both=both)
+    np.save(tmp_path / "a.npy", both)
+    np.save(tmp_path / "b.npy", np.array(list(zip(T, Y)), dtype=[("t", float), ("x", float)]))
     for file, time, value in (
+        ("a.mat", "Theta1.time", "Theta1.signals.values"),
+        ("a.mat", "both.1", "both.2"),
         ("a.npz", "t", "x"),
         ("a.npz", "both.1", "both.2"),
         ("a.npy", 1, 2),
@@ -164,53 +153,54 @@ def test_numpy(tmp_path):
         raw = read_record(tmp_path / file, time=time, value=value)
         np.testing.assert_array_equal(raw.t, T)
         np.testing.assert_array_equal(raw.y, Y)
+    with pytest.raises(InputError, match=r"Theta1\.signals\.values"):
+        read_record(tmp_path / "a.mat", time="Theta1.time", value="Theta1.signals.value")
 
 
 GOOD = ["time,angle", *rows()]
+SEVERAL = [*GOOD[:8], "nan,0.1", "0.8,bad", "1.1,nan"]
 BAD = {
     "unknown column": (GOOD, {"value": "angel"}, "unknown column 'angel'; did you mean 'angle'"),
-    "far name": (GOOD, {"value": "zzz"}, "valid are time, angle"),
-    "number too large": (GOOD, {"value": 3}, "no column 3, the file has 2"),
+    "column with another name": (GOOD, {"value": "zzz"}, "valid are time, angle"),
+    "column number too large": (GOOD, {"value": 3}, "no column 3, the file has 2"),
     "name without header": (rows(), {"value": "angle", "time": 1}, "no names"),
-    "text in a number": ([*GOOD[:8], "0.7,oops", *GOOD[8:]], {}, "line 9: 'oops' in column 2 is not a number"),
+    "text in a number": (
+        [*GOOD[:8], "0.7,oops", *GOOD[8:]],
+        {},
+        "line 9: 'oops' in column 2 is not a number",
+    ),
     "infinite time": ([*GOOD[:8], "inf,0.1", *GOOD[8:]], {}, "line 9: the time is inf"),
-    "several": ([*GOOD[:8], "nan,0.1", "0.8,bad", "1.1,nan"], {}, "line 9: the time is nan, not a finite number; "),
-    "how many": ([*GOOD[:8], "nan,0.1", "0.8,bad", "1.1,nan"], {}, " (2 more like it)"),
+    "first of several": (SEVERAL, {}, "line 9: the time is nan, not a finite number; "),
+    "count of several": (SEVERAL, {}, " (2 more like it)"),
     "too short": (GOOD[:8], {}, "only 7 samples; a record needs at least 10"),
-    "no time": (["angle", *map(str, Y)], {"time": None}, "rate in Hz"),
-    "both": (GOOD, {"rate": 10.0}, "not both"),
-    "bad rate": (GOOD, {"time": None, "rate": -1.0}, "positive"),
-}  # fmt: skip
+    "no times": (["angle", *map(str, Y)], {"time": None}, "rate in Hz"),
+    "times and rate": (GOOD, {"rate": 10.0}, "not both"),
+}
 """More bad files are in tests/bad_input."""
 
 
 @pytest.mark.parametrize(("lines", "change", "message"), BAD.values(), ids=BAD)
-def test_bad_text(tmp_path, lines, change, message):
-    asked = {"time": "time", "value": "angle", **change}
+def test_a_bad_text_table_is_refused(tmp_path, lines, change, message):
+    options = {"time": "time", "value": "angle", **change}
     with pytest.raises(InputError, match=rf"bad\.csv.*{re.escape(message)}[^\n]*$"):
-        read_record(write(tmp_path / "bad.csv", lines), **asked)
+        read_record(write(tmp_path / "bad.csv", lines), **options)
 
 
-def test_a_repeated_head_is_left_out(tmp_path):
-    lines = ["time, angle", *rows()[:8], "time, angle", *rows()[8:]]
-    record = read_record(write(tmp_path / "a.csv", lines))
-    np.testing.assert_array_equal(record.y, Y)
-    assert "Line 10 repeats the names of the columns and is left out." in record.provenance.notes
-
-
-def test_a_rate_that_no_instrument_has(tmp_path):
+@pytest.mark.parametrize("rate", [-1.0, 5e-324, 1e308, float("nan"), float("inf")])
+def test_an_impossible_rate_is_refused(tmp_path, rate):
     write(tmp_path / "a.txt", map(str, Y))
-    for rate in (5e-324, 1e308, float("nan"), float("inf")):
-        with pytest.raises(InputError, match="rate must be a positive number"):
-            read_record(tmp_path / "a.txt", rate=rate)
-        np.savez(tmp_path / "a.npz", x=Y, fs=abs(rate) if np.isfinite(rate) else 1e300)
-        with pytest.raises(
-            InputError, match=r"a\.npz: (a sampling rate of|has one column of values and no t)"
-        ):
-            read_record(tmp_path / "a.npz")
+    with pytest.raises(InputError, match="rate must be a positive number"):
+        read_record(tmp_path / "a.txt", rate=rate)
 
 
-def test_what_was_meant_is_named(tmp_path):
+@pytest.mark.parametrize("rate", [5e-324, 1e300, 1e308])
+def test_an_impossible_rate_in_a_file_is_refused(tmp_path, rate):
+    np.savez(tmp_path / "a.npz", x=Y, fs=rate)
+    with pytest.raises(InputError, match=r"a\.npz: (a sampling rate of|has one column of values and no t)"):
+        read_record(tmp_path / "a.npz")
+
+
+def test_a_missing_file_and_a_folder_are_refused_with_a_suggestion(tmp_path):
     (tmp_path / "rig.csv").write_text("t,a\n0,1\n")
     with pytest.raises(InputError, match=r"rig.csvv: no such file; did you mean 'rig.csv'\?"):
         read_record(tmp_path / "rig.csvv")

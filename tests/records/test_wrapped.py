@@ -1,4 +1,4 @@
-"""An angle that was wrapped is told from what is rectangular, coarse or noisy, in 100 of each without a false alarm."""
+"""Wrapped angles are recognised; rectangular, coarse and noisy signals give no false alarm in 100 of each kind."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ T = np.arange(1000) / 50
 SWING = np.exp(-0.1 * T) * np.cos(6 * T)
 
 
-def test_a_wrapped_swing() -> None:
+def test_the_jumps_of_a_wrapped_swing_are_counted() -> None:
     for turn, begin, noise, size in product(
         (360.0, 2 * np.pi), (0.0, -0.5), (0.0, 0.003), (0.02, 0.05, 0.45)
     ):
@@ -24,13 +24,12 @@ def test_a_wrapped_swing() -> None:
         assert count_jumps(turn * y, turn) == 0, (turn, begin, noise, size)
 
 
-def test_a_wheel_that_runs_down() -> None:
+def test_the_jumps_of_a_wheel_that_slows_down_are_counted() -> None:
     assert count_jumps((30 * T - T**2) * 10 % 360, 360.0) == 7
     assert count_jumps((30 * T - T**2) * 10, 360.0) == 0
 
 
-Made = Callable[[np.random.Generator], np.ndarray]
-OTHERS: dict[str, Made] = {
+OTHERS: dict[str, Callable[[np.random.Generator], np.ndarray]] = {
     "noise": lambda rng: rng.uniform(0, 360, T.size),
     "a noisy swing": lambda rng: np.clip(180 * SWING + 40 * rng.standard_normal(T.size), -180, 180),
     "a rectangle": lambda rng: 360.0 * (np.sin(rng.uniform(2, 20) * T) > 0),
@@ -42,7 +41,7 @@ OTHERS: dict[str, Made] = {
 }  # fmt: skip
 
 
-def test_no_false_alarm() -> None:
-    for what, make in OTHERS.items():
-        made = [make(np.random.default_rng(seed)) for seed in range(100)]
-        assert sum(count_jumps(y, 360.0) > 0 for y in made) == 0, what
+def test_no_other_signal_is_taken_for_a_wrapped_angle() -> None:
+    for kind, make in OTHERS.items():
+        signals = [make(np.random.default_rng(seed)) for seed in range(100)]
+        assert not any(count_jumps(y, 360.0) for y in signals), kind

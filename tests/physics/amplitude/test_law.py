@@ -1,4 +1,4 @@
-"""Decays by tables of what terms take, against closed forms and an independent integrator."""
+"""Decays of an amplitude by tables of dissipation, against closed forms and an independent integrator."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.physics.amplitude.test_laws import RATES, T, integrated
 
 
 def tabled(*terms: str, scores: tuple[float, ...] = ()) -> TabulatedLaw:
-    """From the registered terms also where there is a closed form."""
+    """Return the decay law by tables, also for terms that have a closed form."""
     item = Sum(terms, 0.5, -3.0, Scale())
     vars(item)["each"] = tuple(map(TERMS.get, terms))
     law = item.law(scores)
@@ -21,12 +21,11 @@ def tabled(*terms: str, scores: tuple[float, ...] = ()) -> TabulatedLaw:
 
 
 @pytest.mark.parametrize("terms", [SUMS[1], SUMS[-1]], ids="+".join)
-def test_the_paper_s_sums_decay_as_in_closed_form(terms):
-    """Within what the cubics between nodes are off."""
+def test_decays_by_tables_agree_with_closed_forms(terms):
+    """Within the error of the interpolation. Control: a rate that is larger by 1e-5."""
     rates = np.array([RATES[term] for term in terms])
     truth = pytest.approx(decay(T, 0.3, terms, rates), abs=1e-7)
     assert tabled(*terms).decay(T, 0.3, rates) == truth
-    # Negative control: a rate that is a hundred-thousandth larger is seen.
     assert tabled(*terms).decay(T, 0.3, rates * (1 + 1e-5)) != truth
 
 
@@ -37,7 +36,8 @@ def test_the_paper_s_sums_decay_as_in_closed_form(terms):
         (("stribeck",), (0.4, -0.3), [0.2]),
     ],
 )
-def test_any_sum_decays_as_its_equation_says(terms, scores, rates):
+def test_decays_by_tables_solve_their_equation(terms, scores, rates):
+    """Control: slopes of rates that are larger by 1 %."""
     law = tabled(*terms, scores=scores)
     rates = np.array(rates)
     truth = integrated(lambda t, x: law.rate(x, rates), 0.3)
@@ -45,12 +45,11 @@ def test_any_sum_decays_as_its_equation_says(terms, scores, rates):
     assert x == pytest.approx(truth, abs=1e-6)
     differences = DecayLaw.slopes(law, T, x, 0.3, rates, 1e-4)
     assert law.slopes(T, x, 0.3, rates, 1e-4) == pytest.approx(differences, abs=1e-4)
-    # Negative control.
     assert law.slopes(T, x, 0.3, 1.01 * rates, 1e-4) != pytest.approx(differences, abs=1e-4)
 
 
-def test_losses_are_those_of_the_terms_equations():
-    """dA/dt = -A f(A): of the table in docs/laws.md, at 0.2 rad and 7 rad/s."""
+def test_decay_rates_of_terms_are_those_of_the_documentation():
+    """f(A) in dA/dt = -A f(A), from the table in docs/laws.md, at 0.2 rad and 7 rad/s."""
     a, omega, scale = 0.2, 7.0, Scale(0.2, 7.0)
     known = {
         "cubic": 3 / 8 * omega**2 * a**2,

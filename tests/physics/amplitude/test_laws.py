@@ -1,4 +1,4 @@
-"""Closed forms of the averaged amplitude against an independent integrator, and the deviation's derivatives."""
+"""Closed forms of the averaged amplitude against SciPy's integrator."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def integrated(speed, x0: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-7])
-def test_a_sum_decays_as_its_equation_says(scale):
+def test_closed_forms_solve_their_equation(scale):
     for terms in SUMS:
         rates = np.array([RATES[term] for term in terms])
         rates[1:] *= scale
@@ -36,7 +36,7 @@ def test_a_sum_decays_as_its_equation_says(scale):
         assert decay(T, 0.3, terms, rates) == pytest.approx(truth, abs=1e-8), terms
 
 
-def test_friction_comes_to_rest_and_stays():
+def test_friction_stops_the_motion():
     x = decay(T, 0.0, ("coulomb",), np.array([1.0]))
     assert x[T >= 1.0] == pytest.approx(LOG_AT_REST)
     assert np.exp(x[T < 1.0]) == pytest.approx(1.0 - T[T < 1.0])
@@ -44,20 +44,23 @@ def test_friction_comes_to_rest_and_stays():
     assert np.all(x[T > 1.0] == LOG_AT_REST)
 
 
-def test_a_power_law_decays_as_its_equation_says():
+def test_the_decay_of_a_power_law_solves_its_equation():
     for power in (0.5, 1.0, 1.0 + 1e-5, 3.0):
         truth = integrated(lambda t, x, power=power: 0.3 * np.exp((power - 1.0) * x), 0.2)
         assert power_decay(T, 0.2, np.log(0.3), power) == pytest.approx(truth, abs=1e-6), power
 
 
-def test_coefficients_are_those_of_the_equation_of_motion():
-    """dA/dt of the averaged equation (Nayfeh & Mook 1979) at A = 0.2, ω = 7, from ζ, μc, μq and from rates at 0.2."""
+def test_coefficients_from_rates_are_those_of_the_equation_of_motion():
+    """Rates of the averaged equation (Nayfeh & Mook 1979) at A = 0.2 and ω = 7 for known ζ, μc and μq."""
     omega, amplitude, zeta, mu_c, mu_q = 7.0, 0.2, 0.05, 0.3, 0.4
     friction, drag = 2 * mu_c / (np.pi * omega), 4 * mu_q * omega * amplitude**2 / (3 * np.pi)
     losses = np.array([zeta * amplitude, friction, drag])
-    found = [coefficient_from_rate(*pair, amplitude, omega) for pair in zip(SUMS[-1], losses / amplitude)]
-    assert [name for name, _, _ in found] == ["zeta", "mu_c", "mu_q"]
-    assert [float(value) for _, value, _ in found] == pytest.approx([zeta, mu_c, mu_q])
+    coefficients = [
+        coefficient_from_rate(*pair, amplitude, omega) for pair in zip(SUMS[-1], losses / amplitude)
+    ]
+    assert {name: float(value) for name, value, _ in coefficients} == pytest.approx(
+        {"zeta": zeta, "mu_c": mu_c, "mu_q": mu_q}
+    )
     free = [coefficient_from_rate(*pair, amplitude, None) for pair in zip(SUMS[-1], losses / amplitude)]
     total = sum(float(c) * amplitude**p for (_, c, _), p in zip(free, (1, 0, 2)))
     assert total == pytest.approx(losses.sum())

@@ -1,4 +1,4 @@
-"""Kernels on disk: compiled once, by processes at once, in a folder that cannot be written, and no more than enough."""
+"""Compiled kernels on disk: shared by processes, stored also without a writable folder, and limited in number."""
 
 from __future__ import annotations
 
@@ -26,35 +26,35 @@ print(sum(march.stats.cache_hits.values()), sum(march.stats.cache_misses.values(
 """
 
 
-def started(cache: Path) -> Popen[str]:
+def start(cache: Path) -> Popen[str]:
     paths = os.pathsep.join(filter(None, sys.path))
     env = os.environ | {"BAYESDAMP_CACHE": str(cache), "PYTHONPATH": paths}
     return Popen([sys.executable, "-c", SOLVE], env=env, text=True, stdout=PIPE, stderr=PIPE)
 
 
-def ended(process: Popen[str]) -> tuple[float, tuple[int, int]]:
-    """The motion's last value, and how often the kernel was loaded and compiled."""
-    said, faults = process.communicate(timeout=600)
+def result_of(process: Popen[str]) -> tuple[float, tuple[int, int]]:
+    """Return the motion's last value, and how often the kernel was loaded and compiled."""
+    output, faults = process.communicate(timeout=600)
     assert process.returncode == 0, faults
     assert not faults
-    value, counts = said.splitlines()
+    value, counts = output.splitlines()
     hits, misses = counts.split()
     return float(value), (int(hits), int(misses))
 
 
 @pytest.mark.slow
-def test_two_processes_at_once_and_one_after(tmp_path: Path) -> None:
-    """Both compile or one loads, neither fails; the third compiles nothing."""
-    both = [ended(p) for p in [started(tmp_path), started(tmp_path)]]
-    after = ended(started(tmp_path))
+def test_processes_share_compiled_kernels(tmp_path: Path) -> None:
+    """Two at once may both compile, and neither fails. A third loads the kernel."""
+    both = [result_of(p) for p in [start(tmp_path), start(tmp_path)]]
+    after = result_of(start(tmp_path))
     assert both[0][0] == both[1][0] == after[0]
     assert all(sum(counts) == 1 for _, counts in both)
     assert after[1] == (1, 0)
     assert not list(tmp_path.rglob("*.tmp*"))
 
 
-def test_a_folder_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file in its place: the kernel is kept in a temporary folder, without a word."""
+def test_kernels_are_stored_in_a_temporary_folder_if_necessary(tmp_path, monkeypatch) -> None:
+    """The folder cannot be created because a file has its name."""
     occupied = tmp_path / "file"
     occupied.write_text("")
     monkeypatch.setenv("BAYESDAMP_CACHE", str(occupied))
@@ -64,8 +64,8 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.Mon
     assert build._store("bayesdamp_kernel_x", "a = 1\n") == path
 
 
-def test_kernels_of_long_ago_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of 60, twenty used within the hour: the oldest beyond 50 go, and none that is in use; another file stays."""
+def test_the_oldest_kernels_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 60 kernels, 50 remain, among them 20 that were used within the last hour. Another folder is not touched."""
     monkeypatch.setenv("BAYESDAMP_CACHE", str(tmp_path))
     home, now = tmp_path / "kernels", time.time()
     (home / "other").mkdir(parents=True)
@@ -83,16 +83,18 @@ def test_kernels_of_long_ago_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert "bayesdamp_kernel_59" not in left
 
 
-def test_warm_compiles_what_ships(monkeypatch: pytest.MonkeyPatch) -> None:
-    made, kernel = [], build.kernel_of(SHIPPED, SHIPPED_LAWS)
-    monkeypatch.setattr("bayesdamp.physics.kernel.solve.kernel_of", lambda *of: made.append(of) or kernel)
+def test_warm_compiles_the_terms_and_laws_of_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls, kernel = [], build.kernel_of(SHIPPED, SHIPPED_LAWS)
+    monkeypatch.setattr(
+        "bayesdamp.physics.kernel.solve.kernel_of", lambda *args: calls.append(args) or kernel
+    )
     warm()
-    assert made == [(SHIPPED, SHIPPED_LAWS)]
+    assert calls == [(SHIPPED, SHIPPED_LAWS)]
     assert len(kernel.march.signatures) == 1
     assert pickle.loads(pickle.dumps(kernel)).terms == kernel.terms, "a pickled fit contains it"
     assert len(kernel.sums.signatures) == 1
 
 
-def test_one_kernel_has_all_that_ships() -> None:
+def test_one_kernel_contains_the_terms_and_laws_of_the_package() -> None:
     assert sorted(SHIPPED) == sorted(name for name in TERMS.names() if TERMS.ships(name))
     assert sorted(SHIPPED_LAWS) == sorted(name for name in LAWS.names() if LAWS.ships(name))

@@ -1,4 +1,4 @@
-"""Slopes of forces from their source against central differences; what no rule is known of."""
+"""Derivatives of forces, generated from their source, against central differences."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ TIMES = np.linspace(0.0, 6.0, 161)
 
 
 def functions(*sources: str) -> dict[str, Any]:
-    """The functions of sources, not compiled."""
-    space: dict[str, Any] = {"njit": lambda one: one, "math": math, "np": np, "_tanh": math.tanh}
+    """Return the functions of sources, not compiled."""
+    space: dict[str, Any] = {"njit": lambda function: function, "math": math, "np": np, "_tanh": math.tanh}
     exec("\n\n".join(sources), space)
     return space
 
 
 def errors(source: str, slopes: str, at: tuple[float, ...]) -> np.ndarray:
-    """Of the value and of each slope that g gives of f, by central differences over 1e-5."""
-    made = functions(source, slopes)
-    wanted = [made["f"](*at)]
+    """Return the errors of the value and derivatives that g gives for f, against central differences."""
+    space = functions(source, slopes)
+    f, g = space["f"], space["g"]
+    expected = [f(*at)]
     for i in range(len(at)):
-        ends = [made["f"](*at[:i], at[i] + d, *at[i + 1 :]) for d in (1e-5, -1e-5)]
-        wanted.append((ends[0] - ends[1]) / 2e-5)
-    return np.abs(np.array(made["g"](*at, None)) - wanted)
+        ends = [f(*at[:i], at[i] + d, *at[i + 1 :]) for d in (1e-5, -1e-5)]
+        expected.append((ends[0] - ends[1]) / 2e-5)
+    return np.abs(np.array(g(*at, None)) - expected)
 
 
 RULES = [
@@ -36,8 +37,8 @@ RULES = [
 ]  # fmt: skip
 
 
-def test_rules() -> None:
-    """The control: of the function times 1.001 they are not the slopes."""
+def test_every_rule_gives_the_derivative() -> None:
+    """Control: the function times 1.001."""
     for text in RULES:
         source = f"def f(x, v):\n    u = {text}\n    u = u + x\n    return u\n"
         slopes = derivative_source(source, "g", ["x", "v"])
@@ -46,7 +47,7 @@ def test_rules() -> None:
 
 
 @pytest.mark.parametrize("body", ["return v if v > 0.0 else 2.0 * v", "return math.erf(v)"])
-def test_what_no_rule_is_known_of_is_differenced(body: str) -> None:
+def test_a_function_without_a_rule_is_differentiated_numerically(body: str) -> None:
     source = f"def f(x, v):\n    {body}\n"
     with pytest.raises(NoSlopeError):
         derivative_source(source, "g", ["x", "v"])

@@ -1,4 +1,4 @@
-"""Exact dry friction (ε = 0) in kernels: the sign itself, with sticking, against closed forms and SciPy's solver."""
+"""Exact dry friction (ε = 0) with sticking, against closed forms and SciPy's solver."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ CASES = {
     "no friction": {"mu_c": 0.0},
 }
 LIMITS = (5e-8, 5e-7, 1e-5)
-"""Errors of displacement, velocity and acceleration, over the scale of each."""
+"""Errors of displacement, velocity and acceleration over their scales."""
 
 
 def solver_of(terms: tuple[str, ...] = ("coulomb",), quantity: str = "angle") -> Solver:
     return Solver(terms, "linear", TIMES, quantity, 0.3, W, 0.0, KNOTS)
 
 
-def solved(made: Solver, p: dict[str, float], *args: object, **kwargs: object) -> Motion:
-    values = np.array([{"rest": p["rest_angle"], **p}.get(name, 0.0) for name in made.names])
-    return made.solve(values, np.ones(len(made.terms), bool), *args, **kwargs)
+def solved(solver: Solver, p: dict[str, float], *args: object, **kwargs: object) -> Motion:
+    values = np.array([{"rest": p["rest_angle"], **p}.get(name, 0.0) for name in solver.names])
+    return solver.solve(values, np.ones(len(solver.terms), bool), *args, **kwargs)
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_closed_form(case: str) -> None:
-    """No sample lies on a turning point, where the acceleration jumps."""
+def test_motions_with_dry_friction_are_those_of_the_closed_form(case: str) -> None:
+    """No sample is at a turning point, where the acceleration jumps."""
     p = {**BASE, **CASES[case]}
     truth = with_coulomb(p, TIMES)
     for order, quantity in enumerate(QUANTITIES):
-        found = solved(solver_of(quantity=quantity), p, tangents=NONE).y
-        assert np.max(np.abs(found - truth[:, order])) < LIMITS[order] * 0.3 * W**order
+        y = solved(solver_of(quantity=quantity), p, tangents=NONE).y
+        assert np.max(np.abs(y - truth[:, order])) < LIMITS[order] * 0.3 * W**order
 
 
 @pytest.mark.parametrize(
@@ -58,8 +58,7 @@ def test_closed_form(case: str) -> None:
         (("viscous", "coulomb", "quadratic"), "horizontal_pendulum", {"mu_c": 0.2, "omega0": 0.8}),
     ],
 )
-def test_sums_against_an_independent_solver(damping, law, changed) -> None:
-    """Simulated, to the error that is asked for."""
+def test_simulated_motions_with_dry_friction_are_those_of_another_solver(damping, law, changed) -> None:
     osc = Oscillator(damping, law)
     coefficients = {n: v for n, v in {"zeta": 0.05, "mu_q": 0.05}.items() if n in osc.parameters}
     p = {**coefficients, **LAWS[law], "epsilon": 0.0, **changed}
@@ -71,19 +70,18 @@ def test_sums_against_an_independent_solver(damping, law, changed) -> None:
 STRIBECK = {**BASE, "mu_k": 0.3, "static_excess": 0.8, "stribeck_velocity": 0.3}
 
 
-def test_stribeck_friction_against_an_independent_solver() -> None:
+def test_motions_with_stribeck_friction_are_those_of_another_solver() -> None:
     mu, s, slow = (STRIBECK[n] for n in ("mu_k", "static_excess", "stribeck_velocity"))
     truth = trajectory(
         "linear", STRIBECK, TIMES, lambda v, sign: mu * (1 + s * math.exp(-((v / slow) ** 2))) * sign,
         grip=mu * (1 + s),
     )  # fmt: skip
-    found = solved(solver_of(("stribeck",)), STRIBECK)
-    assert np.max(np.abs(found.y - truth[:, 0])) < 1e-7
+    assert np.max(np.abs(solved(solver_of(("stribeck",)), STRIBECK).y - truth[:, 0])) < 1e-7
 
 
-def test_static_friction_holds_up_to_its_own_size() -> None:
-    """A pull between μ_k and (1 + s) μ_k; and μ_p (1 + s u), u the displacement over 0.3, of 0.57 and 0.63 against a
-    pull of 0.6."""
+def test_static_friction_holds_a_body_up_to_its_limit() -> None:
+    """Stribeck: a pull of 0.4 against (1 + s) μ_k of 0.54 and 0.3. Friction that depends on the position: a pull of 0.6
+    against 0.63 and 0.57."""
     position = {**BASE, "mu_p": 0.6, "friction_slope": -0.5, "reference_amplitude": 0.3}
     for term, p, moves in (
         ("stribeck", {**STRIBECK, "static_excess": 0.8, "theta0": 0.05 + 0.4 / 20.0}, False),
@@ -96,27 +94,26 @@ def test_static_friction_holds_up_to_its_own_size() -> None:
 
 @pytest.mark.parametrize("terms", [("viscous", "coulomb"), ("viscous", "stribeck")])
 def test_tangents_are_central_differences(terms: tuple[str, ...]) -> None:
-    """By every parameter and knot, but at samples that a turning point passes between the two motions."""
+    """By every parameter and knot, except at samples within 2 ms of a turning point."""
     p = {**BASE, **STRIBECK, "zeta": 0.05, "mu_k": 0.1, "mu_c": 0.15, "omega0": 0.2}
-    made = solver_of(terms)
-    values = np.array([p[name] for name in made.names])
-    motion = solved(made, p, G, H, ALL)
+    solver = solver_of(terms)
+    values = np.array([p[name] for name in solver.names])
+    motion = solved(solver, p, G, H, ALL)
     turns = motion.times[:-1][np.diff(motion.times) == 0]
     apart = np.min(np.abs(TIMES[:, None] - turns), axis=1) > 2e-3
     assert turns.size > 8
     for i in range(values.size + G.size + H.size):
-        difference = central_difference(made, values, i, 1e-5, 1e-13)
+        difference = central_difference(solver, values, i, 1e-5, 1e-13)
         error = np.abs(motion.tangents[:, i] - difference) / np.max(np.abs(difference))
         assert np.max(error[apart]) < 5e-6
 
 
-def test_a_deviation_releases_a_body_that_is_held() -> None:
-    """The pull grows by 2 h: it reaches the friction at a time in closed form, and from there on the motion is SciPy's.
-    The control: with half the deviation it never does."""
+def test_a_deviation_of_the_law_releases_a_body_at_rest() -> None:
+    """The pull grows by 2 h until it exceeds the friction at a time in closed form; then the motion is that of SciPy.
+    Control: with 15 % of the deviation the body stays at rest."""
     p = {**BASE, "mu_c": 0.3, "theta0": 0.05 + 0.28 / 20.0}
     h = np.array([0.0, 0.0, 0.2, 0.2, 0.2])
-    made = solver_of()
-    motion = solved(made, p, 0 * h, h)
+    motion = solved(solver_of(), p, 0 * h, h)
     growth = 0.5 * (0.3 / 0.28 - 1)
     free = KNOTS[1] + growth / 0.2 * (KNOTS[2] - KNOTS[1])
     inside = TIMES[(free < TIMES) & (free + 0.5 > TIMES)]
@@ -129,19 +126,19 @@ def test_a_deviation_releases_a_body_that_is_held() -> None:
     assert np.all(truth <= p["theta0"])
     assert np.all(motion.y[free > TIMES] == p["theta0"])
     assert np.max(np.abs(motion.y[np.isin(TIMES, inside)] - truth)) < 1e-9
-    assert np.all(solved(made, p, 0 * h, 0.15 * h).y == p["theta0"])
+    assert np.all(solved(solver_of(), p, 0 * h, 0.15 * h).y == p["theta0"])
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
-def test_means_over_windows(quantity: str) -> None:
-    """Means of the motion and of its tangents over windows of 12 samples, in which friction may change its sign."""
+def test_means_over_windows_are_those_of_the_samples(quantity: str) -> None:
+    """Windows of 12 samples, in which friction may change its sign. Control: the middle of the window."""
     long, order = 2 * math.pi / W / 32, QUANTITIES.index(quantity)
     times = np.linspace(0.0, 9.9 - long, 200)[:, None] + long * np.linspace(0, 1, 12)
-    made = Solver(("coulomb",), "linear", times.mean(axis=1), quantity, 0.3, W, 0.0, KNOTS, times)
+    solver = Solver(("coulomb",), "linear", times.mean(axis=1), quantity, 0.3, W, 0.0, KNOTS, times)
     p = {**BASE, "omega0": 1.3}
     truth = with_coulomb(p, times.ravel())[:, order].reshape(times.shape)
-    motion = solved(made, p)
+    motion = solved(solver, p)
     assert np.max(np.abs(motion.y - truth.mean(axis=1))) < 5e-8 * W**order
-    assert np.max(np.abs(motion.y - truth[:, 5:7].mean(axis=1))) > 1e-4  # control: the middle of the window
-    each = solved(made.at(times.ravel(), quantity), p).tangents
+    assert np.max(np.abs(motion.y - truth[:, 5:7].mean(axis=1))) > 1e-4
+    each = solved(solver.at(times.ravel(), quantity), p).tangents
     assert motion.tangents == pytest.approx(each.reshape(*times.shape, -1).mean(axis=1), rel=1e-8)

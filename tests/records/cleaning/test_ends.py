@@ -1,4 +1,4 @@
-"""Where a decay ends for another reason than noise: a hit, a hand, a filter; and where there is none but a tail."""
+"""Decays that end because of a hit, a hand or a filter, and structures of which only the tail is one decay."""
 
 from __future__ import annotations
 
@@ -13,16 +13,14 @@ from bayesdamp.records.cleaning.window import free_decay
 from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.records.oscillation.spectrum import coarse_periods
 from bayesdamp.records.record import RawRecord
-from bayesdamp.types import InputError, Signal
+from bayesdamp.types import InputError
 
 RATE = 1000.0
 HITS = (0.7, 2.6, 4.4)
 
 
-def hits(
-    seed: int, modes: dict[float, float], at: tuple[float, ...], noise: float, until: float = 6.0
-) -> RawRecord:
-    """A structure that is struck: modes, frequency (Hz) and damping ratio of each, of equal size, and white noise."""
+def hits(seed: int, modes: dict[float, float], at: tuple[float, ...], noise: float, until=6.0) -> RawRecord:
+    """Return a structure's response to hits: modes of equal size (frequency in Hz: damping ratio) and white noise."""
     rng = np.random.default_rng(seed)
     t = np.arange(0, until, 1 / RATE)
     y = noise * rng.standard_normal(t.size)
@@ -33,64 +31,55 @@ def hits(
     return RawRecord(t, y)
 
 
-def ends(signal: Signal) -> tuple[float, float]:
-    """Start and stop in s of the record's own times."""
-    start, stop = signal.provenance.start, signal.provenance.stop
-    assert start is not None
-    assert stop is not None
-    return start, stop
-
-
-def test_a_given_start_ends_before_the_next_hit() -> None:
+def test_a_decay_after_a_given_start_ends_before_the_next_hit() -> None:
     raw = hits(1, {21.0: 0.015}, HITS, 0.005)
     for start in (0.71, 2.0):
         signal = clean(raw, name="x", start=start)
         assert signal.provenance.start == pytest.approx(start)
-        assert 2.4 < ends(signal)[1] <= 2.6
+        assert 2.4 < (signal.provenance.stop or 0.0) <= 2.6
         assert any("struck or released again" in note for note in signal.provenance.notes)
     later = clean(raw, name="x", start=4.45)  # negative control: after the last hit nothing ends it
-    assert ends(later)[1] > 5.5
+    assert (later.provenance.stop or 0.0) > 5.5
     at_rest = r"hardly anything moves between the given start .* near 0\.7\d* s"
     with pytest.raises(InputError, match=at_rest):
         clean(raw, name="x", start=0.4)
 
 
-def test_a_hand_that_stops_it_is_left_out() -> None:
-    """A hand with half of the critical damping takes hold at 20 s."""
+def test_a_decay_ends_where_a_hand_stops_it() -> None:
+    """At 20 s the damping ratio increases from 0.01 to 0.5."""
     t = np.arange(0, 26, 1 / 50)
     w = 2 * np.pi
 
-    def held(time: float, u: np.ndarray) -> list[float]:
+    def slope(time: float, u: np.ndarray) -> list[float]:
         return [u[1], -w * w * u[0] - 2 * (0.01 if time < 20 else 0.5) * w * u[1]]
 
-    run = solve_ivp(held, (0, 26), [1.0, 0.0], "LSODA", t, rtol=1e-8, atol=1e-10, max_step=0.02)
+    run = solve_ivp(slope, (0, 26), [1.0, 0.0], "LSODA", t, rtol=1e-8, atol=1e-10, max_step=0.02)
     y = run.y[0] + 1e-4 * np.random.default_rng(4).standard_normal(t.size)
-    found = free_decay(t, y, coarse_periods(t, y), 0.0, True, True, "x")
-    assert 18.5 <= t[found.last] <= 20.1
+    window = free_decay(t, y, coarse_periods(t, y), 0.0, True, True, "x")
+    assert 18.5 <= t[window.last] <= 20.1
 
 
 MODES = {12.0: 0.012, 25.0: 0.009, 37.0: 0.007}
 
 
 @pytest.mark.parametrize(("order", "half", "at"), [(4, 0.2, (1.0,)), (2, 0.1, (0.8, 4.5))])
-def test_a_filtered_mode_is_one_decay(order: int, half: float, at: tuple[float, ...]) -> None:
-    """Its damping within 5 % of the truth, in the middle of the record; it begins after the hit."""
+def test_a_band_passed_mode_is_one_decay(order: int, half: float, at: tuple[float, ...]) -> None:
+    """Its damping ratio in the middle is within 5 % of the truth, and it begins after a hit."""
     raw = hits(5, MODES, at, 0.003, until=8.0)
     for mode in (12.0, 37.0):
         sos = butter(order, [mode * (1 - half), mode * (1 + half)], "bandpass", fs=RATE, output="sos")
         signal = clean(RawRecord(raw.t, sosfiltfilt(sos, raw.y)), name="x")
         assert no_free_decay(signal) is None
-        start = ends(signal)[0]
-        assert min(abs(start - begin) for begin in at) < 1.2
-        assert any(start >= begin for begin in at)
+        since = np.array([(signal.provenance.start or 0.0) - begin for begin in at])
+        assert np.min(np.abs(since)) < 1.2
+        assert np.any(since >= 0)
         assert first_words(signal).damping[1].ratio == pytest.approx(MODES[mode], rel=0.05)
 
 
-def test_a_structure_is_not_answered_from_its_tail() -> None:
-    """Of five modes that are close in frequency and damping no piece is one decay; one of them alone is."""
+def test_a_structure_of_close_modes_is_refused() -> None:
+    """No part of five modes with similar frequency and damping is one decay. Negative control: one of them alone."""
     modes = {75.2: 0.0141, 80.1: 0.0148, 81.2: 0.0093, 84.0: 0.012, 112.3: 0.0149}
-    with pytest.raises(InputError, match=r"are not the decay of one oscillation.* band-pass"):
+    with pytest.raises(InputError, match=r"are not part of a free decay.* band-pass"):
         clean(hits(8, modes, (0.5,), 0.001), name="x")
-    assert clean(hits(8, {75.2: 0.0141}, (0.5,), 0.001), name="x").provenance.start == pytest.approx(
-        0.5, abs=0.05
-    )
+    single = clean(hits(8, {75.2: 0.0141}, (0.5,), 0.001), name="x")
+    assert single.provenance.start == pytest.approx(0.5, abs=0.05)

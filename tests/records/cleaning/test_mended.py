@@ -1,4 +1,4 @@
-"""What is mended, and said, or refused with what to do: wrapped angles, lost signs, peaks that are cut off."""
+"""Wrapped angles are unwrapped with a note; lost signs and clipped peaks are refused with what to do."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Y = np.exp(-0.06 * T) * np.cos(2 * np.pi * T)
 NOISE = 0.003 * np.random.default_rng(1).standard_normal(T.size)
 
 
-def test_a_wrapped_angle_is_unwrapped_and_that_is_said() -> None:
+def test_a_wrapped_angle_is_unwrapped_with_a_note() -> None:
     for unit, turn in (("rad", 2 * np.pi), ("deg", 360.0)):
         angle = (Y + NOISE) * turn / (2 * np.pi)
         signal = clean(unwrap(RawRecord(T, angle % turn), unit, "angle"), name="x", unit=unit)
         assert first_words(signal).frequency == pytest.approx(1.0, rel=1e-3)
-        assert any("is unwrap" in note for note in signal.provenance.notes)
+        assert any("The angle was wrapped" in note for note in signal.provenance.notes)
         plain = RawRecord(T, angle)
         assert unwrap(plain, unit, "angle") is plain
 
@@ -29,22 +29,24 @@ LOST = {
     "rectified": np.abs(Y + NOISE),
     "rectified, negative": -np.abs(Y + NOISE),
     "squared": Y**2,
-    "rectified, and noise after that": np.abs(Y) + 5 * NOISE,
+    "rectified, then noise": np.abs(Y) + 5 * NOISE,
     "kinetic energy": np.gradient(Y, T) ** 2 + NOISE,
 }
 
 
-@pytest.mark.parametrize("what", LOST)
-def test_a_lost_sign_is_refused(what: str) -> None:
-    """Negative control: what is above zero, or rounded, only resembles it."""
+@pytest.mark.parametrize("case", LOST)
+def test_a_lost_sign_is_refused(case: str) -> None:
+    """Negative control: records that lie above zero or are rounded."""
     with pytest.raises(InputError, match="rectified or squared; record it with its sign"):
-        clean(RawRecord(T, LOST[what]), name="x")
+        clean(RawRecord(T, LOST[case]), name="x")
     for y in (Y - Y.min() + NOISE, np.round(10 * (Y + NOISE)) / 10):
         assert clean(RawRecord(T, y), name="x").t.size > 500
 
 
-def test_peaks_that_are_cut_off_are_refused_with_the_time_from_which_on_they_are_not() -> None:
+def test_the_refusal_of_clipped_peaks_gives_the_time_of_the_last() -> None:
+    raw = RawRecord(T, np.minimum(Y + NOISE, 0.6))
     with pytest.raises(InputError, match=r"peaks are cut off.* give a start after 8\.\d+ s"):
-        clean(RawRecord(T, np.minimum(Y + NOISE, 0.6)), name="x")
-    kept = clean(RawRecord(T, np.minimum(Y + NOISE, 0.6)), name="x", start=9.0)
-    assert first_words(kept).damping[1].ratio == pytest.approx(0.06 / (2 * np.pi), rel=0.02)
+        clean(raw, name="x")
+    assert first_words(clean(raw, name="x", start=9.0)).damping[1].ratio == pytest.approx(
+        0.06 / (2 * np.pi), rel=0.02
+    )

@@ -1,4 +1,4 @@
-"""Stamps written to few digits, against the step that they were written of."""
+"""The sampling of stamps written with few digits, against the step from which they were written."""
 
 from __future__ import annotations
 
@@ -10,22 +10,18 @@ from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
 THIRTIETH = 1 / 30
-
-
-def digits(t: np.ndarray, many: int) -> np.ndarray:
-    return np.array([float(f"{x:.{many}g}") for x in t])
-
+SIX_DIGITS = np.array([float(f"{x:.6g}") for x in THIRTIETH * np.arange(20_000)])
 
 STAMPS = {
     "two decimals": (np.round(THIRTIETH * np.arange(300), 2), THIRTIETH),
     "cut off": (np.floor(1e3 * (np.arange(500) / 47.3 + 0.0017)) / 1e3, 1 / 47.3),
-    "six digits": (digits(THIRTIETH * np.arange(20_000), 6), THIRTIETH),
+    "six digits": (SIX_DIGITS, THIRTIETH),
     "hundredths of a minute": (60 * np.round(np.arange(2600) / 1.3 / 60 + 0.31, 2), 1 / 1.3),
     "long after midnight": (51_234.0 + np.round(THIRTIETH * np.arange(3_000), 3), THIRTIETH),
 }
 
 
-def test_the_sampling_is_rebuilt():
+def test_even_sampling_is_recovered_from_rounded_stamps():
     """Within a fiftieth of a step from end to end."""
     for name, (t, step) in STAMPS.items():
         clock = clock_times(RawRecord(t, np.sin(0.1 * np.arange(t.size))), "auto", "x")
@@ -34,8 +30,8 @@ def test_the_sampling_is_rebuilt():
         assert abs(clock.t[-1] - clock.t[0] - (t.size - 1) * step) < 0.02 * step, name
 
 
-def test_no_even_sampling():
-    """The control: what rounding cannot have done."""
+def test_stamps_that_rounding_does_not_explain_are_not_changed():
+    """Negative control."""
     i, rng = np.arange(3_000), np.random.default_rng(5)
     exact = THIRTIETH * i
     others = {
@@ -45,13 +41,13 @@ def test_no_even_sampling():
         "as many digits as a double has": exact,
     }
     for t, clock in (*((t, "auto") for t in others.values()), (np.round(exact, 2), "as_logged")):
-        kept = clock_times(RawRecord(t, t), clock, "x")
-        assert (kept.used, kept.notes) == ("as_logged", ())
-        assert np.array_equal(kept.t, t)
+        times = clock_times(RawRecord(t, t), clock, "x")
+        assert (times.used, times.notes) == ("as_logged", ())
+        assert np.array_equal(times.t, t)
 
 
 def test_stamps_coarser_than_a_step_are_refused():
-    """A line by least squares is off by 1.6 % where eight stamps of seconds are."""
+    """With eight different stamps, the step by least squares would be wrong by 1.6 %."""
     coarse = r"9\d.* % of the times repeat: they are written to 1 s, .* give the rate.*\(--clock, --rate\)"
     for t in (np.floor(0.02 * np.arange(400) + 0.313), np.round(np.arange(946) / 47.3 + 0.31)):
         with pytest.raises(InputError, match=coarse):

@@ -1,4 +1,4 @@
-"""Where the decay is found: simulated releases and floors, and the measured records as a hand cuts them."""
+"""Start and end of the decay in envelopes: simulated ones with a known release, and measured ones read by eye."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from validation.truth.ringdowns import Ringdown, simulate
 from validation.truth.turning_points import SHARP, readings
 
 DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "ringdown"
-# record, start between, stop between: s, read off the pictures by eye
-BY_HAND = {
+# record: limits of the start in s, limits of the end in s
+BY_EYE = {
     "measID_1000_sampleID_SP23-25.txt": ((35.5, 37.0), (55.0, 66.0)),
     "measID_1001_sampleID_SP23-26.txt": ((14.8, 16.0), (33.0, 39.0)),
     "measID_1005_sampleID_SP23-62.txt": ((39.8, 41.5), (65.0, 79.0)),
@@ -28,9 +28,9 @@ BY_HAND = {
 
 
 @pytest.mark.skipif(not DATA.exists(), reason="the measured decays are not here")
-@pytest.mark.parametrize("name", BY_HAND)
-def test_a_measured_record_is_cut_as_by_hand(name):
-    (first, last), (early, late) = BY_HAND[name]
+@pytest.mark.parametrize("name", BY_EYE)
+def test_a_measured_record_is_cut_as_by_eye(name):
+    (first, last), (early, late) = BY_EYE[name]
     record = read_envelope(DATA / name)
     window = find_window(record.t, record.level)
     assert first <= record.t[window.start] <= last
@@ -39,18 +39,18 @@ def test_a_measured_record_is_cut_as_by_hand(name):
 
 
 @pytest.mark.parametrize("drop", [0.0, 9.0])
-def test_the_release_is_found(drop):
-    """Not before it by more than a hundredth of the decay, nor behind by more than a tenth."""
+def test_a_window_starts_at_the_release_and_ends_above_the_floor(drop):
+    """The start is at most a hundredth of the decay before the release, and at most a tenth after it."""
     for rates in ({"viscous": 0.2}, {"viscous": 0.15, "coulomb": 0.01}, {"viscous": 0.2, "quadratic": 0.3}):
-        made = simulate(Ringdown(rates, drop=drop, scatter=0.02), np.random.default_rng(3))
-        window = find_window(made.t, made.level)
-        duration = made.t[window.stop - 1] - made.t[window.start]
-        assert -0.01 * duration < made.t[window.start] - made.release < 0.1 * duration, rates
-        # ends well above the floor, and not far from where it crosses 10 dB
-        assert 4.0 < 20 / np.log(10) * made.x[window.stop - 1] + 45.0 < 20.0, rates
+        truth = simulate(Ringdown(rates, drop=drop, scatter=0.02), np.random.default_rng(3))
+        window = find_window(truth.t, truth.level)
+        duration = truth.t[window.stop - 1] - truth.t[window.start]
+        assert -0.01 * duration < truth.t[window.start] - truth.release < 0.1 * duration, rates
+        # dB above the floor at the end
+        assert 4.0 < 20 / np.log(10) * truth.x[window.stop - 1] + 45.0 < 20.0, rates
 
 
-def test_levels_that_only_fall_that_saturate_at_first_and_that_do_not_fall():
+def test_a_saturated_start_is_cut_and_a_level_that_does_not_fall_is_refused():
     t, noise = np.linspace(0.0, 10.0, 1000), 0.01 * np.random.default_rng(1).standard_normal(1000)
     whole = find_window(t, -2.0 * t + noise)
     assert (whole.start, whole.stop, whole.floor) == (0, 1000, None)
@@ -60,7 +60,7 @@ def test_levels_that_only_fall_that_saturate_at_first_and_that_do_not_fall():
             find_window(t, rise * t + 10 * noise)
 
 
-def test_bounds_that_are_given_are_kept():
+def test_given_bounds_are_used():
     t = np.linspace(0.0, 10.0, 400)
     window = window_between(t, -2.0 * t, 2.0, 7.0)
     assert t[window.start] == pytest.approx(2.0, abs=0.03)
@@ -78,20 +78,19 @@ def test_bounds_that_are_given_are_kept():
     ],
     ids=["stribeck", "cubic", "coulomb"],
 )
-def test_a_decay_that_is_nowhere_straight_is_found_whole(force):
-    """Friction that rises towards rest, the cube of the velocity. The control: a drive before it is none of it."""
+def test_a_decay_that_is_not_straight_in_decibels_is_not_cut(force):
+    """Control: a drive before the release is cut off."""
     t, size = readings(force, [8, 1], noise=0.01)
     level = 20 * np.log10(size)
     assert find_window(t, level).start <= 3
     late = t + 20.0
     t = np.concatenate([np.arange(0.0, 20.0, 0.17), late])
-    held = level[0] + 3.0 + 0.3 * np.random.default_rng(1).standard_normal(t.size - late.size)
-    found = find_window(t, np.concatenate([held, level]))
-    assert abs(found.start - held.size) <= 12
+    drive = level[0] + 3.0 + 0.3 * np.random.default_rng(1).standard_normal(t.size - late.size)
+    assert abs(find_window(t, np.concatenate([drive, level])).start - drive.size) <= 12
 
 
-def test_friction_with_noise_at_its_end_is_found_whole():
-    """A falls evenly to zero, then noise: only the last tenth falls steeply and straight in dB."""
+def test_a_linear_decay_that_ends_in_noise_is_not_cut():
+    """Friction: the amplitude falls linearly to zero, so that only its last tenth is steep and straight in dB."""
     t = np.linspace(0.0, 1.4, 114)
     for seed in range(40):
         noise = np.random.default_rng(seed).standard_normal((2, t.size)) * 10 ** (-39 / 20)

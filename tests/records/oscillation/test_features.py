@@ -1,4 +1,4 @@
-"""Features against damped cosines, whose features are known; noise and shuffled records must be refused."""
+"""Frequency, amplitude, rest, cycles, roughness and turning points of damped cosines, whose values are known."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from bayesdamp.types import Signal
 
 
 def cosine(cycles=7.0, per_cycle=200, zeta=0.05, noise=0.0, rest=0.0, phase=0.0, quantum=0.0, seed=0):
-    """(signal, ω, decay at its end) of 0.3·exp(−ζt)·cos(ωt + phase) + rest, noise in units of 0.3."""
+    """Return 0.3·exp(−ζt)·cos(ωt + phase) + rest with noise in units of 0.3, its ω, and exp(−ζt) at its end."""
     w = 2 * np.pi / 1.4
     t = np.linspace(0, 1.4 * cycles, int(per_cycle * cycles) + 1)
     y = rest + 0.3 * np.exp(-zeta * t) * np.cos(w * t + phase)
@@ -18,7 +18,7 @@ def cosine(cycles=7.0, per_cycle=200, zeta=0.05, noise=0.0, rest=0.0, phase=0.0,
 
 
 CASES = [
-    # what, tolerance of frequency (relative), of amplitude (relative), of rest (in 0.3), of cycles
+    # options, tolerance of frequency (relative), of amplitude (relative), of rest (in 0.3), of cycles
     ({}, 1e-6, 1e-3, 1e-6, 0.01),
     ({"rest": 1.0, "phase": 1.0}, 1e-5, 2e-3, 1e-4, 0.01),
     ({"zeta": 0.5}, 1e-4, 1e-2, 1e-3, 0.05),
@@ -31,51 +31,50 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("what", "of_frequency", "of_amplitude", "of_rest", "of_cycles"), CASES)
-def test_damped_cosine(what, of_frequency, of_amplitude, of_rest, of_cycles):
-    signal, w, last = cosine(**what)
-    found = features(signal)
-    cycles = what.get("cycles", 7.0)
-    assert abs(found.frequency / w - 1) < min(of_frequency, 0.1 / cycles)
-    assert abs(found.amplitude / 0.3 - 1) < of_amplitude
-    assert abs(found.rest - what.get("rest", 0.0)) < 0.3 * of_rest
-    assert abs(found.cycles - cycles) < of_cycles
-    assert found.period == pytest.approx(2 * np.pi / found.frequency)
-    if not what.get("noise") and not what.get("quantum"):
-        assert found.final_amplitude == pytest.approx(0.3 * last, rel=0.01)
+@pytest.mark.parametrize(("options", "of_frequency", "of_amplitude", "of_rest", "of_cycles"), CASES)
+def test_features_of_a_damped_cosine(options, of_frequency, of_amplitude, of_rest, of_cycles):
+    signal, w, last = cosine(**options)
+    values = features(signal)
+    cycles = options.get("cycles", 7.0)
+    assert values.frequency == pytest.approx(w, rel=min(of_frequency, 0.1 / cycles))
+    assert values.amplitude == pytest.approx(0.3, rel=of_amplitude)
+    assert values.rest == pytest.approx(options.get("rest", 0.0), abs=0.3 * of_rest)
+    assert values.cycles == pytest.approx(cycles, abs=of_cycles)
+    assert values.period == pytest.approx(2 * np.pi / values.frequency)
+    if not options.get("noise") and not options.get("quantum"):
+        assert values.final_amplitude == pytest.approx(0.3 * last, rel=0.01)
 
 
-def test_roughness_is_the_noise():
-    """Standard error of the estimate is below 4 %: 15 % is passed wrongly fewer than once in 1,000 seeds."""
+def test_roughness_is_the_standard_deviation_of_the_noise():
+    """The estimate's standard error is below 4 %: a limit of 15 % fails for fewer than one seed in 1,000."""
     for noise, per_cycle in ((0.001, 200), (0.01, 24), (0.1, 200)):
         signal, _, _ = cosine(cycles=14, per_cycle=per_cycle, noise=noise, seed=3)
         assert features(signal).roughness == pytest.approx(0.3 * noise, rel=0.15)
 
 
-def test_turning_points_alternate_and_lie_on_the_envelope():
+def test_turning_points_are_those_of_the_closed_form():
     signal, w, _ = cosine(phase=0.4)
-    found = features(signal)
-    expected = (np.pi * np.arange(1, found.turning_times.size + 1) - 0.4 - np.arctan(0.05 / w)) / w
-    np.testing.assert_allclose(found.turning_times, expected, atol=1e-5)
+    values = features(signal)
+    t = (np.pi * np.arange(1, values.turning_times.size + 1) - 0.4 - np.arctan(0.05 / w)) / w
+    np.testing.assert_allclose(values.turning_times, t, atol=1e-5)
     np.testing.assert_allclose(
-        found.turning_values, 0.3 * np.exp(-0.05 * expected) * np.cos(w * expected + 0.4), atol=1e-7
+        values.turning_values, 0.3 * np.exp(-0.05 * t) * np.cos(w * t + 0.4), atol=1e-7
     )
-    assert np.all(np.diff(np.sign(np.diff(found.turning_values))) != 0)
 
 
-def test_displacement_amplitude_of_other_quantities():
+def test_amplitudes_of_velocities_and_accelerations_are_displacements():
     signal, w, _ = cosine(rest=0.0)
     for quantity, order in (("velocity", 1), ("acceleration", 2)):
-        found = features(Signal(signal.t, signal.y, quantity))
-        assert found.rest == 0.0
-        assert found.amplitude == pytest.approx(0.3 / w**order, rel=2e-3)
+        values = features(Signal(signal.t, signal.y, quantity))
+        assert values.rest == 0.0
+        assert values.amplitude == pytest.approx(0.3 / w**order, rel=2e-3)
 
 
 def test_spikes_change_little():
     signal, w, _ = cosine(noise=0.01)
     y = signal.y.copy()
     y[np.random.default_rng(5).choice(y.size, 14, replace=False)] += 0.5
-    found = features(Signal(signal.t, y))
-    assert abs(found.frequency / w - 1) < 3e-3
-    assert abs(found.amplitude / 0.3 - 1) < 0.05
-    assert found.roughness == pytest.approx(0.003, rel=0.3)
+    values = features(Signal(signal.t, y))
+    assert values.frequency == pytest.approx(w, rel=3e-3)
+    assert values.amplitude == pytest.approx(0.3, rel=0.05)
+    assert values.roughness == pytest.approx(0.003, rel=0.3)

@@ -1,4 +1,4 @@
-"""The record's own curves against closed forms: no law is given to them."""
+"""Curves of frequency and damping ratio over the amplitude, estimated without a law, against closed forms."""
 
 from __future__ import annotations
 
@@ -18,24 +18,26 @@ K = 20.0
 
 
 def test_the_backbone_of_a_pendulum_is_the_elliptic_integral() -> None:
-    """1.2 rad of a pendulum, by an independent solver. That damping ratios are right is in test_first_look."""
+    """A pendulum from 1.2 rad by SciPy's solver. A constant frequency would be wrong by more than 3 %."""
     t = np.linspace(0.0, 20.0, 4000)
     motion = solve_ivp(
         lambda _, s: [s[1], -2 * 0.02 * s[1] - K * np.sin(4.0 * s[0]) / 4.0], (0, 20), [0.3, 0.0],
         method="DOP853", t_eval=t, rtol=1e-9, atol=1e-11, max_step=0.01,
     ).y[0]  # fmt: skip
-    found = amplitude_curves(Signal(t, motion + 1e-4 * np.random.default_rng(1).standard_normal(t.size)))
-    exact = np.sqrt(K) * np.pi / (2 * ellipk(np.sin(2.0 * found.amplitude) ** 2))
-    assert found.frequency == pytest.approx(exact, rel=3e-3)
-    assert np.ptp(exact) > 0.03 * exact[0]  # a constant would not pass
+    curves = amplitude_curves(Signal(t, motion + 1e-4 * np.random.default_rng(1).standard_normal(t.size)))
+    exact = np.sqrt(K) * np.pi / (2 * ellipk(np.sin(2.0 * curves.amplitude) ** 2))
+    assert curves.frequency == pytest.approx(exact, rel=3e-3)
+    assert np.ptp(exact) > 0.03 * exact[0]
 
 
 @pytest.mark.parametrize(
     ("soft", "quantity", "within"),
     [(0.3, "angle", 0.009), (0.3, "velocity", 0.02), (-0.8, "angle", 0.02), (-0.8, "acceleration", 0.03)],
 )
-def test_drag_on_a_spring_far_from_linear(soft: float, quantity: str, within: float) -> None:
-    """The ratio at the first amplitude is ∮F dx / 4πE, by quadrature along the undamped orbit, and in its interval.
+def test_the_damping_ratio_of_a_strongly_nonlinear_spring_is_right(
+    soft: float, quantity: str, within: float
+) -> None:
+    """At the first amplitude it is ∮F dx / 4πE, by quadrature along the undamped orbit, and within its interval.
 
     With the action of a sinusoid, amplitudes of the first harmonic and a constant frequency in each window it was 2 %
     wrong for the angle, and with two rounds of conversion 10 % for the acceleration.
@@ -62,8 +64,10 @@ def test_drag_on_a_spring_far_from_linear(soft: float, quantity: str, within: fl
 
 
 def two_modes(number: int) -> tuple[Signal, float]:
-    """A record of two viscous modes in closed form, the second at 1.8 to 6.5 times the frequency with 1 to 30 % of the
-    amplitude, or near a whole multiple; the damping ratio of the first."""
+    """Return a record of two viscous modes in closed form, and the damping ratio of the first.
+
+    The second has 1 to 30 % of the amplitude and 1.8 to 6.5 times the frequency, often near an integer multiple.
+    """
     rng = np.random.default_rng([11, number])
     zeta, left, share = np.exp(rng.uniform(*np.log([[0.003, 0.03, 0.01], [0.04, 0.5, 0.3]])))
     near = rng.choice([2, 3, 4, 5]) * (1 + rng.uniform(-0.03, 0.03))
@@ -81,25 +85,26 @@ def two_modes(number: int) -> tuple[Signal, float]:
     return Signal(t, mode(1.0, zeta) + second + noise), float(zeta)
 
 
-def test_intervals_hold_beside_a_second_mode() -> None:
-    """Of 90 scores of 30 records 95 % or more lie within 1.96: fewer than 77 come in one run of six thousand, were
-    it exactly 95 %. The control: a fifth of the standard errors is noticed."""
+def test_intervals_are_right_in_spite_of_a_second_mode() -> None:
+    """At least 77 of 90 scores of 30 records are within 1.96; if 95 % are, fewer occur in one run of six thousand.
+
+    Negative control: with a fifth of the standard errors there are fewer.
+    """
     scores = []
     for number in range(30):
         signal, zeta = two_modes(number)
-        found = law_free(signal)
-        at = found.at(np.array([found.span[0], found.halfway(), found.span[1]]))
+        fit = law_free(signal)
+        at = fit.at(np.array([fit.span[0], fit.halfway(), fit.span[1]]))
         scores.append((at.ratio - zeta) / at.ratio_sd)
     assert np.count_nonzero(np.abs(scores) < 1.96) >= 77
     assert np.count_nonzero(5 * np.abs(scores) < 1.96) < 77
 
 
-def test_frequency_and_damping_are_known_no_better_than_the_noise_allows(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Mean squares of 20 records' scores below the 99.95 % point of a chi-square over its freedom.
+def test_standard_errors_of_frequency_and_damping_are_large_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mean squares of the scores of 20 records are below the 99.95 % point of a chi-square over its degrees of freedom.
 
-    The damping is viscous, so that the phase is that of the damped frequency without any allowance.
+    Negative control: with a quarter of the standard errors they are not. The damping is viscous, so that the frequency
+    needs no allowance for the damping.
     """
     monkeypatch.setattr("bayesdamp.records.oscillation.law_free.FREQUENCY_ERROR", 0.0)
     t, zeta = np.linspace(0.0, 20.0, 4000), 0.05
@@ -108,48 +113,48 @@ def test_frequency_and_damping_are_known_no_better_than_the_noise_allows(
     scores = []
     for seed in range(20):
         signal = Signal(t, motion + 1e-3 * np.random.default_rng([7, seed]).standard_normal(t.size))
-        seen = amplitude_curves(signal)
+        curves = amplitude_curves(signal)
         scores.append(
-            [(seen.ratio - zeta / omega) / seen.ratio_sd, (seen.frequency - omega) / seen.frequency_sd]
+            [
+                (curves.ratio - zeta / omega) / curves.ratio_sd,
+                (curves.frequency - omega) / curves.frequency_sd,
+            ]
         )
-    for each in np.mean(np.square(scores), axis=(0, 2)):
-        assert each < chi2.ppf(0.9995, 20) / 20
-        assert (
-            16 * each > chi2.ppf(0.9995, 20) / 20
-        )  # the control: a quarter of the standard errors is noticed
+    mean_squares, largest = np.mean(np.square(scores), axis=(0, 2)), chi2.ppf(0.9995, 20) / 20
+    assert np.all(mean_squares < largest)
+    assert np.all(16 * mean_squares > largest)
 
 
-def test_a_noisy_record_of_thousands_of_cycles_is_measured_where_its_turns_are_counted(
+def test_a_noisy_record_of_thousands_of_cycles_is_measured_where_its_cycles_can_be_counted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Later its windows, dozens of cycles apart, would show another frequency, as the negative control does."""
+    """Later the windows are dozens of cycles apart, and show another frequency, as in the negative control."""
     frequency, ratio, cycles = 50.0, 8e-5, 4500
     t = np.arange(0.0, cycles * 2 * np.pi / frequency, 2 * np.pi / (15 * frequency))
     noise = 0.06 * np.random.default_rng(4).standard_normal(t.size)
     signal = Signal(t, np.exp(-ratio * frequency * t) * np.cos(frequency * np.sqrt(1 - ratio**2) * t) + noise)
     counted = features(signal)
 
-    def measured(seen: Features) -> tuple[float, float]:
-        monkeypatch.setattr("bayesdamp.records.oscillation.law_free.features", lambda _: seen)
+    def errors(values: Features) -> tuple[float, float]:
+        """Return the largest relative error of the frequency, and the largest score of the damping ratio."""
+        monkeypatch.setattr("bayesdamp.records.oscillation.law_free.features", lambda _: values)
         fit = law_free.__wrapped__(signal)
         curve = fit.at(np.linspace(*fit.span, 7))
-        return np.abs(curve.frequency / frequency - 1).max(), np.abs(
-            (curve.ratio - ratio) / curve.ratio_sd
-        ).max()
+        scores = (curve.ratio - ratio) / curve.ratio_sd
+        return np.abs(curve.frequency / frequency - 1).max(), np.abs(scores).max()
 
-    off, sds = measured(counted)
-    assert off < 1e-3
-    assert sds < 4
-    off, sds = measured(replace(counted, crossing_times=np.empty(0)))
-    assert off > 1e-3
+    of_frequency, score = errors(counted)
+    assert of_frequency < 1e-3
+    assert score < 4
+    assert errors(replace(counted, crossing_times=np.empty(0)))[0] > 1e-3
 
 
 def viscous_and_coulomb(
     ratio: float, fall: float, share: float, noise: float, rng: np.random.Generator
 ) -> tuple[Signal, float, float]:
-    """Return a record of closed form, its viscous damping ratio, and its Coulomb loss over the viscous one at 1.
+    """Return a record in closed form, its viscous damping ratio, and the ratio of Coulomb to viscous loss at 1.
 
-    In the middle the damping ratio is `ratio`, of which `share` is friction; the amplitude goes from 1 to 1 / fall.
+    In the middle the damping ratio is `ratio`, of which `share` is friction. The amplitude falls from 1 to 1 / fall.
     """
     frequency, friction, viscous = 50.0, share / (1 - share) / np.sqrt(fall), ratio * (1 - share)
     stop = np.log((1 + friction) / (1 / fall + friction)) / (viscous * frequency)
@@ -162,16 +167,16 @@ def squares(records: list[tuple[Signal, float, float]]) -> np.ndarray:
     """Return the mean squares of the scores of the damping ratio at the start and at the end, (2,)."""
     scores = []
     for signal, viscous, friction in records:
-        fit = law_free.__wrapped__(signal)  # constants differ: nothing kept is used
+        fit = law_free.__wrapped__(signal)  # without its cache, because tests change constants
         curve = fit.at(np.array(fit.span))
         scores.append((curve.ratio - viscous * (1 + friction / curve.amplitude)) / curve.ratio_sd)
     return np.mean(np.square(scores), axis=0)
 
 
-def test_intervals_at_the_ends_hold_where_the_damping_is_a_sum(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Mean squares of 20 records' scores at either end, below the 99.95 % point of a chi-square.
+def test_intervals_at_the_ends_are_right_for_a_sum_of_dampings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mean squares of the scores of 20 records at both ends are below the 99.95 % point of a chi-square.
 
-    The control: where a power of the amplitude is taken for a straight line, the standard errors are too small.
+    Negative control: if the damping is taken for a power of the amplitude, the standard errors are too small.
     """
     records = []
     for rng in map(np.random.default_rng, range(20)):
@@ -183,10 +188,10 @@ def test_intervals_at_the_ends_hold_where_the_damping_is_a_sum(monkeypatch: pyte
     assert np.all(squares(records) > largest)
 
 
-def test_a_straight_line_is_not_believed_too_firmly(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In a long record whose sum of dampings looks most like one of the powers, scores have an rms below 2.5.
+def test_the_prior_probability_of_a_power_law_is_not_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In long records whose sum of dampings resembles a power law most, the scores have an rms below 2.5.
 
-    The control: it is above 3 if a straight line is as probable as all walks, and these may be tiny.
+    Negative control: it is above 3 if a power law is as probable as all random walks, also tiny ones.
     """
     records = [viscous_and_coulomb(1e-3, 5.4, 0.49, 0.05, np.random.default_rng([9, k])) for k in range(6)]
     assert np.all(squares(records) < 2.5**2)
@@ -196,13 +201,11 @@ def test_a_straight_line_is_not_believed_too_firmly(monkeypatch: pytest.MonkeyPa
     assert squares(records).max() > 3**2
 
 
-def test_the_frequency_under_strong_friction_is_no_surer_than_its_phase_allows(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The control: without the allowance for the damping, intervals at the end are sure of a lower frequency."""
+def test_the_frequency_under_strong_friction_is_within_its_interval(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half cycles in closed form. Negative control: without the allowance for the damping it is not."""
     omega, offset = 4.5, 0.0008
     t = np.linspace(0.0, 24 * np.pi / omega, 2000)
-    turn = np.floor(t * omega / np.pi)  # half cycles, each smaller than the one before by twice the offset
+    turn = np.floor(t * omega / np.pi)  # number of half cycles; each is smaller by twice the offset
     y = (-1) ** turn * ((0.05 - offset * (2 * turn + 1)) * np.cos(omega * t - np.pi * turn) + offset)
     signal = Signal(t, y + 5e-5 * np.random.default_rng(3).standard_normal(t.size))
 

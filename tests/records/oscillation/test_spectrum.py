@@ -1,4 +1,4 @@
-"""The period of long records, whose search works on averages over blocks."""
+"""The period of long records, in which it is searched on averages over blocks of samples."""
 
 from __future__ import annotations
 
@@ -18,25 +18,24 @@ def record(rows: int, cycles: float, noise: float) -> tuple[np.ndarray, np.ndarr
 @pytest.mark.parametrize(
     ("rows", "cycles"),
     [
-        (1_000_000, 30_000),  # 1.9 periods a block: their averages are an alias at 13 s
-        (219_000, 13_846),  # 0.89, at 8 s
-        (308_000, 4_559),  # a quarter: between what averages show and what they lose
+        (1_000_000, 30_000),  # a block contains 1.9 periods: its averages have an alias at 13 s
+        (219_000, 13_846),  # 0.89 periods, alias at 8 s
+        (308_000, 4_559),  # a quarter of a period, which averages reduce
     ],
 )
-def test_a_period_within_a_block_or_a_few_is_found(rows: int, cycles: float) -> None:
+def test_a_period_about_as_long_as_a_block_is_found(rows: int, cycles: float) -> None:
     period, share = coarse_period(*record(rows, cycles, 0.005))
     assert period == pytest.approx(1.0, rel=0.03)
     assert share > 0.9
 
 
-def test_a_slow_period_under_noise_is_that_of_the_averages() -> None:
-    """A piece of the samples has five cycles of it alone, and says less."""
-    t, y = record(553_000, 170, 1.0)
-    period, share = coarse_period(t, y)
+def test_a_slow_period_in_noise_is_found_in_the_averages() -> None:
+    """A part of the samples without averaging contains only five cycles of it."""
+    period, share = coarse_period(*record(553_000, 170, 1.0))
     assert period == pytest.approx(1.0, rel=0.03)
     assert share > 0.5
 
 
-def test_samples_a_cycle_are_those_of_the_record_not_of_block_averages() -> None:
-    """32 samples a cycle in a record that is searched in blocks of ten."""
+def test_samples_per_cycle_are_counted_in_the_record_not_in_averages() -> None:
+    """32 samples per cycle, in a record that is searched in blocks of ten."""
     assert samples_a_cycle(*record(160_000, 5_000, 0.1)) == pytest.approx(32, rel=0.01)

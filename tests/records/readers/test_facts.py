@@ -1,4 +1,4 @@
-"""Rates that stand in a file's head, as people write numbers."""
+"""Sampling rates in the head of a file, in the ways in which people and instruments write them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RATES = {
 
 
 def one_column(path: Path, head: str) -> Path:
-    """A comment and a column below its name; a head of two lines is a table of its own."""
+    """Write one column below a comment; a head of two lines is a table of its own."""
     return write_table(path, head if "\n" in head else f"# {head}\nangle", Y)
 
 
@@ -40,7 +40,7 @@ def test_a_rate_in_the_head_is_read(tmp_path: Path, head: str, rate: float) -> N
 
 
 @pytest.mark.parametrize("head", ["sample rate: 50,000 Hz", "fs = 1,000", "dt: 20,000 us"])
-def test_a_comma_that_may_mean_two_things_gives_no_rate(tmp_path: Path, head: str) -> None:
+def test_a_comma_with_two_meanings_gives_no_rate(tmp_path: Path, head: str) -> None:
     path = one_column(tmp_path / "a.csv", head)
     with pytest.raises(InputError, match="or give the rate in Hz") as caught:
         read_record(path)
@@ -50,26 +50,29 @@ def test_a_comma_that_may_mean_two_things_gives_no_rate(tmp_path: Path, head: st
     assert sampling_rate(raw.provenance.facts) is None
 
 
-def test_what_is_no_sampling_rate() -> None:
-    """The negative control: the oscillation's own frequency and period, a time stamp, a processor's clock."""
+def test_other_rates_are_not_sampling_rates() -> None:
+    """Negative control: frequency and period of the oscillation, a time stamp, and the clock of a processor."""
     for head in ("frequency: 50 Hz", "ts: 0.02", "clock rate: 50", "period: 0.02", "sample_rate: fast"):
         name, _, value = head.partition(": ")
         assert sampling_rate({name: value}) is None
 
 
 HEADS = {
-    "times": (["waveform,CH1", "t0,2024-01-01 00:00:00", "delta t,2E-2", "time,Y"], True),
-    "times without names": (["t0,2024-01-01 00:00:00", "delta t,2E-2", ""], True),
-    "no times": (["waveform,CH1", "t0,2024-01-01 00:00:00", "delta t,2E-2", "Y"], False),
-    "no times and no names": (["t0,0", "delta t,2E-2"], False),
+    "times": ("waveform,CH1\nt0,2024-01-01 00:00:00\ndelta t,2E-2\ntime,Y", True),
+    "times without names": ("t0,2024-01-01 00:00:00\ndelta t,2E-2\n", True),
+    "no times": ("waveform,CH1\nt0,2024-01-01 00:00:00\ndelta t,2E-2\nY", False),
+    "no times and no names": ("t0,0\ndelta t,2E-2", False),
 }
 
 
 @pytest.mark.parametrize(("head", "timed"), HEADS.values(), ids=HEADS)
-def test_a_head_with_t0_and_delta_t(tmp_path: Path, head: list[str], timed: bool) -> None:
-    """As LabVIEW exports a waveform to text."""
+def test_a_waveform_exported_by_labview_is_read(tmp_path: Path, head: str, timed: bool) -> None:
     t = np.arange(400) / 50
-    raw = read_record(write_table(tmp_path / "a.csv", "\n".join(head), *([t, Y] if timed else [Y])))
+    raw = read_record(write_table(tmp_path / "a.csv", head, *([t, Y] if timed else [Y])))
     np.testing.assert_array_equal(raw.y, Y)
-    assert (raw.t is None, raw.rate) == ((False, None) if timed else (True, pytest.approx(50.0)))
-    assert raw.t == pytest.approx(t) or not timed
+    if timed:
+        assert raw.rate is None
+        assert raw.t == pytest.approx(t)
+    else:
+        assert raw.t is None
+        assert raw.rate == pytest.approx(50.0)

@@ -1,4 +1,4 @@
-"""Files as oscilloscopes write them, and tables side by side as spreadsheets do: times, values, units by the head."""
+"""Files as oscilloscopes write them, and several tables next to each other, as spreadsheets contain them."""
 
 from __future__ import annotations
 
@@ -18,12 +18,8 @@ SETTINGS = [
     "Labels,",
 ]  # fmt: skip
 TDS = [
-    "Record Length,1.2e+03",
-    "Sample Interval,4e-04",
-    "Source,CH2",
-    "Vertical Units,V",
-    "Horizontal Units,s",
-]
+    "Record Length,1.2e+03", "Sample Interval,4e-04", "Source,CH2", "Vertical Units,V", "Horizontal Units,s",
+]  # fmt: skip
 
 FILES = {
     "Tektronix TDS": [f"{TDS[i] if i < len(TDS) else ','},,{pair}," for i, pair in enumerate(PAIRS)],
@@ -47,8 +43,8 @@ FILES = {
 }  # fmt: skip
 
 
-UNSAID = ("Rigol, times", "LeCroy", "Tektronix DPO, two channels")
-"""Whose unit is not said by the name of the column, or by the head for both columns of a pair."""
+NO_UNIT = ("Rigol, times", "LeCroy", "Tektronix DPO, two channels")
+"""Files whose head or column names do not give the unit of the chosen column."""
 
 
 def written(path: Path, *lines: str) -> Path:
@@ -56,24 +52,24 @@ def written(path: Path, *lines: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("what", FILES)
-def test_times_values_and_unit_are_those_of_the_instrument(tmp_path: Path, what: str) -> None:
-    (raw,) = read_records(written(tmp_path / "a.csv", *FILES[what]))
+@pytest.mark.parametrize("instrument", FILES)
+def test_times_values_and_unit_are_those_of_the_instrument(tmp_path: Path, instrument: str) -> None:
+    (raw,) = read_records(written(tmp_path / "a.csv", *FILES[instrument]))
     np.testing.assert_allclose(raw.t, T, atol=1e-9)  # type: ignore[arg-type]
     np.testing.assert_allclose(raw.y, V, atol=1e-5)
-    assert raw.unit == ("" if what in UNSAID else "V")
+    assert raw.unit == ("" if instrument in NO_UNIT else "V")
 
 
-@pytest.mark.parametrize("what", ["Tektronix TDS", "Tektronix MSO", "Rigol, numbered"])
-def test_a_cell_of_an_instrument_that_is_no_number_is_refused(tmp_path: Path, what: str) -> None:
-    lines = list(FILES[what])
+@pytest.mark.parametrize("instrument", ["Tektronix TDS", "Tektronix MSO", "Rigol, numbered"])
+def test_a_cell_that_is_not_a_number_is_refused(tmp_path: Path, instrument: str) -> None:
+    lines = list(FILES[instrument])
     lines[-2] = lines[-2].replace(f"{V[-2]:.5f}", "clipped")
     with pytest.raises(InputError, match=f"line {len(lines) - 1}: 'clipped'"):
         read_records(written(tmp_path / "a.csv", *lines))
 
 
-def test_a_plain_table_is_no_oscilloscope(tmp_path: Path) -> None:
-    """Two settings are facts above a table, and numbers of samples without Start stay what they are."""
+def test_a_plain_table_is_not_read_as_an_oscilloscopes(tmp_path: Path) -> None:
+    """Negative control: two settings above a table are only facts; numbers in a column without Start are not counts."""
     (plain,) = read_records(written(tmp_path / "a.csv", *SETTINGS[2:4], "TIME,CH1", *PAIRS))
     assert (plain.columns, plain.unit, plain.rate) == (("TIME", "CH1"), "", None)
     rows = [f"{i},{v:.5f}" for i, v in enumerate(V.tolist())]

@@ -1,4 +1,4 @@
-"""Two decays, and files of every format that hold them, each written by its own library or by hand."""
+"""Two decays, and functions that write them into files of every format, by its own library or by hand."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def uff(path: Path, even: int = 1, names: tuple[str, ...] = ("arm", "beam")) -> 
 
 
 def binary_uff(path: Path) -> None:
-    """A data set 58b by hand, after the standard: pyuff's own writer doubles the first line."""
+    """Write a data set 58b by hand, as in the standard, because pyuff repeats the first line."""
     uff(path.with_suffix(".ascii"))
     sets = path.with_suffix(".ascii").read_text(encoding="utf-8")
     sets = re.split(r"    -1\n    58 *\n", sets)[1:]
@@ -46,9 +46,9 @@ def binary_uff(path: Path) -> None:
 def tdms(path: Path) -> None:
     from nptdms import ChannelObject, RootObject, TdmsWriter
 
-    said = {"wf_increment": 1 / RATE, "wf_start_offset": 0.0, "unit_string": "deg"}
+    properties = {"wf_increment": 1 / RATE, "wf_start_offset": 0.0, "unit_string": "deg"}
     with TdmsWriter(path) as writer:
-        channels = [ChannelObject("Bench", name, y, said) for name, y in (("roll", Y), ("pitch", Z))]
+        channels = [ChannelObject("Bench", name, y, properties) for name, y in (("roll", Y), ("pitch", Z))]
         writer.write_segment([RootObject({"operator": "somebody"}), *channels])
 
 
@@ -64,9 +64,12 @@ def lvm(path: Path) -> None:
 
 
 def cassy(path: Path, unit: str = "s", packed: bool = False) -> None:
-    """As CASSY Lab 2 has it: for each quantity a list of runs, the times in s whatever unit it shows."""
-    quantities = [("Index", "n", "", (np.arange(1, 601), np.arange(1, 601))), ("Zeit", "t", unit, (T, T))]
-    quantities.append(("Winkel", "\N{GREEK SMALL LETTER ALPHA}_A1", "\N{DEGREE SIGN}", (Y, Z)))
+    """Write a file of CASSY Lab 2: a list of runs for each quantity; times are in s, whatever unit is shown."""
+    index = np.arange(1, 601)
+    quantities = [
+        ("Index", "n", "", (index, index)), ("Zeit", "t", unit, (T, T)),
+        ("Winkel", "\N{GREEK SMALL LETTER ALPHA}_A1", "\N{DEGREE SIGN}", (Y, Z)),
+    ]  # fmt: skip
     lists = []
     for name, symbol, unit, runs in quantities:
         lists.append(f'<channels count="{len(runs)}" runs="true" runindex="0">')
@@ -88,11 +91,9 @@ def excel(path: Path) -> None:
     import openpyxl
 
     book = openpyxl.Workbook()
-    for i, y in enumerate((Y, Z)):
-        sheet = book.active if i == 0 else book.create_sheet("Second")
-        sheet.title = ("First", "Second")[i]
-        sheet.append(["Time (s)", "Angle (deg)"])
-        for row in zip(T.tolist(), y.tolist()):
+    book.active.title = "First"
+    for sheet, y in ((book.active, Y), (book.create_sheet("Second"), Z)):
+        for row in (["Time (s)", "Angle (deg)"], *zip(T.tolist(), y.tolist())):
             sheet.append(row)
     book.create_sheet("Remarks").append(["nothing here"])
     book.save(path)
@@ -118,17 +119,14 @@ def hdf5(path: Path) -> None:
 
 
 def matlab_73(path: Path) -> None:
-    """As MATLAB lays it out: cells are references, words are numbers of characters."""
+    """Write the layout of MATLAB: cells are references, text is an array of character codes."""
     import h5py
 
     with h5py.File(path, "w", userblock_size=512) as file:
         file["t"] = T[None, :]
-        cells = []
-        for i, y in enumerate((Y, Z)):
-            file[f"#refs#/{'ab'[i]}"] = y[None, :]
-            cells.append(file[f"#refs#/{'ab'[i]}"].ref)
+        file["#refs#/a"], file["#refs#/b"] = Y[None, :], Z[None, :]
         runs = file.create_dataset("angles", (2, 1), dtype=h5py.ref_dtype)
-        runs[:, 0] = cells
+        runs[:, 0] = [file["#refs#/a"].ref, file["#refs#/b"].ref]
         runs.attrs["MATLAB_class"] = np.bytes_("cell")
         note = file.create_dataset("who", data=np.array([[97], [98]], np.uint16))
         note.attrs["MATLAB_class"] = np.bytes_("char")
