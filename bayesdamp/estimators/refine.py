@@ -46,6 +46,9 @@ SCHEDULE = Schedule(less=0.1, more=10.0)
 """Factors by which λ, the damping of Levenberg and Marquardt, changes after a step: `less` after one that lowers the
 sum of squares, `more` otherwise. Such large changes are possible because the residuals are nearly linear near the
 minimum."""
+UNDETERMINED = 1e-7
+"""A combination of parameters is not determined by the record if its singular value of the Jacobian, whose columns are
+scaled to unit length, is below this fraction of the largest one, which is about the error of the slopes."""
 SMALL_CHANGE, SMALL_STEP, SMALL_GAIN = 1e-9, 1e-13, 1e-12
 """The search has converged if a step changes the residuals by this fraction of their norm, the parameters by this
 fraction of their values, or lowers the sum of squares by this fraction."""
@@ -115,6 +118,9 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     the record, from the same start and, if this loses the phase too, from the coefficients of `decay_start`. The fit
     with the least sum of squares counts.
 
+    A recorded velocity or acceleration determines only the difference of theta0 and a rest angle that shifts the law
+    (`RestoringLaw.shift`). If both are unknown, the rest angle keeps its start value, and theta0 is relative to it.
+
     Parameters
     ----------
     signal
@@ -128,8 +134,9 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     -------
     Estimate
         The values with the least sum of squares. Their standard errors assume white residuals; a parameter at its lower
-        bound has none. The outcome is a sentence if the search did not converge, a coefficient is at its lower bound 0,
-        or the residual is larger or more correlated than noise (`misfit`).
+        bound, or that the record does not determine, has none. The outcome is a sentence if the search did not
+        converge, a coefficient is at its lower bound 0, the record does not determine a parameter, or the residual is
+        larger or more correlated than noise (`misfit`).
 
     Raises
     ------
@@ -140,7 +147,16 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     osc = oscillator(problem)
     base = start_parameters(signal, problem, features)
     priors = further_priors(problem, features)
-    names = (*osc.coefficients, *priors, *free_names(problem))
+    unknown = free_names(problem)
+    shift = osc.law.shift
+    held = {}
+    if signal.quantity != "angle" and shift in unknown and "theta0" in unknown:
+        held = {shift: base[shift]}
+        unknown.remove(shift)
+        if {shift, "theta0"} <= set(first.values):
+            start = first.values["theta0"] - first.values[shift] + base[shift]
+            first = replace(first, values={**first.values, "theta0": start, shift: base[shift]})
+    names = (*osc.coefficients, *priors, *unknown)
     size = float(np.abs(features.turning_amplitudes).max())
     units = 1e-5 / ratios_per_unit(problem, features)
     fit = _TrajectoryFit(signal, osc, names, base, size)
@@ -183,16 +199,28 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         problems.append(f"the best fit has {' and '.join(f'{name} = 0' for name in zero)}, its lower bound")
     if sentence := misfit(residual, signal, features):
         problems.append(sentence)
-    values = dict(zip(names, map(float, best.x)))
+    values = {**dict(zip(names, map(float, best.x))), **held}
     moving = best.x > floor  # a parameter at its lower bound has no standard error
     j = jacobian[:, moving]
     scale = np.linalg.norm(j, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
     freedom = max(residual.size - j.shape[1], 1)
-    inverse = np.linalg.pinv((j / scale).T @ (j / scale)) / np.outer(scale, scale)
-    variances = np.diag(inverse * (residual @ residual) / freedom)
+    _, sizes, combinations = np.linalg.svd(j / scale, full_matrices=False)
+    good = sizes > UNDETERMINED * sizes.max(initial=0.0)
+    errors = np.linalg.norm(combinations[good] / sizes[good, None], axis=0) / scale
+    errors *= np.sqrt((residual @ residual) / freedom)
+    # A parameter with a part in a combination that is not determined; rounding alone gives parts below this limit.
+    undetermined = np.any(np.abs(combinations[~good]) > 1e-4, axis=0)
     inside = [name for name, free in zip(names, moving) if free]
-    stderr = dict(zip(inside, np.sqrt(np.maximum(variances, 0.0)).tolist()))
+    stderr = {name: float(e) for name, e, no in zip(inside, errors, undetermined) if not no}
+    if undetermined.any():
+        doubted = " and ".join(name for name, no in zip(inside, undetermined) if no)
+        problems.append(f"the record does not determine {doubted}, or only a combination of them")
+    if held:
+        stderr.pop("theta0", None)
+        problems.append(
+            f"the record determines only theta0 − {shift}; {shift} = {held[shift]:.3g} is assumed"
+        )
     trace = {"rms": np.concatenate([*traces, [rms]])}
     count, outcome = sum(map(len, traces)), "; ".join(problems) or OK
     return Estimate(first.estimator, "refined", values, stderr, trace, evaluations=count, outcome=outcome)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
+from bayesdamp.types import Problem, Signal, System
 from tests.estimators.truths import (
     EVERYTHING,
     INITIAL,
@@ -103,3 +104,37 @@ def test_negative_control_a_wrong_restoring_law_is_not_recovered():
     refined = initial("least_squares", signal, replace(problem, system=wrong), stage="refined")
     assert error(refined.values["zeta"], 0.05) > 0.01
     assert refined.outcome != "ok"
+
+
+def velocity_and_acceleration(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Those of a linear oscillator in closed form: stiffness 20, zeta 0.05, released 0.3 from its rest position."""
+    damped = np.sqrt(20.0 - 0.05**2)
+    envelope = 0.3 * np.exp(-0.05 * t)
+    position = envelope * (np.cos(damped * t) + 0.05 / damped * np.sin(damped * t))
+    velocity = -envelope * 20.0 / damped * np.sin(damped * t)
+    noise = 0.01 * np.random.default_rng(1).standard_normal((2, t.size))
+    return velocity + noise[0], -20.0 * position - 0.1 * velocity + noise[1]
+
+
+@pytest.mark.parametrize("name", ["least_squares", "envelope"])
+def test_an_acceleration_does_not_determine_where_the_motion_is(name: str) -> None:
+    t = np.linspace(0.0, 15.0, 750)
+    record = Signal(t, velocity_and_acceleration(t)[1], quantity="acceleration")
+    refined = run(name, record, Problem(("viscous",), System("linear")), seed=1)[1]
+    assert refined.values["theta0"] - refined.values["rest_angle"] == pytest.approx(0.3, rel=0.01)
+    assert set(refined.stderr) == {"zeta", "stiffness", "omega0"}
+    assert abs(refined.values["zeta"] - 0.05) < 4 * refined.stderr["zeta"] < 0.002
+    assert refined.outcome.startswith("the record determines only theta0 − rest_angle; rest_angle = ")
+
+
+def test_parameters_that_are_determined_only_together_have_no_standard_error() -> None:
+    """Without gravity, the angle of the relaxed spring is the rest position, of which a velocity says nothing."""
+    t = np.linspace(0.0, 15.0, 750)
+    record = Signal(t, velocity_and_acceleration(t)[0], quantity="velocity")
+    system = System("horizontal_pendulum", {"gravity": 0.0})
+    refined = run("envelope", record, Problem(("viscous",), system), seed=1)[1]
+    assert set(refined.stderr) == {"zeta", "stiffness", "omega0"}
+    assert (
+        refined.outcome
+        == "the record does not determine spring_angle and theta0, or only a combination of them"
+    )
