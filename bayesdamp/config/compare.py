@@ -13,7 +13,7 @@ from typing import Any
 
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
-from bayesdamp.config.study import Study
+from bayesdamp.config.study import Study, as_name
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, all_sums
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import PluginModule, use_modules
@@ -173,7 +173,7 @@ def comparison_tables(
 
 
 def _as_name(label: str) -> str:
-    """Convert a label to a valid name of letters, digits, - and _. Above 56 characters, its middle is left out."""
-    name = re.sub(r"[^A-Za-z0-9_-]", "_", label)
+    """Convert a label to a valid name (`as_name`). If it has more than 56 characters, its middle is left out."""
+    name = as_name(label)
     name = name if len(name) <= 56 else f"{name[:30]}-{name[-25:]}"
-    return name if not name or re.match(r"[A-Za-z0-9_]", name) else f"_{name}"
+    return name if not name or re.match(r"\w", name) else f"_{name}"

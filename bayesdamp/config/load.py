@@ -48,6 +48,7 @@ from bayesdamp.config.study import (
     RecoveryTable,
     SignalSpec,
     Study,
+    as_name,
 )
 from bayesdamp.estimators import ESTIMATORS, names_for_all
 from bayesdamp.inference.evidence import EVIDENCES
@@ -252,7 +253,7 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
         check_distinct(names, key, what)
     study = Study(
         source=path,
-        name=header.name if header.name is not None else re.sub(r"[^A-Za-z0-9_-]", "_", path.stem),
+        name=header.name if header.name is not None else as_name(path.stem),
         signals=signals,
         estimators=estimators,
         models=models,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-import re
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
@@ -31,14 +30,15 @@ from bayesdamp.config.study import (
     SimulateTable,
     Simulation,
     SweepTable,
+    as_name,
 )
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
-from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.oscillator import Oscillator, check_restoring
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.plain_text import at_home
 from bayesdamp.plugins import nearest
-from bayesdamp.types import System
+from bayesdamp.types import InputError, System
 from bayesdamp.units import UNITS
 
 START = ("theta0", "omega0")
@@ -175,6 +175,10 @@ def _read_systems(
         ordered = {name: values.get(name) for name in (*inferred, *further)}
         known = {name: value for name, value in ordered.items() if isinstance(value, float)}
         free = {name: value for name, value in ordered.items() if name not in known}
+        try:
+            check_restoring(law.name, known)
+        except InputError as error:
+            raise StudyError(section, error.what) from None
         systems.append(System(law.name, known, free, *scales))
     return systems, reference
 
@@ -481,5 +485,5 @@ def suffix(key: str, value: object, values: tuple[Any, ...]) -> str:
         text = repr(value).removesuffix(".0")
     else:
         text = str(value)
-    text = re.sub(r"[^A-Za-z0-9_-]", "_", text.replace("-", "m", text.startswith("-")).replace(".", "p"))
+    text = as_name(text.replace("-", "m", text.startswith("-")).replace(".", "p"))
     return f"-{key.rpartition('.')[2]}-{text}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,8 +21,14 @@ from bayesdamp.serial import split
 from bayesdamp.types import InputError, System, candidate_name, candidate_parts
 from bayesdamp.units import UNITS
 
-NAME = r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"
-"""Regular expression of valid names of studies, signals, specimens and variants of estimators."""
+NAME = r"^\w[\w-]*\Z"
+"""Regular expression of valid names of studies, signals, specimens and variants of estimators: letters of any alphabet,
+digits, _ and -."""
+
+
+def as_name(text: str) -> str:
+    """Return a text in Unicode's composed form (NFC), with _ in place of each character that a name cannot have."""
+    return re.sub(r"[^\w-]", "_", unicodedata.normalize("NFC", text))
 
 
 def _tuple_of(value: object) -> object:
@@ -58,7 +66,7 @@ Positive = Annotated[float, Field(gt=0, description="a positive number")]
 class StudySection(BaseModel):
     """Base class of the tables of a study file. They are frozen, and unknown keys are errors."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, regex_engine="python-re")
 
 
 class Header(StudySection):

@@ -179,6 +179,20 @@ def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> floa
     return rest
 
 
+def check_restoring(restoring: str, known: Mapping[str, float]) -> None:
+    """Raise InputError if a restoring law has no stable rest position with one of the known values.
+
+    restoring: name of the law. known: known values by name; only those of parameters that the law declares as
+    `positive` are checked.
+    """
+    for name in LAWS.get(restoring).positive:
+        if name in known and not known[name] > 0:
+            raise InputError(
+                f"{name} = {known[name]:g}: with this value the law {restoring} has no stable equilibrium; it must be "
+                "above 0, or left out, so that it is inferred"
+            )
+
+
 def reference_of(system: System, features: FeatureValues) -> Reference:
     """Return the reference amplitude (rad or m) and angular frequency (rad/s), with which the widths of priors scale.
 
@@ -193,6 +207,7 @@ def reference_of(system: System, features: FeatureValues) -> Reference:
         If no oscillation about the record's midline is possible with the known parameters of the restoring law.
     """
     amplitude, frequency = system.amplitude, system.frequency
+    check_restoring(system.restoring, system.known)
     law, osc = LAWS.get(system.restoring), Oscillator(("viscous",), system.restoring)
     known = {n: system.known[n] for n in law.parameters if n in system.known}
     rest = features.rest

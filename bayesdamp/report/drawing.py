@@ -249,7 +249,7 @@ class Drawings:
 
 def _file_name(name: str) -> str:
     """Return the name with a hyphen in place of characters that a file name should not contain."""
-    return re.sub(r"[^A-Za-z0-9_.=+-]+", "-", name)
+    return re.sub(r"[^\w.=+-]+", "-", name)
 
 
 def _encode(figure: Figure) -> tuple[bytes, bytes]:

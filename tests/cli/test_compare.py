@@ -45,6 +45,18 @@ def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -
     assert len({s.name for s in again.signals}) == 2
 
 
+def test_a_record_keeps_the_letters_of_its_file(tmp_path) -> None:
+    files = [  # the second name has ü as two characters
+        "ä.csv",
+        "r 1 u\u0308.csv",
+        "проба №2.csv",
+        "v².csv",
+        "-ö.csv",
+    ]
+    study = comparison([{"file": str(write(tmp_path / file))} for file in files])
+    assert [s.name for s in study.signals] == ["ä", "r_1_ü", "проба__2", "v²", "_-ö"]
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

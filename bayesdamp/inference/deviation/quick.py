@@ -27,9 +27,10 @@ from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, prepare_for_no
 from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.physics.kernel.averaged import AveragedSolver
+from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
-from bayesdamp.types import Reference, Signal
+from bayesdamp.types import Reference, Signal, System
 
 NEAR = 10.0
 """For a record of very many cycles, motions are computed by averaging over cycles. That of a candidate (a damping sum
@@ -83,6 +84,8 @@ def compare_signal(
 
     Raises
     ------
+    InputError
+        If a restoring law has no stable rest position with the known values.
     Refusal
         Where the record does not oscillate, no motion stays in phase with it, no candidate can be compiled, or none of
         the noise models applies.
@@ -98,12 +101,14 @@ def compare_signal(
         approximate=approximate,
         noises=noises,
     )
-    known_under = [known(law) if callable(known) else known or {} for law in laws]
+    known_under = [dict(known(law) if callable(known) else known or {}) for law in laws]
     # Averaged motions have only approximately the phase of a known start.
     start_known = any(name in values for values in known_under for name in START)
     # The matrices have a few dozen rows, so that threads of the linear algebra library would only cost time.
     with threadpool_limits(1, "blas"):
         data = prepare_for_noises(signal, noises, known_under[0], priors or {}, average=not start_known)
+        for law, values in zip(laws, known_under, strict=True):
+            reference_of(System(law, values), data.features)  # refuses values without a stable rest position
         comparison = compare(data)
         if data.averaged is not None and comparison.results:
             comparison = _correct_averages(comparison)

@@ -66,6 +66,8 @@ class RestoringLaw(ABC):
     """Whether the law can also describe a translation, with displacements in metres instead of angles."""
     shift: ClassVar[str] = ""
     """Name of the parameter that only shifts the force along θ, such as the rest angle; "" if there is none."""
+    positive: ClassVar[tuple[str, ...]] = ()
+    """Names of the parameters that must be above 0, because the rest position is not stable otherwise."""
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:

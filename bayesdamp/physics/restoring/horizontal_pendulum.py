@@ -22,6 +22,7 @@ class HorizontalPendulum(RestoringLaw):
     name = "horizontal_pendulum"
     formula = "k(θ − θs) − γ cos θ"
     parameters = ("stiffness", "gravity", "spring_angle")
+    positive = ("stiffness",)
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:

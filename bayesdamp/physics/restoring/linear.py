@@ -16,6 +16,7 @@ class LinearSpring(RestoringLaw):
     formula = "k(θ − θe)"
     parameters = ("stiffness", "rest_angle")
     shift = "rest_angle"
+    positive = ("stiffness",)
     translates = True
 
     @staticmethod

@@ -17,6 +17,7 @@ class Pendulum(RestoringLaw):
     formula = "k sin(θ − θe)"
     parameters = ("stiffness", "rest_angle")
     shift = "rest_angle"
+    positive = ("stiffness",)
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
