@@ -409,7 +409,8 @@ class AnswerContent(Content):
 
 
 CLEAR_NATS = 3.0
-"""A log Bayes factor (nats) of at least this decides whether records differ or agree: odds of 20 (conventional)."""
+"""A log Bayes factor (nats) of at least this decides whether records differ or agree: odds of 20 (conventional). A
+check of an answer fails if log odds from evidence differ from the answer's by more than this."""
 LEAST_SPREAD = 0.05
 """Records differ if the lower end of the 95 % interval of their spread (sd of the logarithm of the damping between
 records) is above this value: half the scale of the spread's prior."""

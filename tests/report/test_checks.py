@@ -103,6 +103,9 @@ CONTRADICTIONS: dict[str, dict[str, Any]] = {
     "NUTS: not converged: R̂ of ζ": {"posteriors": chain(outcome="not converged: R̂ of ζ is 1.03.")},
     "NUTS contradicts the answer: its ζ differs by 2.0": {"posteriors": chain(at=0.052)},
     "Importance sampling ranks Coulomb damping first": {"evidence": evidence(coulomb=0.7, viscous=0.3)},
+    "0.65 by importance sampling; the answer gives 0.98, and the log odds differ by 3.3 nats.": {
+        "evidence": evidence(viscous=0.65, coulomb=0.35)
+    },
     "Residuals: viscous damping does not fit: why.": {"fits": [{**ROW, **MISFIT}], "posteriors": chain()},
     "look different from this one (predictive p 0.0050).": {
         "fits": [{**ROW, **MISFIT, "predictive_p": 0.005}],

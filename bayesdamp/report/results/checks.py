@@ -26,7 +26,7 @@ from bayesdamp.report.results.run import (
     rows_of,
     truth,
 )
-from bayesdamp.store.contents import PosteriorContent
+from bayesdamp.store.contents import CLEAR_NATS, PosteriorContent
 from bayesdamp.types import NORMAL_95, OK, candidate_parts
 from bayesdamp.verdict.agreement import Agreement, agreement, worst_agreement
 from bayesdamp.verdict.parts import Grade
@@ -36,6 +36,9 @@ from bayesdamp.verdict.types import Verdict
 WINDOW_SPREAD = 3.0
 """Largest change of a coefficient between parts of a record that passes the check, in standard deviations that are
 expected by chance."""
+PRINTED = 0.001
+"""Log odds are compared after probabilities are limited to this and to 1 minus this: the report prints "< 0.001" and
+"> 0.999", and larger log odds depend on the tails of the approximations."""
 ANSWER_SAMPLER = "smc"
 """The sampler of the answer itself, which therefore cannot check the answer."""
 UNLISTED_OUTCOMES = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
@@ -338,8 +341,9 @@ class RecordChecks:
     def _evidence(self, ranked: EvidenceRanking | None) -> Iterator[Check]:
         """Yield checks that compare the probabilities from the study's evidence with those of the answer.
 
-        They report evidence that failed or is unreliable, each method's probability of the answer's damping, methods
-        that rank another damping first, and how the result depends on the width of the priors and on the repeat.
+        They report evidence that failed or is unreliable; each method's probability of the answer's damping (a failed
+        check if its log odds differ from the answer's by more than `CLEAR_NATS`); methods that rank another damping
+        first; and how the result depends on the width of the priors and on the repeat.
         `ranked` is the result of `rank_models`. There are none if the study has no evidence besides that of the answer.
         """
         if ranked is None or ranked.method == ANSWER_SAMPLER:
@@ -362,14 +366,23 @@ class RecordChecks:
         named = _same_sum(ranked.dampings, v.damping) if v else leading
         if named is not None:
             by = fmt.listing(f"{fmt.probability(p[named])} by {words.method(m)}" for m, p in shares.items())
-            answer = ""
+            answer, apart = "", 0.0
             if v is not None:
                 each = [(v.damping, v.probability), *((r.damping, r.probability) for r in v.rivals)]
                 total = sum(p for damping, p in each if _same_sum(ranked.dampings, damping) is not None)
-                answer = f"; the answer gives {fmt.probability(v.probability / total)}" if total > 0 else ""
+                if total > 0:
+                    own = v.probability / total
+                    answer = f"; the answer gives {fmt.probability(own)}"
+                    # A method that ranks another damping first has a check of its own below.
+                    agreeing = [p[named] for p in shares.values() if p[named] == max(p.values())]
+                    apart = max((abs(_log_odds(p) - _log_odds(own)) for p in agreeing), default=0.0)
+            contradicts = apart > CLEAR_NATS and not self.exact_only
+            if contradicts:
+                answer = f"{answer}, and the log odds differ by {apart:.1f} nats"
             yield Check(
                 f"Probability of {words.model(named)} damping among the damping models of the study: "
-                f"{by}{answer}."
+                f"{by}{answer}.",
+                fails=contradicts,
             )
         # Methods that rank another damping first.
         for method, p in shares.items():
@@ -427,6 +440,12 @@ class RecordChecks:
                 p = fmt.number(row["predictive_p"], 2)
                 text = f"Records simulated from the model look different from this one (predictive p {p})."
                 yield Check(text, fails=not self.exact_only)
+
+
+def _log_odds(probability: float) -> float:
+    """Return the log odds (nats) of a probability, which is first limited to the range that is printed in full."""
+    limited = min(max(probability, PRINTED), 1 - PRINTED)
+    return math.log(limited / (1 - limited))
 
 
 def _name(method: str) -> str:
