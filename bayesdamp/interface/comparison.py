@@ -180,6 +180,7 @@ class Comparison(Result):
 
         from bayesdamp.report.drawing import RC, WIDTH
         from bayesdamp.report.figures.answer import ANSWER_HEIGHT, draw_answer, draw_envelope
+        from bayesdamp.report.words import divisor
 
         first = next((i for i, a in enumerate(self.answers) if a.arrays), None)
         if first is None:
@@ -189,7 +190,8 @@ class Comparison(Result):
             three = get_axes(ax, 3, size=(WIDTH, ANSWER_HEIGHT))
             draw_envelope(three, answer.arrays, answer.verdict, level_unit(answer.content.envelope.unit))
             return three
-        recorded = unit.displacement.of(answer.verdict.quantity)
+        own, quantity = unit.displacement, answer.verdict.quantity
+        recorded = f"{own.quantity_name(quantity)} / {divisor(own.of(quantity))}"
         show_in_notebook()
         with rc_context(RC):
             four = get_axes(ax, 4, columns=2, size=(WIDTH, ANSWER_HEIGHT))

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bayesdamp.config import Recording, SignalSpec, Study
-from bayesdamp.inference.deviation.model_comparison import ModelComparison
+from bayesdamp.inference.deviation.model_comparison import BEHIND, ModelComparison
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.single import ESCAPED, FitState
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.answer import Answer, answer, law_prefix
-from bayesdamp.outcomes import following
+from bayesdamp.outcomes import Status, following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.records import NOT_APPLICABLE, StudyRecord
@@ -135,7 +135,8 @@ def stored_fit(record: StudyRecord, damping: str, restoring: str) -> FitState:
         if (law.damping, law.restoring) == (damping, restoring):
             return join(FitState, law.found, result.arrays, law_prefix(damping, restoring))
     outcomes = {(r.damping, r.restoring): r.outcome for r in content.candidates}
-    raise Refusal(outcomes.get((damping, restoring), ESCAPED))
+    why = outcomes.get((damping, restoring), ESCAPED)
+    raise Refusal(Status.PRUNED.because(why) if why == BEHIND else why)
 
 
 def shortlist(record: StudyRecord, nats: float) -> set[tuple[str, str]] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
+from math import exp, isfinite, pi
 from typing import TYPE_CHECKING
 
 from bayesdamp.formatting import by_ten, compact, digits, percentage, probability, with_interval
@@ -112,8 +112,9 @@ def at_middle(v: Verdict) -> str:
 def _size(v: Verdict) -> str:
     """Return the size of the damping in words: for an envelope Q or else the decay rate, with 95 % intervals.
 
-    For another record, the text has the damping ratios at the first and at the last amplitude at which they are finite;
-    if they are finite at no amplitude, it says that the size is not determined.
+    For another record, the text has the damping ratios at the first and at the last amplitude at which they are finite,
+    or one of them if these amplitudes are equal to two digits; if they are finite at no amplitude, it says that the
+    size is not determined.
     """
     if v.quality_factor is not None:
         size = with_interval(v.quality_factor.value, v.quality_factor.low, v.quality_factor.high)
@@ -121,15 +122,16 @@ def _size(v: Verdict) -> str:
     if v.rate is not None:
         size = with_interval(v.rate.value, v.rate.low, v.rate.high, f" {v.rate.unit}")
         return f"decay rate {by_ten(size)}{at_middle(v)}"
-    ratios = [
-        f"{with_interval(r.value, r.low, r.high, ' %', 100)} at {compact(r.amplitude, 2)} {r.unit}"
-        for r in v.damping_ratio
+    ratios = {
+        f"{compact(r.amplitude, 2)} {r.unit}": with_interval(r.value, r.low, r.high, " %", 100)
+        for r in reversed(v.damping_ratio)
         if isfinite(r.value)
-    ]
-    if not ratios:
+    }
+    texts = [f"{size} at {amplitude}" for amplitude, size in reversed(ratios.items())]
+    if not texts:
         return "the size of the damping is not determined"
-    last = f", {ratios[-1]}" if len(ratios) > 1 else ""
-    return f"equivalent damping ratio {ratios[0]}{last}"
+    last = f", {texts[-1]}" if len(texts) > 1 else ""
+    return f"equivalent damping ratio {texts[0]}{last}"
 
 
 def frequency_remark(v: Verdict, by_law: FrequencyAt) -> str:
@@ -413,9 +415,12 @@ def remarks(
     if (drift := abs(findings.midline)) >= thresholds.MIDLINE:
         text = f"The midline drifts by {percentage(drift)} % of the first amplitude over the record."
         weighted.append((drift, text))
-    fallen = findings.amplitudes[1] / findings.amplitudes[0]
-    if fallen > thresholds.HARDLY_FALLS:
-        by = f"falls by only {100 * (1 - fallen):.0f} %" if fallen < 1 else "does not fall"
+    fall = 1 - findings.amplitudes[1] / findings.amplitudes[0]
+    if fall < 1 - thresholds.HARDLY_FALLS:
+        ratio = findings.ratios[len(findings.ratios) // 2] if findings.ratios else None
+        if fall < thresholds.LEAST_FALL and ratio is not None and ratio.low > 0:
+            fall = 1 - exp(-2 * pi * ratio.value * findings.cycles)
+        by = f"falls by only {percentage(fall)} %" if fall > 0 else "does not fall"
         weighted.append((0.5, f"The amplitude {by}, so damping models are hard to distinguish."))
     if v.exponent is not None:
         text = f"Fitted as a power law, the damping force {power_in_words(v.exponent, v.damping)}."

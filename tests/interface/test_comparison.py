@@ -84,13 +84,15 @@ def test_without_any_fit_the_outcome_is_the_reason(monkeypatch: pytest.MonkeyPat
     assert not result.verdict.decided
 
 
-def test_a_hopeless_sum_is_in_the_table_but_needs_no_remark() -> None:
+def test_a_hopeless_sum_is_in_the_table_but_needs_no_remark(tmp_path: Path) -> None:
     t = np.arange(2000) / 50.0
     y = np.exp(-0.05 * t) * np.cos(4.0 * t) + 1e-3 * np.random.default_rng(3).standard_normal(t.size)
     result = quick(bd.signal(t, y), "viscous", "quadratic", restoring=["linear"])
     assert result.verdict.damping == "viscous"
     outcomes = result.table.set_index("damping")["outcome"]
     assert outcomes["quadratic"] == BEHIND
+    page = result.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert f"Not fitted ({BEHIND}): quadratic (linear)" in page
     assert not any("not weighed" in remark for remark in result.verdict.remarks)
     sums = "quadratic", "viscous+quadratic", "viscous"
     exact = quick(bd.signal(t, y), *sums, restoring=["linear"], deviation="none").table
@@ -134,6 +136,14 @@ WRONG: list[tuple[dict, str]] = [
     ({"deviation": "no"}, "did you mean 'none'"),
     ({"known": {"stifness": 20.0}}, "did you mean 'stiffness'"),
     ({"known": {"cubic": 1.0}, "restoring": "linear"}, "unknown parameter 'cubic'"),
+    (
+        {"known": {"stiffness": -4.0}, "restoring": "pendulum"},
+        "stiffness = -4: with this value the law pendulum has",
+    ),
+    (
+        {"known": {"stiffness": 0.0}},
+        "stiffness = 0: with these values the law duffing has no stable equilibrium",
+    ),
     ({"priors": {"visc": bd.HalfNormal(0.1)}}, "did you mean 'viscous'"),
     ({"sensor": -1.0}, "0 to below"),
 ]
@@ -192,7 +202,9 @@ def test_a_record_in_degrees_is_answered_in_degrees(tmp_path: Path) -> None:
     # An accelerometer's values in g are drawn in the base unit of its displacement.
     y = 0.02 * np.exp(-0.05 * TIMES) * np.cos(4.5 * TIMES)
     in_g = bd.signal(TIMES, y, quantity="acceleration", unit="g", cleaned=False)
-    assert [ax.get_ylabel() for ax in quick(in_g, restoring=["linear"]).plot()][::2] == ["m/s²", "m/s²"]
+    labels = [ax.get_ylabel() for ax in quick(in_g, restoring=["linear"]).plot()]
+    assert labels[::2] == ["acceleration / (m/s²)"] * 2
+    assert labels[1::2] == ["damping ratio / %", "energy lost / (m²/s²)"]
     plt.close("all")
 
 

@@ -6,16 +6,21 @@ import json
 import math
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
+from bayesdamp.inference.deviation.model_comparison import BEHIND
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import tables
+from bayesdamp.pipeline.answering import stored_fit
 from bayesdamp.pipeline.jobs import CandidateSelection
+from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.store import Store, read_table
-from bayesdamp.store.contents import EvidenceContent
-from bayesdamp.types import Evidence
+from bayesdamp.store import Store, TaskResult, read_table
+from bayesdamp.store.contents import AnswerContent, ComparedCandidate, EvidenceContent
+from bayesdamp.types import Evidence, Refusal
 from tests.interface.problems import not_refused
 from tests.studies import ESTIMATED, WEIGHED, study_text, write_study
 
@@ -121,3 +126,15 @@ def test_a_pruned_candidate_is_not_sampled(tmp_path) -> None:
     assert outcomes(one - two)["viscous"] == ""
     assert status_of(outcomes(one - two)["viscous+quadratic"]) is Status.PRUNED
     assert set(outcomes(None).values()) == {""}, "a study without a limit keeps what another has pruned"
+
+
+def test_a_candidate_that_the_answer_left_out_as_far_behind_is_pruned() -> None:
+    """So its evidence is not an unreliable one, and its probability is 0."""
+    left_out = (("coulomb", BEHIND), ("quadratic", "no motion stays in phase"))
+    candidates = tuple(ComparedCandidate(damping, "linear", outcome=why) for damping, why in left_out)
+    result = TaskResult("answer/a/0", "key", AnswerContent({}, candidates).meta())
+    record = cast(StudyRecord, SimpleNamespace(name="a/0", store=SimpleNamespace(read=lambda _: result)))
+    for (damping, _), status in zip(left_out, (Status.PRUNED, Status.REFUSED), strict=True):
+        with pytest.raises(Refusal) as refusal:
+            stored_fit(record, damping, "linear")
+        assert status_of(str(refusal.value)) is status

@@ -283,8 +283,22 @@ def test_reservations_precede_other_remarks() -> None:
         "Fitted as a power law, the damping force grows as v^(1.00 ± 0.10), which is viscous.",
     ]
     assert [line[: len(start)] for line, start in zip(verdict.remarks, starts, strict=True)] == starts
-    (growing,) = verdict_of(amplitudes=(0.3, 0.31)).remarks
-    assert growing == "The amplitude does not fall, so damping models are hard to distinguish."
+
+
+def test_the_fall_of_the_amplitude_follows_from_the_damping_ratio_if_noise_hides_it() -> None:
+    """A damping ratio of 0.05 % over 5 cycles: exp(−2π · 0.0005 · 5) = 0.9844."""
+    for amplitudes in ((0.3, 0.31), (0.3, 0.2999)):
+        determined = Ratio(0.3, 0.0005, 0.00047, 0.00053, 1e-5, 1e-5)
+        remarks = verdict_of(amplitudes=amplitudes, cycles=5.0, ratios=(determined,)).remarks
+        assert remarks[0].startswith("The amplitude falls by only 1.6 %, so damping models")
+    vague = Ratio(0.3, 0.0005, -0.001, 0.002, 1e-3, 1e-5)
+    remarks = verdict_of(amplitudes=(0.3, 0.31), cycles=5.0, ratios=(vague,)).remarks
+    assert remarks[0].startswith("The amplitude does not fall, so damping models")
+
+
+def test_amplitudes_that_are_equal_in_print_are_one() -> None:
+    near = (Ratio(1.0, 0.01, 0.0099, 0.0101, 1e-5, 1e-5), Ratio(1.001, 0.01, 0.0099, 0.0101, 1e-5, 1e-5))
+    assert verdict_of(ratios=near).sentence.count("at 1 rad") == 1
 
 
 @pytest.mark.parametrize(

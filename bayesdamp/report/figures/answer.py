@@ -70,7 +70,8 @@ def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: 
     damping
         The damping sum of the fit in `arrays`, for its colour and for the legend.
     recorded
-        Unit of the recorded quantity, such as "mm/s", for the axes of the record and of the residual; "" means `unit`.
+        The recorded quantity and its unit, such as "velocity / (mm/s)", for the axes of the record and of the residual;
+        "" means `unit`.
     """
     figure, has_fit = Figure(figsize=(WIDTH, ANSWER_HEIGHT)), "fit" in arrays
     axes = figure.subplot_mosaic("AB;CD" if has_fit else "AA;BD")
@@ -106,7 +107,7 @@ def draw_answer(
     damping
         The damping sum of the fit in `arrays`.
     recorded
-        Unit of the recorded quantity; "" means `unit`.
+        The recorded quantity and its unit; "" means `unit`.
     """
     whole, ratio, rest, energy = axes
     assert whole is not None
@@ -143,7 +144,7 @@ def draw_answer(
         energy.plot(arrays["free/amplitude"], values, color=INK, label="without a law")
         a, lost = arrays["free/amplitude"], bool(np.any(values > 0))
     title = f"Energy lost in a cycle, {'by term' if by_term else 'without a law'}"
-    energy.set(title=title, xlabel=f"amplitude / {unit}", ylabel=f"{unit}²/s²")
+    energy.set(title=title, xlabel=f"amplitude / {unit}", ylabel=f"energy lost / ({unit}²/s²)")
     energy.set(xscale="log", yscale="log" if lost else "linear")
     label_with_plain_numbers(energy.xaxis)
     energy.set_xlim(a.min(), a.max())
@@ -179,7 +180,7 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     title = "Equivalent damping ratio, " + (
         "and each model fitted alone" if laws else "measured without a law"
     )
-    ax.set(title=title, xlabel=f"amplitude / {unit}", ylabel="%", xscale="log")
+    ax.set(title=title, xlabel=f"amplitude / {unit}", ylabel="damping ratio / %", xscale="log")
     ax.set_ylim(0, 1.35 * top or 1.0)  # the top is 0 if nothing is lost
     label_with_plain_numbers(ax.xaxis)
     ax.set_xlim(a.min(), a.max())

@@ -252,9 +252,10 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     coefficients and (folded) of all compared models.
     """
     v, signal = answer.verdict, answer.signal
-    own = run.unit(signal).displacement
-    unit, recorded = v.damping_ratio[0].unit if v.damping_ratio else "rad", own.of(run.quantity(signal))
-    draw = partial(figures.answer, answer.arrays, unit, v.damping, recorded)
+    own, quantity = run.unit(signal).displacement, run.quantity(signal)
+    unit, recorded = v.damping_ratio[0].unit if v.damping_ratio else "rad", own.of(quantity)
+    label = f"{own.quantity_name(quantity)} / {words.divisor(recorded)}"
+    draw = partial(figures.answer, answer.arrays, unit, v.damping, label)
     parts: list[object] = [
         run.drawings.add(f"answer-{signal}", MEASURED if v.contradicted else CAPTION, draw)
     ]
@@ -293,6 +294,14 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
         "first log Bayes factor allows for deviations from the laws wherever they were computed; the second one and "
         "the fit assume exact laws."
     )
+    left_out: dict[str, list[str]] = {}
+    for r in answer.content.candidates:
+        if r.outcome != OK:
+            left_out.setdefault(r.outcome.rstrip("."), []).append(
+                f"{words.model(r.damping)} ({words.law(r.restoring)})"
+            )
+    for why, models in left_out.items():
+        caption += f" Not fitted ({why}): {fmt.listing(models)}."
     table = Table.of(sorted(rows, key=lambda r: -log[id(r)]), compared, (0, 1), caption)
     return [*parts, collapsible("All damping models that were compared", table)]
 
