@@ -77,10 +77,10 @@ def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
     return raw / np.maximum(raw[..., :1], 1e-300)
 
 
-def laplace_draws(target: Target, mode: Mode, count: int, seed: int) -> np.ndarray:
+def laplace_draws(mode: Mode, count: int, seed: int) -> np.ndarray:
     """Draw scores from Laplace's approximation of the posterior, (count, d).
 
-    A score is a parameter transformed to a standard normal prior; the d columns are in the order of `target.names`. The
+    A score is a parameter transformed to a standard normal prior; the d columns are in the order of `Target.names`. The
     approximation is a normal distribution with the gradient of the log posterior at the mode and the Gauss–Newton
     covariance of `Mode.factor`. Scores of coefficients that cannot be negative (reflected scores) are truncated at
     zero.
@@ -176,7 +176,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     lags = int(np.clip(period / np.median(np.diff(t)), 4, max(n // 5, 4)))
     # Posterior predictive p values of the autocorrelation and of the kurtosis of whitened residuals.
     parts = np.array_split(
-        laplace_draws(target, mode, PREDICTIVE_DRAWS, seed), max(4, PREDICTIVE_DRAWS * n // MOST_RESIDUALS)
+        laplace_draws(mode, PREDICTIVE_DRAWS, seed), max(4, PREDICTIVE_DRAWS * n // MOST_RESIDUALS)
     )
     scores = (
         np.stack([mode.likelihood.whitened(mode.likelihood.residual(z), z) for z in part]) for part in parts

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 
 from bayesdamp.inference.checks import PREDICTIVE_DRAWS, Prediction
 from bayesdamp.inference.diagnostics import effective_mean
-from bayesdamp.inference.evidence.importance import K_LIMIT, Importance
+from bayesdamp.inference.evidence.importance import Importance
 from bayesdamp.inference.mode import Mode, mode_near
-from bayesdamp.numerics.weights import effective_size, pareto_k, resample
+from bayesdamp.numerics.weights import K_LIMIT, effective_size, pareto_k, resample
 from bayesdamp.priors import (
     SHARED_SIGMAS,
     HalfNormal,

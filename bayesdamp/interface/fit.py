@@ -545,7 +545,7 @@ def predict_exact(
     derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(signal.quantity)
     precision = PRECISION * float(np.ptp(signal.y)) * features(signal).frequency ** derivatives
     osc, best = target.oscillator, target.all_values(mode.z)
-    z = laplace_draws(target, mode, BAND_DRAWS, 0)
+    z = laplace_draws(mode, BAND_DRAWS, 0)
     drawn = {**{n: np.full(BAND_DRAWS, float(v)) for n, v in target.known.items()}, **target.values(z)}
     value, sd = np.empty(times.size), np.empty(times.size)
     for chosen, way in ((times >= 0, 1.0), (times < 0, -1.0)):

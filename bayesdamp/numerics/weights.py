@@ -21,6 +21,8 @@ smallest float). `MIN_WEIGHTS`: smallest number of other weights from which a Pa
 PRIOR_SHAPE, PRIOR_DRAWS = 0.5, 10
 """A weak prior of the Pareto shape k in `_fit_shape`: its mean, and the number of draws to which it is equivalent
 (Vehtari et al., appendix C)."""
+K_LIMIT = 0.7
+"""Importance weights are unreliable if their Pareto shape is at least this (Vehtari et al.)."""
 QUARTILE_FACTOR = 3.0
 """The factor 3 before the first quartile of the data, in the formula of Zhang and Stephens for the grid of trial
 parameters over which `_fit_shape` averages."""

@@ -184,7 +184,7 @@ def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator
     d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
     few = min(count, MOST_DISTINCT_DRAWS) if set(solver.inferred) & set(parameters.free_names) else count
     if result.sampled is None or not result.sampled.trusted:
-        u = result.posterior.draws(parameters.positive, few, rng)[0]
+        u = result.posterior.draws(few, rng)[0]
     else:
         own = result.sampled.draws
         u = own[rng.choice(len(own), few, replace=few > len(own))]

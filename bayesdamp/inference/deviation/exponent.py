@@ -115,7 +115,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     else:
         model, grid, variance = exact_model(top), NO_DEVIATIONS, comparison.exact_variance(top)
     posterior = linear_posterior(model, grid, variance, samples)
-    draws = posterior.draws(parameters.positive, FEW, np.random.default_rng(0))[0]
+    draws = posterior.draws(FEW, np.random.default_rng(0))[0]
     sd = float(np.std(draws[:, place])) * abs(float(parameters.rates(top.z)[place]))
 
     def at(p: float, near: _At | None) -> _At | None:

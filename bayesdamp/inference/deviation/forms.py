@@ -205,7 +205,7 @@ def bound_other_forms(
         whole = np.insert(columns, d, more[:, i] * size, axis=1)
         model = condense(whole, target, np.append(parameters.positive, not form.signed), shared)
         posterior = linear_posterior(model, result.grid(coarse=True), comparison.variance, comparison.samples)
-        u = posterior.draws(model.positive, FEW, rng)[0]
+        u = posterior.draws(FEW, rng)[0]
         lost = np.abs(u[:, d]) * size * work
         rest = np.maximum(parameters.values(u[:, :d])[:, : works.size] @ works, 0.0)
         share = float(np.quantile(lost / np.maximum(lost + rest, 1e-300), 0.95))

@@ -75,7 +75,7 @@ def free_curve(
     if at is None:
         return None
     posterior = linear_posterior(at.model, grid, comparison.variance, comparison.samples)
-    u = posterior.draws(at.fit.parameters.positive, CURVE_DRAWS, rng)[0]
+    u = posterior.draws(CURVE_DRAWS, rng)[0]
     g, h = np.split(u[:, at.fit.z.size :], 2, axis=1)
     if np.abs(g).max() > LARGEST_G:
         return None

@@ -128,17 +128,17 @@ def fit(
     rough : bool
         Whether to end early, for a fit that is only compared with those from other starts.
     """
-    stages: list[tuple[int | None, float]] = []
+    stages: list[tuple[int | None, bool]] = []
     span = FIRST_CYCLES * 2 * np.pi / solver.frequency
     while windows and span < 0.7 * solver.t[-1]:
         stop = int(np.searchsorted(solver.t, span))
         if stop >= 3 * z.size:
-            stages.append((stop, SEARCHED))
+            stages.append((stop, True))
         span *= 2
-    stages.append((None, SEARCHED if rough else TOLERANCE))
+    stages.append((None, rough))
     best = None
-    for stop, tolerance in stages:
-        best = _search(solver, parameters, active, y[:stop], z, noise, tolerance)
+    for stop, is_rough in stages:
+        best = _search(solver, parameters, active, y[:stop], z, noise, is_rough)
         if best is None:
             return None
         z = best.z
@@ -152,13 +152,13 @@ def _search(
     y: np.ndarray,
     z: np.ndarray,
     noise: float,
-    tolerance: float,
+    rough: bool,
 ) -> LeastSquaresFit | None:
-    """Fit the motion to the first values y, (n,), of a record, with motions solved to one tolerance.
+    """Fit the motion to the first values y, (n,), of a record, roughly or closely.
 
-    Parameters are those of `fit`. tolerance: error of an integration step, as a fraction of the amplitude. Return None
-    where `fit` does.
+    Parameters are those of `fit`. Return None where `fit` does.
     """
+    tolerance, close = (SEARCHED, ROUGH) if rough else (TOLERANCE, CLOSE)
 
     def solve(z: np.ndarray) -> Motion | None:
         return solver.solve(parameters.values(z), active, stop=y.size, tolerance=tolerance)
@@ -169,7 +169,6 @@ def _search(
     motion, damping, steps, last = solve(z), FIRST_LAMBDA, 0, False
     if motion is None:
         return None
-    close = CLOSE if tolerance == TOLERANCE else ROUGH
     while True:
         r, jacobian = y - motion.y, parameters.by_scores(motion.tangents, z)
         if not np.abs(jacobian).max() < LARGEST:

@@ -419,18 +419,15 @@ class LinearPosterior:
         """
         return np.sqrt(self.weights @ np.sum((combinations @ self.factors) ** 2, axis=2))
 
-    def draws(
-        self, positive: np.ndarray, count: int, rng: np.random.Generator
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Draw the unknowns u, (count, K); return also the index of each draw's component in the mixture, (count,).
 
         u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
-        (relative frequency), at knots in time. positive: which scores must not be negative, booleans (d,). The draws
-        are ordered by component.
+        (relative frequency), at knots in time. The draws are ordered by component.
         """
         numbers = rng.multinomial(count, self.weights / self.weights.sum())
         places = np.flatnonzero(numbers)
-        u = draw(rng, *self.posteriors(places), np.flatnonzero(positive), numbers[places])
+        u = draw(rng, *self.posteriors(places), np.flatnonzero(self.positive), numbers[places])
         return u, np.repeat(places, numbers[places])
 
     def crank_nicolson_step(

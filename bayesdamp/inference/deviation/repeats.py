@@ -105,16 +105,12 @@ class Repeats:
         Draws of the specimen's parameters, in their units and in the order of `names`.
     spreads : ndarray, shape (n,)
         Spread s of each draw: the sd of the log coefficients between records.
-    combos : ndarray of int, shape (n,)
-        Index of each draw's grid point (sizes and correlation lengths of the deviations from the laws), in `log_sizes`
-        of `join_runs`.
     """
 
     log_evidence: float
     names: tuple[str, ...]
     draws: np.ndarray
     spreads: np.ndarray
-    combos: np.ndarray
 
 
 def join_runs(
@@ -175,7 +171,7 @@ def join_runs(
     positive = np.array([p.reflected for p in priors.values()], bool)
     shared = np.array([isinstance(p, SharedHalfNormal) for p in priors.values()], bool)
     posterior = with_priors(normals, positive, shared)
-    z, places = posterior.draws(positive, draws, np.random.default_rng(seed))
+    z, places = posterior.draws(draws, np.random.default_rng(seed))
     rows = posterior.combos[places]
     natural = np.column_stack([p.value(z[:, i]) for i, p in enumerate(priors.values())])
     drawn = spreads[at[rows]]
@@ -183,7 +179,7 @@ def join_runs(
         low, high = SPREAD_EDGES[at[rows]], SPREAD_EDGES[at[rows] + 1]
         high = np.minimum(high, SPREADS[-1] ** 1.5 / SPREADS[-2] ** 0.5)
         drawn = low + (high - low) * np.random.default_rng([seed, 1]).random(rows.size)
-    return Repeats(posterior.log_evidence, runs[0].names, natural, drawn, combo[rows])
+    return Repeats(posterior.log_evidence, runs[0].names, natural, drawn)
 
 
 @dataclass(frozen=True)

@@ -149,7 +149,7 @@ class LinearProposal:
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Draw the unknowns u, (count, K); return also the index of each draw's mixture component, (count,)."""
-        return self.posterior.draws(self.parameters.positive, count, rng)
+        return self.posterior.draws(count, rng)
 
     def crank_nicolson_step(
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator

@@ -233,8 +233,7 @@ class Single:
         A draw contains the parameters as standard normal scores, then the deviations g (log damping) and h (relative
         frequency) at knots in time.
         """
-        positive = self.result.fit.parameters.positive
-        return self.result.posterior.draws(positive, LINEAR_DRAWS, np.random.default_rng(0))[0]
+        return self.result.posterior.draws(LINEAR_DRAWS, np.random.default_rng(0))[0]
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -167,7 +167,7 @@ class SlicedProposal:
         rows, combos = [], []
         for part, number in zip(self.slices, numbers, strict=True):
             if number:
-                others, combo = part.posterior.draws(part.model.positive, number, rng)
+                others, combo = part.posterior.draws(number, rng)
                 rows.append(np.insert(others, self.place, part.middle, axis=1))
                 combos.append(combo)
         return np.concatenate(rows), np.concatenate(combos)

@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.numerics.weights import effective_size, pareto_k, resample
+from bayesdamp.numerics.weights import K_LIMIT, effective_size, pareto_k, resample
 
 SMC_DRAWS = 300
 """Default number of draws of sequential Monte Carlo (conventional)."""
@@ -30,9 +30,6 @@ posterior is at least this, importance sampling with more draws costs less than 
 SAFETY_FACTOR = 1.2
 """Importance sampling makes this many times more draws than the effective fraction of the first draws requires, so that
 enough of them are effective."""
-LARGEST_PARETO_K = 0.7
-"""Importance sampling is not used if the Pareto shape of the largest weights is above this, because it is then not
-reliable (Vehtari et al., 2024)."""
 MOVES_PER_TEMPERATURE, LAST_MOVES = 2, 5
 """Sequential Monte Carlo moves the draws through posteriors in which the exact likelihood has the exponent β, which
 grows from 0 to 1. These are the number of moves of every draw at each β < 1, and the number at β = 1."""
@@ -190,7 +187,7 @@ def _importance_resampled(
 
     u: draws, (n, K). ratios: their log importance weights, (n,), which `ratio` computes. The result has n draws of
     equal weight. Return None if too many more draws would be needed (`LEAST_EFFECTIVE`), or if a few draws have nearly
-    all of the weight (`LARGEST_PARETO_K`).
+    all of the weight (`K_LIMIT`).
     """
     draws, share = len(u), _effective_share(ratios, 1.0)
     if share < LEAST_EFFECTIVE:
@@ -200,7 +197,7 @@ def _importance_resampled(
         u, ratios = np.concatenate([u, more]), np.concatenate([ratios, ratio(more)])
         if (
             _effective_share(ratios, 1.0) * ratios.size < EFFECTIVE_FRACTION * draws
-            or pareto_k(ratios) > LARGEST_PARETO_K
+            or pareto_k(ratios) > K_LIMIT
         ):
             return None
     logs = np.maximum(ratios, -1e300)

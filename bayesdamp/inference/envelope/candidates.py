@@ -178,7 +178,7 @@ class EnvelopeCandidate:
         Rates are the c_i of the law (see `DecayLaw`). g is the relative deviation of the decay rate from the law.
         exact: whether to draw from the posterior under the exact law, where g = 0.
         """
-        u, _ = (self.exact if exact else self.posterior).draws(self.about.positive, count, rng)
+        u, _ = (self.exact if exact else self.posterior).draws(count, rng)
         return self.unit * u[:, : len(self.terms)], u[:, -KNOTS:]
 
     def curve(self, blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:

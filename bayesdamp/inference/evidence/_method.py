@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 REFEREE = "nested"
 """Name of the evidence method that decides if the others disagree or are unreliable: nested sampling."""
 SE_APART = 3.0
-"""Two methods disagree if their log evidences differ by at least this many combined standard errors (conventional)."""
+"""Two methods, or two halves of the draws, disagree if their log evidences differ by at least this many combined
+standard errors (conventional)."""
 ADOPTED = "combined"
 """Value of the column `method`, in tables of log evidences, for the one that is used for a model: from one method, or
 averaged over several (`choose_evidence`)."""

@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 
 from bayesdamp.inference.coordinates.whitening import Shear, shear_of
 from bayesdamp.inference.diagnostics import effective_mean, monte_carlo_error
-from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
+from bayesdamp.inference.evidence._method import SE_APART, Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import SAMPLERS, Settings
@@ -28,9 +28,6 @@ this (conventional)."""
 SMALL_OVERLAP = 0.3
 """If the overlap of the posterior and the fitted distribution is at most this, a curved ridge of the posterior is
 straightened by a change of coordinates, and the evidence is computed again (conventional)."""
-SE_APART = 3.0
-"""The result is unreliable if the log evidences from the two halves of the draws differ by at least this many standard
-errors (conventional)."""
 
 
 @dataclass(frozen=True)

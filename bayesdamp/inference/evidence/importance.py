@@ -10,7 +10,7 @@ from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.numerics.orthant import T_DEGREES, ReflectedT, fit_reflected_t
-from bayesdamp.numerics.weights import effective_size, pareto_k
+from bayesdamp.numerics.weights import K_LIMIT, effective_size, pareto_k
 from bayesdamp.types import OK, Evidence
 
 PILOT_DRAWS, FINAL_DRAWS = 1000, 4000
@@ -20,9 +20,8 @@ from its laws, because the likelihood then takes longer."""
 MOST_REFITS = 4
 """Greatest number of times that the proposal distribution of importance sampling is fitted again to its own weighted
 pilot draws."""
-K_GOOD, K_LIMIT = 0.5, 0.7
-"""A Pareto shape of the weights of at most `K_GOOD` is good; one of at least `K_LIMIT` makes the evidence unreliable
-(Vehtari et al., JMLR 25, 2024)."""
+K_GOOD = 0.5
+"""A Pareto shape of the weights of at most this is good (Vehtari et al., JMLR 25, 2024)."""
 LEAST_EFFECTIVE = 50
 """The evidence is unreliable if the effective number of draws, from their importance weights, is below this
 (conventional)."""
@@ -63,12 +62,12 @@ class Importance(EvidenceMethod):
         reflected = target.reflected
         shear = Shear.of_noise(target, mode)
         proposal = self._proposal(target, mode, shear)
-        y, log_weights = self._weights(target, mode, proposal, shear, rng, PILOT_DRAWS)
+        y, log_weights = self._weights(mode, proposal, shear, rng, PILOT_DRAWS)
         evaluations = PILOT_DRAWS
         poor = mode.linear is None and not _are_good(log_weights)
         if poor and (ridge := shear_of(target, mode)) is not None:
             straight = self._proposal(target, mode, ridge)
-            pilot, weights = self._weights(target, mode, straight, ridge, rng, PILOT_DRAWS)
+            pilot, weights = self._weights(mode, straight, ridge, rng, PILOT_DRAWS)
             evaluations += PILOT_DRAWS
             if not effective_size(log_weights) >= effective_size(weights):
                 proposal, shear, y, log_weights = straight, ridge, pilot, weights
@@ -76,12 +75,12 @@ class Importance(EvidenceMethod):
             if _are_good(log_weights) or (refitted := self._refit(y, log_weights, reflected)) is None:
                 break  # too few draws have weight, which the outcome reports
             proposal = refitted
-            y, log_weights = self._weights(target, mode, proposal, shear, rng, PILOT_DRAWS)
+            y, log_weights = self._weights(mode, proposal, shear, rng, PILOT_DRAWS)
             evaluations += PILOT_DRAWS
         final = (
             FINAL_DRAWS if mode.linear is None else FINAL_DRAWS // 2
         )  # a likelihood with deviations takes longer
-        y, log_weights = self._weights(target, mode, proposal, shear, rng, final)
+        y, log_weights = self._weights(mode, proposal, shear, rng, final)
         evaluations += final
         k, share = pareto_k(log_weights), effective_size(log_weights) / final
         outcome = OK
@@ -105,7 +104,7 @@ class Importance(EvidenceMethod):
 
     @staticmethod
     def _weights(
-        target: Target, mode: Mode, proposal: ReflectedT, shear: Shear, rng: np.random.Generator, n: int
+        mode: Mode, proposal: ReflectedT, shear: Shear, rng: np.random.Generator, n: int
     ) -> tuple[np.ndarray, np.ndarray]:
         """Draw n points from a proposal distribution; return them, (n, d), and their log importance weights, (n,).
 

@@ -10,12 +10,8 @@ from bayesdamp.inference.diagnostics import summarise
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers._sampler import Settings
-from bayesdamp.numerics.weights import effective_size, normalise, pareto_k
+from bayesdamp.numerics.weights import K_LIMIT, effective_size, normalise, pareto_k
 from bayesdamp.types import OK, Posterior
-
-K_LIMIT = 0.7
-"""An approximation is called poor if the Pareto shape of its importance weights is at least this (Vehtari et al., JMLR
-25, 2024)."""
 
 MEAN_LIMIT, SD_LIMIT = 0.3, 1.25
 """An approximation is called poor if its importance weights change a parameter's mean by more than `MEAN_LIMIT`
