@@ -17,6 +17,11 @@ VERDICT_SCHEMA = 1
 """Version of the format of verdict.json; it increases if a field is renamed, removed, or changes its meaning."""
 NORMAL_95 = 1.959963984540054
 """Half the width of the central 95 % interval of a normal distribution, in standard deviations."""
+SENSOR = 0.002
+"""Default relative standard deviation of every damping ratio because of the sensor's linearity and clock, which the
+record does not show (conventional)."""
+DERIVATIVES = {"angle": 0, "velocity": 1, "acceleration": 2}
+"""Order of the time derivative of the displacement that is recorded, by the name of the recorded quantity."""
 LAW_MARK = "@"
 """Separator between damping sum and restoring law in the name of a candidate."""
 _OPTIONS = {"value": "angle", "channels": "channel"}

@@ -278,7 +278,9 @@ def recovery_summary(results: Results) -> Row:
             "bins": _adjust(_bins(hit, highest)),
             "by_model": _adjust(by_model),
             "log_score": float(np.mean(np.log(np.maximum(right, 1e-300)))) if right.size else math.nan,
-            "log_score_expected": float(np.mean(np.sum(p * np.log(np.maximum(p, 1e-300)), axis=1))),
+            "log_score_expected": float(np.mean(np.sum(p * np.log(np.maximum(p, 1e-300)), axis=1)))
+            if right.size
+            else math.nan,
             "log_score_ignorant": -math.log(len(models)),
             "by_design": by_design,
             "seconds": sum(c.seconds for c in chunks),

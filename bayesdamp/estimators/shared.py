@@ -16,7 +16,7 @@ from bayesdamp.physics.oscillator import Oscillator, reference_of
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features as measure
 from bayesdamp.records.oscillation.turning import midpoints, turning_points
-from bayesdamp.types import Problem, Reference, Refusal, Signal
+from bayesdamp.types import DERIVATIVES, Problem, Reference, Refusal, Signal
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -38,8 +38,6 @@ EDGE = 1.5
 there."""
 LEAST_SAMPLES_PER_CYCLE = 6.0
 """Least number of samples in a period (conventional). A record with fewer is refused."""
-ORDER = {"angle": 0, "velocity": 1, "acceleration": 2}
-"""For each quantity that can be recorded, the order of the time derivative of the displacement that it is."""
 SCORE = 3.5
 """A parameter of a damping term other than its coefficient is searched between two quantiles of its prior, which have ±
 this standard normal score (0.02 % and 99.98 %)."""
@@ -173,7 +171,7 @@ def rest_position(signal: Signal, problem: Problem, features: Features) -> float
     It is the midline of a record of displacements. A velocity or acceleration has no midline: then it is the
     equilibrium of the restoring law, or 0 if there is none.
     """
-    if ORDER[signal.quantity] == 0:
+    if DERIVATIVES[signal.quantity] == 0:
         return features.rest
     osc = oscillator(problem)
     try:
@@ -380,7 +378,7 @@ def _motion_without_gap(
             "record that begins after the gap"
         )
     gap = (t[-1] - t[0]) / (t.size - 1)
-    order = ORDER[signal.quantity]
+    order = DERIVATIVES[signal.quantity]
     size = float(np.abs(features.turning_amplitudes).max())
     highest = 2 - order
     amplified = noise * (2.5 / gap) ** highest / features.frequency**highest
@@ -462,7 +460,7 @@ def integrate(
         The motion as functions of time in s (rad, rad/s and rad/s², or m), and the number of constants of integration
         that were guessed because theta0 or omega0 is not known.
     """
-    known, t, order = problem.system.known, signal.t, ORDER[signal.quantity]
+    known, t, order = problem.system.known, signal.t, DERIVATIVES[signal.quantity]
     if order == 0:
         return (spline, spline.derivative(1), spline.derivative(2)), 0
     guessed = 0

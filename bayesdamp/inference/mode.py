@@ -12,7 +12,6 @@ import scipy  # loads its modules when they are used
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.numerics.levenberg_marquardt import (
-    MAX_LAMBDA,
     Expansion,
     Maximum,
     Retract,
@@ -123,7 +122,7 @@ def maximise(
 
     def has_converged(step: Step) -> bool:
         if step.gain < 0:
-            return step.expected < HOPELESS_GAIN or step.damping > MAX_LAMBDA
+            return step.expected < HOPELESS_GAIN
         size = np.sqrt(max(float(step.move @ step.at.information @ step.move), 0.0))
         value = step.at.value + step.gain
         return bool(step.gain < close**3 * max(1.0, abs(value) * 1e-3) and size < close)

@@ -9,14 +9,12 @@ import numpy as np
 from bayesdamp.formatting import percentage
 from bayesdamp.records.oscillation.features import features, once_per_record
 from bayesdamp.records.oscillation.modes import OtherMotion, find_other_motion
-from bayesdamp.types import NORMAL_95, Refusal, Signal
+from bayesdamp.types import DERIVATIVES, NORMAL_95, Refusal, Signal
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Grade, Interval, MotionKind, Oscillation, UsedWindow
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence
 
-DERIVATIVES = {"angle": 0, "velocity": 1, "acceleration": 2}
-"""Number of time derivatives of the displacement in each recorded quantity."""
 VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 

@@ -537,9 +537,10 @@ def log_loss(
     loss = rates_per_unit(term, LOSS_GRID, parameters(term, scores, scale), scale)
     most = float(np.max(loss))
     if not (np.all(np.isfinite(loss)) and most > 0):
+        wrong = next((rate for rate in loss if not np.isfinite(rate)), most)
         raise InputError(
-            f"damping term {term.name!r}: the energy lost per cycle must be finite and positive, but the decay "
-            f"rate is {loss[-1]:g} at the largest amplitude; correct its kernel or the priors of its parameters"
+            f"damping term {term.name!r}: the energy lost per cycle must be finite and positive, but a decay rate is "
+            f"{wrong:g}; correct its kernel or the priors of its parameters"
         )
     log = np.log(np.maximum(loss, MIN_RELATIVE_LOSS * most))
     # If the loss is zero at some amplitudes, a spline would overshoot.

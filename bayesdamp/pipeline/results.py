@@ -182,7 +182,7 @@ class Run(ResultView):
         try:
             shutil.copytree(self.folder, path, ignore=shutil.ignore_patterns(".lock", ".*.tmp"))
         except OSError as error:
-            reason = error.strerror or "it exists"
+            reason = error.strerror or error.args[0][0][-1]  # `shutil.Error` lists (source, target, reason)
             raise InputError(f"{path}: cannot be written ({reason}); give a new folder") from None
         return path
 
@@ -267,7 +267,7 @@ def run_study(
     folder = Path("reports") / study.name if out is None else Path(out)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; out must be a folder, or a new name")
-    if workers < 1:
+    if not hasattr(workers, "__index__") or workers < 1:
         raise InputError(f"run_study: workers is {workers!r}; it must be a whole number, 1 or more")
     with in_keys():
         run.run_study(study, folder, workers=workers, fresh=fresh, console=Console(stderr=True, quiet=True))

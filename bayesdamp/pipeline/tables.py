@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,7 @@ from bayesdamp.store.contents import (
     Summary,
 )
 from bayesdamp.store.files import SCHEMA
-from bayesdamp.types import OK, Evidence
+from bayesdamp.types import OK, Evidence, Refusal
 from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict, save_verdicts
@@ -106,7 +107,7 @@ def write_verdicts(study: Study, store: Store) -> None:
 
 
 def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[SignalSpec]) -> Verdict | None:
-    """Return the verdict on a specimen; None if fewer than two of its records have an answer."""
+    """Return the verdict on a specimen; None if fewer than two of its records have an answer, or no common model."""
     if sum(spec.repeats for spec in specs) < 2:
         return None
     if specs[0].is_envelope:
@@ -117,7 +118,9 @@ def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[Sig
     own = Specimen(study, name, store)
     if len(own.answered) < 2:
         return None
-    return specimen(name, list(own.answered.values()), study.priors, study.posterior.sensor, own.seed)
+    with suppress(Refusal):
+        return specimen(name, list(own.answered.values()), study.priors, study.posterior.sensor, own.seed)
+    return None
 
 
 def _candidates(study: Study, store: Store) -> Iterator[tuple[StudyCandidate, Row, SampledPosterior | None]]:

@@ -22,15 +22,15 @@ from bayesdamp.records.files.names import (
     split_run,
     unit_of_column,
 )
-from bayesdamp.records.oscillation.spectrum import coarse_period
-from bayesdamp.types import InputError
+from bayesdamp.records.oscillation.spectrum import LEAST_SHARE, coarse_period
+from bayesdamp.types import DERIVATIVES, InputError
 from bayesdamp.units import UNITS
 
 MIN_SAMPLES = 10
 """Smallest number of samples of a record; shorter ones are refused (conventional)."""
 MAX_STILL_LEVELS = 3
 """A column with at most this many different values does not count as changing: it is a switch or a sensor at rest."""
-_ORDER = {"angle": 0, "": 0, "velocity": 1, "acceleration": 2}
+_ORDER = {"": 0, **DERIVATIVES}
 """Order of the time derivative of the displacement for each quantity; "" is an unknown quantity, which counts as a
 displacement."""
 _DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms|energ\w*)\b", re.IGNORECASE)
@@ -49,9 +49,6 @@ another one if the ratio of their periods differs from 2 by less than the fracti
 _MIN_RELATIVE_SIZE = 1 / 3
 """Among several columns with the same unit and quantity, those whose oscillation is smaller than this fraction of the
 largest one are not used as records."""
-MIN_POWER_FRACTION = 0.3
-"""A column oscillates only if one frequency has at least this fraction of its variance (the same limit as
-`MIN_VARIANCE_SHARE` in `cleaning.window`)."""
 MIN_CYCLES = 2.5
 """Smallest number of periods of a column that oscillates; with fewer it may be a drift."""
 MAX_FINAL_SIZE = 0.8
@@ -78,7 +75,7 @@ class OscillationMeasure:
     size
         Standard deviation within the period in which it is largest, in the column's unit.
     oscillates
-        Whether one frequency has at least the fraction `MIN_POWER_FRACTION` of the variance, over at least `MIN_CYCLES`
+        Whether one frequency has at least the fraction `LEAST_SHARE` of the variance, over at least `MIN_CYCLES`
         periods.
     fills_periods
         Whether the oscillation fills at least `MIN_CYCLES` periods, which a single spike does not.
@@ -131,7 +128,7 @@ def measure_oscillation(y: np.ndarray) -> OscillationMeasure:
     return OscillationMeasure(
         period,
         size,
-        oscillates=share >= MIN_POWER_FRACTION and y.size / period >= MIN_CYCLES,
+        oscillates=share >= LEAST_SHARE and y.size / period >= MIN_CYCLES,
         fills_periods=periods_filled >= MIN_CYCLES,
         decays=last < MAX_FINAL_SIZE * size,
         grows_again=growth > MAX_REGROWTH,

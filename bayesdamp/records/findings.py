@@ -201,7 +201,7 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
         return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are in s", ("time-unit", "d"))
     if not oscillation.oscillates or step < COARSE_STEP or period < SLOW_PERIOD:
         return None
-    better = next((u for u in ("ms", "us", "ns") if period * SECONDS[u] < SLOW_PERIOD), "us")
+    better = next((u for u in ("ms", "us") if period * SECONDS[u] < SLOW_PERIOD), "ns")
     sentence = f"its times step by {step:.4g} and a period would last {period:.3g} s; are they in {better}?"
     return Finding(
         Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are in s", ("time-unit", better)
@@ -231,6 +231,6 @@ def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
         f"the time unit of its header gives an oscillation at {1 / period:.4g} Hz with {speed:.2g} {base}/s, which is "
         f"implausible; are its times in {better}?"
     )
-    known = next((u for u in ("s", "ms", "us", "ns", "ps") if SECONDS[u] == own), "as the header says")
+    known = next(u for u in ("ms", "us", "ns", "ps") if SECONDS[u] == own)
     option = f"--time-unit {better}, or {known} if they are in {known}"
     return Finding(Kind.TIME_UNIT, sentence, option, ("time-unit", better))

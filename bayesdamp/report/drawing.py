@@ -60,13 +60,13 @@ LETTERS_PER_INCH, MARK_LETTERS = 12.5, 7
 """Letters per inch of a legend, and the width of an entry's line and gap in letters (both measured)."""
 RIGHT_MARGIN = 0.2
 """Space to the right of the panels of a figure, in inches."""
-GAP_INTERVALS = 20.0
+DRAWN_GAP = 20.0
 """A gap in the samples that is longer than this many median sampling intervals is drawn as a gap in the line."""
 LARGEST_SVG = 80_000
 """Largest size in bytes of an SVG that is embedded in the page; larger figures are embedded as PNG."""
-NARROW_WIDTH, LEAST_SCALE = 440, 0.8
+NARROW_WIDTH, LEAST_ZOOM = 440, 0.8
 """A figure that is wider than `NARROW_WIDTH` CSS pixels scrolls sideways on a phone, so that it is never scaled below
-`LEAST_SCALE`, where its letters would be too small to read."""
+`LEAST_ZOOM`, where its letters would be too small to read."""
 DPI = 150
 """Resolution of a PNG in dots per inch."""
 
@@ -134,11 +134,11 @@ def interrupt_at_gaps(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tupl
     Returns
     -------
     tuple
-        t and y of the line. For each gap that is longer than `GAP_INTERVALS` median sampling intervals, a point with
+        t and y of the line. For each gap that is longer than `DRAWN_GAP` median sampling intervals, a point with
         y = nan is inserted at the gap's beginning.
     """
     gaps = np.diff(sampled)
-    begins = sampled[:-1][gaps > GAP_INTERVALS * np.median(gaps)] if gaps.size else sampled[:0]
+    begins = sampled[:-1][gaps > DRAWN_GAP * np.median(gaps)] if gaps.size else sampled[:0]
     places = np.searchsorted(t, begins, side="right")
     return np.insert(t, places, begins), np.insert(np.asarray(y, float), places, np.nan)
 
@@ -229,7 +229,7 @@ class Drawings:
             "<figcaption>{}</figcaption></figure>"
         ).format(
             Markup(' class="wide"' if width > NARROW_WIDTH else ""), kind, base64.b64encode(content).decode(),
-            caption, width, round(LEAST_SCALE * width), caption,
+            caption, width, round(LEAST_ZOOM * width), caption,
         )  # fmt: skip
 
     def show(self, name: str, caption: str, png: bytes) -> Markup:

@@ -96,7 +96,9 @@ def decide(
         DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high) for r in findings.ratios
     )
     q = findings.frequency_at
-    by_law = None if q is None else FrequencyAt(ratios[-1].amplitude, unit, q.value, q.low, q.high)
+    by_law = (
+        None if q is None or not ratios else FrequencyAt(ratios[-1].amplitude, unit, q.value, q.low, q.high)
+    )
     contradicted = off = narrower = False
     if law_free is not None:
         points = sorted((*findings.curve, *findings.ratios), key=lambda r: r.amplitude)

@@ -13,7 +13,7 @@ from bayesdamp.formatting import rounded, with_interval
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.specimen import RunComparison, SpecimenComparison, compare_runs
 from bayesdamp.priors import Prior
-from bayesdamp.types import NORMAL_95, candidate_name, sum_probabilities
+from bayesdamp.types import NORMAL_95, Refusal, candidate_name, sum_probabilities
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of, twin_pairs
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
@@ -136,10 +136,14 @@ def specimen(
     ------
     ValueError
         Where there is no record.
+    Refusal
+        If no damping model was fitted to all records.
     """
     if not records:
         raise ValueError("a specimen needs at least one record with a verdict")
     comparison = compare_runs([r.comparison for r in records], priors, seed=seed)
+    if not comparison.repeats:
+        raise Refusal("no damping model was fitted to all records")
     damping, restoring, others = specimen_probabilities(comparison)
     own = [r.verdict for r in records]
     ranges = [(float(r.curve["amplitude"].min()), float(r.curve["amplitude"].max())) for r in records]

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bayesdamp.estimators import run
+from bayesdamp.estimators.methods.weak_sindy import _column, _prepare
+from bayesdamp.estimators.regression.library import candidates
+from bayesdamp.estimators.regression.weak import test_function_weights as weights_of
+from bayesdamp.estimators.shared import checked_features
 from tests.estimators.truths import PAPER, error, initial, pendulum
 
 BOTH = ("sindy", "weak_sindy")
@@ -70,3 +76,23 @@ def test_weak_sindy_is_efficient_in_noise():
     for seed in range(2):
         rough = initial("least_squares", *pendulum({"zeta": 0.05}, noise=0.003, samples=1000, seed=seed))
         assert rough.stderr["zeta"] > 0.01 * 0.05
+
+
+@pytest.mark.parametrize("damping", ["displacement", "quadratic"])
+def test_the_noise_of_a_weak_column_includes_that_of_the_position(damping):
+    """The derivatives of the integrals by the samples are those of their differences."""
+    signal, problem = pendulum({"zeta": 0.05}, samples=1000)
+    problem, features = replace(problem, damping=(damping,)), checked_features(signal)
+    (term,) = (c for c in candidates(problem, features, "rad") if c.damping == damping)
+    (stretch,) = _prepare(signal, problem, features, 1e-3)
+    width = 2 * features.period
+    phi = weights_of(stretch.y.size, stretch.h, width, 0)
+    change = 1e-4 * np.sin(3.0 * signal.t)
+
+    def values(y):
+        at = replace(stretch, y=y, theta=y, omega=stretch.velocity @ y)
+        return _column(term, at, phi, width, features)[0]
+
+    _, through = _column(term, stretch, phi, width, features)
+    expected = 0.5 * (values(stretch.y + change) - values(stretch.y - change))
+    assert through @ change == pytest.approx(expected, abs=0.01 * np.abs(expected).max())

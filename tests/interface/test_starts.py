@@ -64,3 +64,12 @@ def test_a_step_cut_short_by_a_wall_is_no_convergence() -> None:
         found = maximise(at, np.array([True, False]), np.array(start))
         assert found.converged
         assert found.x == pytest.approx([0.0, 3.0 + 0.95 * 2.0], abs=1e-3)
+
+
+def test_a_search_without_a_shorter_step_that_succeeds_has_not_converged() -> None:
+    """The gradient is wrong: the density is lower everywhere else."""
+
+    def at(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return np.array(-float(z[0] != 1.0)), np.array([1e4]), np.eye(1)
+
+    assert not maximise(at, np.array([False]), np.array([1.0])).converged

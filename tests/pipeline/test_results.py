@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -66,6 +67,9 @@ def test_read_again(run: bd.Run, tmp_path: Path) -> None:
     assert copy.candidate("bench", "viscous").values == run.candidate("bench", "viscous").values
     with pytest.raises(bd.InputError, match="give a new folder"):
         run.save(tmp_path / "copy")
+    os.mkfifo(copy.folder / "pipe")
+    with pytest.raises(bd.InputError, match="is a named pipe"):
+        copy.save(tmp_path / "another")
     with pytest.raises(bd.InputError, match=r"does not contain run\.json"):
         bd.Run.load(tmp_path)
 
@@ -77,6 +81,8 @@ def test_misuse_is_one_line_and_nothing_is_written(run: bd.Run, tmp_path: Path) 
         (lambda: bd.run_study({**STUDY, "models": {"compare": ["viscos"]}}, out), "did you mean 'viscous'"),
         (lambda: bd.run_study(3, out), "must be a file, a dictionary or a Study"),  # type: ignore[arg-type]
         (lambda: bd.run_study(STUDY, out, workers=0), "workers is 0"),
+        (lambda: bd.run_study(STUDY, out, workers=2.5), "workers is 2.5"),  # type: ignore[arg-type]
+        (lambda: bd.run_study(STUDY, out, workers="2"), "workers is '2'"),  # type: ignore[arg-type]
         (lambda: bd.run_study(out / "none.toml"), "there is no such file"),
         (lambda: run.candidate("bensh", "viscous"), "did you mean 'bench'"),
         (lambda: run.candidate("bench", "viscos"), "did you mean 'viscous'"),

@@ -26,6 +26,7 @@ CASES = {
     "rad is given": ("t,angle", T, 50 * Y, {}, "rad", [], ""),
     "many turns": ("t,angle (rad)", T, 100 * Y, {}, None, [], ""),
     "ms": ("t,angle", 1e3 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit ms"),
+    "ns": ("t,angle", 1e9 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit ns"),
     "ms in the head": ("t (ms),angle", 1e3 * T, Y, {}, None, [], ""),
     "ms in the head, but s": ("t (ms),angle (deg)", T, 50 * Y, {}, None, [Kind.TIME_UNIT], "--time-unit s, or ms"),
     "us in the head, but ms": ("TimeUS,x (m)", 1e3 * T, Y, {}, None, [Kind.TIME_UNIT], "--time-unit ms, or us"),

@@ -357,3 +357,7 @@ def test_numbers_are_passed_on_in_their_units() -> None:
     assert verdict.damping_ratio[0] == DampingRatio(0.3, "m", 0.0101, 1e-5, 1e-4, 0.0099, 0.0103)
     (zeta,) = verdict.coefficients
     assert (zeta.name, zeta.sd_noise, zeta.sd_law, zeta.unit) == ("zeta", 1e-4, 4e-4, "1/s")
+
+
+def test_a_frequency_without_a_damping_ratio_has_no_amplitude() -> None:
+    assert verdict_of(ratios=(), frequency_at=HERTZ).frequency_at is None

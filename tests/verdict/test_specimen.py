@@ -18,7 +18,7 @@ from bayesdamp.inference.deviation.specimen import (
 )
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.priors import FURTHER_TERM, OTHER_FORMS_COUNT, OTHER_FORMS_ODDS, SharedHalfNormal
-from bayesdamp.types import Reference
+from bayesdamp.types import Reference, Refusal
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Bound, DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.specimen import RecordAnswer, common_verdict, pool_records, specimen
@@ -258,3 +258,8 @@ def test_a_deviation_that_all_records_share_changes_the_damping_ratio_of_the_spe
         return specimen("rig", each).damping_ratio[1].value
 
     assert value(0.2) / value(0.0) == pytest.approx(np.exp(0.2), rel=0.01)
+
+
+def test_records_without_a_common_model_have_no_common_verdict() -> None:
+    with pytest.raises(Refusal, match="no damping model was fitted to all records"):
+        specimen("rig", [answered("a", 0.01, {V: 0.0}), answered("b", 0.01, {Q: 0.0})])

@@ -92,9 +92,9 @@ class Envelope(Estimator[EnvelopeOptions]):
         else:
             x, scale = match.fit(coefficients, scaled)
             squares = [float(np.mean(match.log_difference(x, scale) ** 2))]
-        if not np.all(np.isfinite(match.log_difference(x, scale))):
-            raise Refusal("the trajectory is unbounded for every start that was tried")
         parameters = match.parameters(x, scale)
+        if not np.all(np.isfinite(match.trajectories.record(parameters))):
+            raise Refusal("the trajectory is unbounded for every start that was tried")
         values = {name: float(parameters[name]) for name in (*match.names, *free)}
         trace = {"log_mismatch": np.sqrt(squares)}
         return Estimate(self.name, "initial", values, trace=trace, evaluations=match.evaluations)

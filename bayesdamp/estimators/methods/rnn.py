@@ -227,7 +227,7 @@ class Simulator:
         # A frequency further off would lose step with the record's phase within a stretch.
         detuned = 0.1 / (np.pi * self.stretches.half_cycles)
         for name in self.osc.law.parameters:
-            if name not in self.known:
+            if name not in self.known and not name.endswith("_angle"):  # an angle only shifts the force
                 given[name] = given[name] * (1.0 + 2 * detuned * rng.uniform(-1.0, 1.0, m))
         louder = np.exp(0.2 * rng.uniform(-1.0, 1.0, m))
         for name, rest in (("theta0", self.rest), ("omega0", 0.0)):

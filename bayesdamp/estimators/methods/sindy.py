@@ -26,7 +26,6 @@ from bayesdamp.estimators.regression.library import (
 )
 from bayesdamp.estimators.regression.oscillation_spline import OscillationSpline
 from bayesdamp.estimators.shared import (
-    ORDER,
     checked_features,
     free_start,
     integrate,
@@ -36,7 +35,7 @@ from bayesdamp.estimators.shared import (
     pieces,
 )
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Estimate, Problem, Refusal, Signal
+from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
 
 RIDGES = (1e-8, 1e-3)
 """Weights of the ridge penalty, for columns and target of unit norm. For each of them the threshold is raised step by
@@ -150,7 +149,7 @@ class Sindy(Estimator[SindyOptions]):
             basis = np.linalg.qr(np.column_stack(drift))[0]
             columns, target = columns - basis @ (basis.T @ columns), target - basis @ (basis.T @ target)
         record = RecordToPredict(
-            state.t, state.y, ORDER[signal.quantity], state.theta, state.omega, force, features.period
+            state.t, state.y, DERIVATIVES[signal.quantity], state.theta, state.omega, force, features.period
         )
         dissipates = np.array([candidate.damping is not None for candidate in library])
         own = np.array([candidate.damping in problem.damping for candidate in library])
@@ -208,7 +207,7 @@ def _differentiate(signal: Signal, problem: Problem, features: Features) -> Deri
         inside.append((part.t >= part.t[0] + end) & (part.t <= part.t[-1] - end))
     rows = np.flatnonzero(np.concatenate(inside))
     curves, constants = (spline(0), spline(1), spline(2)), 0
-    if ORDER[signal.quantity]:
+    if DERIVATIVES[signal.quantity]:
         functions, constants = integrate(spline.curve(), parts[0], problem, features)
         curves = tuple(np.asarray(function(t)) for function in functions)
     return Derivatives(
@@ -220,7 +219,7 @@ def _differentiate(signal: Signal, problem: Problem, features: Features) -> Deri
         integrated=constants,
         freedom=max(spline.freedom, 4.0),
         smoothing=spline.log_penalty,
-        spline=None if ORDER[signal.quantity] else spline,
+        spline=None if DERIVATIVES[signal.quantity] else spline,
     )
 
 

@@ -13,7 +13,6 @@ from scipy.optimize import least_squares
 
 from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.shared import (
-    ORDER,
     checked_features,
     epsilon_of,
     free_names,
@@ -27,7 +26,7 @@ from bayesdamp.estimators.shared import (
     solve,
 )
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Estimate, Problem, Refusal, Signal
+from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
 
 if TYPE_CHECKING:
     from bayesdamp.estimators.expressions import Expression, ScoredExpression
@@ -154,7 +153,7 @@ class Force:
         # and sampling interval Δt, smoothed by a spline that follows angular frequencies up to b, has the standard
         # deviation σ √(Δt b⁵/5π) in the second derivative and σ √(Δt b³/3π) in the first.
         noise, gap = noise_level(signal), float(signal.t[-1] - signal.t[0]) / (signal.t.size - 1)
-        power = 2 * (2 - ORDER[signal.quantity]) + 1
+        power = 2 * (2 - DERIVATIVES[signal.quantity]) + 1
         sizes = features.turning_amplitudes
         lost = np.log(max(float(sizes.max()) / max(float(sizes[-1]), 2 * features.roughness, 1e-12), 1.05))
         ratio = lost / (features.frequency * (features.turning_times[-1] - features.turning_times[0]))

@@ -9,7 +9,7 @@ Systems and Signal Processing 174 (2022) 109042.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -19,7 +19,6 @@ from scipy.special import erfcinv, erfinv, log_ndtr
 
 from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.shared import (
-    ORDER,
     checked_features,
     free_names,
     known_restoring,
@@ -30,7 +29,7 @@ from bayesdamp.estimators.shared import (
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.records.oscillation.turning import midpoints
-from bayesdamp.types import Estimate, Problem, Refusal, Signal
+from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
 
 OPTIMAL_RATIO = 0.3299
 """Ratio L_n/L_0 of lifetimes that minimises the variance of the viscous estimate (Myers and Khasawneh)."""
@@ -122,8 +121,8 @@ class Topological(Estimator[TopologicalOptions]):
                 value = 2 * omega / features.amplitude * (1 / second - 1 / first)
         else:
             # The amplitude of a velocity (acceleration) is that of the displacement times ω (ω²).
-            unit = omega ** ORDER[signal.quantity]
-            scaled = Pairs(pairs.v / unit, pairs.p / unit, pairs.cycle, pairs.floor)
+            unit = omega ** DERIVATIVES[signal.quantity]
+            scaled = replace(pairs, v=pairs.v / unit, p=pairs.p / unit)
             value = _published_coefficient(damping, scaled, omega)
         values = {osc.coefficients[0]: value}
         if free := free_names(problem):

@@ -31,7 +31,6 @@ from bayesdamp.estimators.regression.weak import (
     whiten,
 )
 from bayesdamp.estimators.shared import (
-    ORDER,
     checked_features,
     free_names,
     free_start,
@@ -43,7 +42,7 @@ from bayesdamp.estimators.shared import (
     ratios_per_unit,
 )
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Estimate, Problem, Refusal, Signal
+from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
 
 WIDTHS = (0.75, 1.0, 1.5, 2.0)
 """Widths of the test functions that are tried, in periods."""
@@ -122,7 +121,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         best = min(path, key=lambda solution: solution.score, default=nothing)
         # The damping model is given: its terms are always used, and no others, except functions of θ that correct a
         # displacement with guessed constants of integration.
-        guessed = ORDER[signal.quantity] > 0 and not {"theta0", "omega0"} <= set(problem.system.known)
+        guessed = DERIVATIVES[signal.quantity] > 0 and not {"theta0", "omega0"} <= set(problem.system.known)
         allowed = base | (of_theta & guessed)
         support = (best.support & allowed) | own
         course, fit = [], best
@@ -164,7 +163,7 @@ def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float)
     For a recorded velocity or acceleration, only the first piece is returned, because the motion cannot be integrated
     across a gap. sigma: standard deviation of the noise, in the unit of the record.
     """
-    parts, order = pieces(signal, features.period), ORDER[signal.quantity]
+    parts, order = pieces(signal, features.period), DERIVATIVES[signal.quantity]
     if order:
         smoothed = motion(signal, problem, features)
         first, h = parts[0], float(np.diff(parts[0].t).mean())
@@ -228,13 +227,10 @@ def _column(
         values = f(*states).reshape(places.shape).mean(axis=1)
     else:
         values = f(theta, omega)
-    through = sparse.csr_matrix(phi.shape)
     if stretch.order:
-        return phi @ values, through
+        return phi @ values, sparse.csr_matrix(phi.shape)
     d = 1e-3 * features.amplitude
-    if candidate.damping is None:
-        by_theta = (f(theta + d, omega) - f(theta - d, omega)) / (2 * d)
-        through = phi @ sparse.diags(by_theta)
+    through = phi @ sparse.diags((f(theta + d, omega) - f(theta - d, omega)) / (2 * d))
     if not candidate.restoring:
         d *= 10 * features.frequency
         by_omega = (f(theta, omega + d) - f(theta, omega - d)) / (2 * d)

@@ -17,7 +17,6 @@ from torch import Tensor
 from torch.func import jvp
 
 from bayesdamp.estimators.shared import (
-    ORDER,
     epsilon_of,
     oscillator,
     ratios_per_unit,
@@ -27,7 +26,7 @@ from bayesdamp.estimators.shared import (
 from bayesdamp.physics.damping import EXACT
 from bayesdamp.physics.forces import with_names
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import OK, Problem, Refusal, Signal
+from bayesdamp.types import DERIVATIVES, OK, Problem, Refusal, Signal
 
 REAL = torch.float64
 """Type of every tensor. We pass it wherever a tensor is created, so that torch's default type stays unchanged."""
@@ -322,7 +321,7 @@ class ScaledRecord:
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
         osc, known = oscillator(problem), problem.system.known
         self.base = start_parameters(signal, problem, features)
-        self.a, self.w, self.order = features.amplitude, features.frequency, ORDER[signal.quantity]
+        self.a, self.w, self.order = features.amplitude, features.frequency, DERIVATIVES[signal.quantity]
         self.rest = features.rest if self.order == 0 else osc.equilibrium(self.base)
         self.ratios = ratios_per_unit(problem, features)
         self.coefficients = osc.coefficients

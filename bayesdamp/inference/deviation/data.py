@@ -16,7 +16,7 @@ from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.averaged import NUMBERS, AveragedSolver
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.types import Reference, Signal
+from bayesdamp.types import DERIVATIVES, Reference, Signal
 
 A_CYCLE = 32
 """If neighbouring samples are averaged, at least this many means remain in a cycle. Motions are averaged over the same
@@ -37,8 +37,6 @@ SOLVED = 1e-6
 LEAST_SQUARES = (GAUSSIAN, CORRELATED)
 """Noise models under which the amplitudes and phases of blocks are estimated by least squares. Under the others they
 are the most probable ones (see `average_of`)."""
-ORDERS = {"angle": 0, "velocity": 1, "acceleration": 2}
-"""Order of the time derivative of the displacement that is recorded, by the name of the recorded quantity."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +116,7 @@ class Data:
     @property
     def recorded_amplitude(self) -> float:
         """Return the first amplitude of the recorded quantity (angle, velocity or acceleration), in the unit of y."""
-        return self.amplitude * self.frequency ** ORDERS[self.quantity]
+        return self.amplitude * self.frequency ** DERIVATIVES[self.quantity]
 
     @property
     def middle(self) -> Reference:
@@ -273,7 +271,7 @@ def _start(t: np.ndarray, y: np.ndarray, quantity: str, shape: Features) -> tupl
     """Estimate displacement θ₀ and velocity θ̇₀ at the first sample, by a sinusoid that is fitted to the first cycle.
 
     Return them in this order, in rad and rad/s (or m and m/s). The sinusoid's amplitude changes linearly with time, or
-    is constant if few samples are in the cycle. quantity: what y contains, one of `ORDERS`.
+    is constant if few samples are in the cycle. quantity: what y contains, one of `DERIVATIVES`.
     """
     w = shape.frequency
     stop = max(int(np.searchsorted(t, 1.05 * shape.period)), min(6, t.size))
@@ -281,7 +279,7 @@ def _start(t: np.ndarray, y: np.ndarray, quantity: str, shape: Features) -> tupl
     columns = np.column_stack([np.ones_like(x), np.cos(x), np.sin(x), x * np.cos(x), x * np.sin(x)])
     c = np.linalg.lstsq(columns[:, : 5 if stop > 12 else 3], y[:stop], rcond=None)[0]
     value, slope = c[1], w * (c[2] + (c[3] if c.size > 3 else 0.0))
-    match ORDERS[quantity]:
+    match DERIVATIVES[quantity]:
         case 0:
             return float(c[0] + value), float(slope)
         case 1:

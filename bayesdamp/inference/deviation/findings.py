@@ -42,11 +42,8 @@ from bayesdamp.inference.deviation.tempered import TemperedDraws
 from bayesdamp.inference.diagnostics import moments_and_quantiles
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
-from bayesdamp.types import NORMAL_95, Ratio, sum_probabilities
+from bayesdamp.types import NORMAL_95, SENSOR, Ratio, sum_probabilities
 
-SENSOR = 0.002
-"""Relative standard deviation of every damping ratio because of the sensor's linearity and clock, which the record does
-not show; posterior draws include it (conventional)."""
 CURVE_AMPLITUDES = 12
 """Number of amplitudes, from a record's first to its last, at which its damping ratio is computed for a curve."""
 PROBABLE_RIVALS = 1e-3

@@ -374,7 +374,8 @@ def fit_noise(
         [float(np.clip(p.score(start[n]), -LARGEST_SCORE, LARGEST_SCORE)) for n, p in inferred.items()]
     )
     if not z.size:
-        return FittedNoise(name, values(z), -negative_log_density(z))
+        density = -negative_log_density(z)
+        return FittedNoise(name, values(z), density if density > -1e300 else -np.inf)
     z = scipy.optimize.minimize(
         negative_log_density, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}
     ).x

@@ -22,7 +22,7 @@ from bayesdamp.records.cleaning.swings import (
 from bayesdamp.records.oscillation.features import without_gap_edges
 from bayesdamp.records.oscillation.modes import few_samples, find_excited, find_other_motion
 from bayesdamp.records.oscillation.noise import roughness
-from bayesdamp.records.oscillation.spectrum import coarse_periods, samples_a_cycle
+from bayesdamp.records.oscillation.spectrum import LEAST_SHARE, coarse_periods, samples_a_cycle
 from bayesdamp.records.oscillation.turning import TurningPoints, resample, turning_points
 from bayesdamp.types import FreeDecay, InputError
 
@@ -32,8 +32,6 @@ MIN_STEPS = 2.0
 used."""
 MIN_SIGMAS = 2.0
 """A turning point closer to the midline than this many standard deviations of the noise is not used."""
-MIN_VARIANCE_SHARE = 0.3
-"""Smallest fraction of the record's variance that an oscillation must explain; with less, the record is refused."""
 FEWEST_A_CYCLE = 4.0
 """Smallest number of samples in a cycle with which an oscillation can be followed. A record without a free decay is
 reported as sampled too coarsely if it has fewer."""
@@ -256,12 +254,12 @@ def _find_decays(
 ) -> _Decays:
     """Return the free decays with the period among `periods` for which the best one has the most `information`.
 
-    The arguments are those of `free_decay`; periods that explain less than `MIN_VARIANCE_SHARE` of the variance are not
+    The arguments are those of `free_decay`; periods that explain less than `LEAST_SHARE` of the variance are not
     tried. Raises InputError if there is no free decay with any of them.
     """
     options: list[_Decays] = []
     for period, share in periods:
-        if share >= MIN_VARIANCE_SHARE and (decays := _decays_of_period(t, y, step, period)):
+        if share >= LEAST_SHARE and (decays := _decays_of_period(t, y, step, period)):
             options.append(decays)
         if share > CLEAR_SHARE and options:
             break
@@ -276,7 +274,7 @@ def _find_decays(
             f"cycle; give a record with at least {FEWEST_A_CYCLE:.0f}, better 10",
             name,
         )
-    if share < MIN_VARIANCE_SHARE:
+    if share < LEAST_SHARE:
         raise InputError(
             f"no oscillation stands out of the noise (share of the best sinusoid {share:.2f})", name
         )

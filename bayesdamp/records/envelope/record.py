@@ -123,8 +123,10 @@ def make_record(
     Raises
     ------
     InputError
-        If times decrease, the frequency is not positive, or the readings cannot be an envelope.
+        If there are no readings, times decrease, the frequency is not positive, or the readings cannot be an envelope.
     """
+    if not t.size:
+        raise InputError(f"{name}: there are no readings")
     if frequency is not None and not (np.isfinite(frequency) and frequency > 0):
         raise InputError(f"{name}: frequency must be positive, in Hz, not {frequency:g}")
     steps = np.diff(t)
@@ -137,14 +139,14 @@ def make_record(
         remarks.append(f"{int((~keep).sum())} readings with the same time as the one before are left out.")
     if unit in DECIBELS:
         level = y.astype(float)
-        far = level[np.argmax(np.abs(level))] if level.size else 0.0
+        far = level[np.argmax(np.abs(level))]
         if abs(far) > LARGEST_LEVEL:
             raise InputError(
                 f"{name}: a level of {far:g} {unit} is implausible; is it the right column, and is it in {unit}?"
             )
     else:
         size = np.abs(y)
-        size[size < 10.0 ** (-LARGEST_LEVEL / 20.0) * size.max(initial=0.0)] = 0.0
+        size[size < 10.0 ** (-LARGEST_LEVEL / 20.0) * size.max()] = 0.0
         if np.any(y < -MAX_NEGATIVE * size.max()):
             raise InputError(
                 f"{name}: readings have both signs ({y.min():g} to {y.max():g}), so they are not amplitudes; "

@@ -13,7 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.records.oscillation.noise import group_by_size, roughness
-from bayesdamp.records.oscillation.spectrum import coarse_period
+from bayesdamp.records.oscillation.spectrum import LEAST_SHARE, coarse_period
 from bayesdamp.records.oscillation.turning import (
     TurningPoints,
     local_median,
@@ -21,7 +21,7 @@ from bayesdamp.records.oscillation.turning import (
     true_runs,
     turning_points,
 )
-from bayesdamp.types import FeatureValues, Refusal, Signal
+from bayesdamp.types import DERIVATIVES, FeatureValues, Refusal, Signal
 
 MAX_CHANGE_RATIO = 0.7
 """A record does not oscillate if the variance of the changes of its values over a period is larger than this fraction
@@ -37,9 +37,6 @@ GAP_PERIODS, GAP_INTERVALS, GAP_MARGIN = 0.5, 5.0, 0.25
 TESTED_MARGIN = 1.5
 """The test whether a record oscillates (`reason_not_oscillating`) uses the samples between the first and the last
 turning point, and up to this many periods before and after these."""
-LEAST_SHARE = 0.3
-"""Smallest fraction of the variance of a record about its slow trend that the strongest oscillation must explain
-(computed by `coarse_period`); with less, the record is refused."""
 
 
 MAX_CACHED = 16
@@ -208,7 +205,7 @@ def features(signal: Signal) -> Features:
     after = min((t[-1] - last.times[-1]) / (2 * (last.times[-1] - last.times[-2])), 0.5)
     cycles = (turns.times.size - 1) / 2 if first is last else (last.times[-1] - first.times[0]) / period
     frequency = 2 * np.pi / period
-    order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
+    order = DERIVATIVES[signal.quantity]
     return Features(
         rest=float(np.median(middle[middle.size // 2 :])) if order == 0 else 0.0,
         amplitude=extrapolate_to_start(first.times - t[0], _sizes(first)) / frequency**order,

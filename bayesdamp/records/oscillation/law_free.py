@@ -24,7 +24,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.records.oscillation.features import features, once_per_record
 from bayesdamp.records.oscillation.noise import group_by_size
 from bayesdamp.records.oscillation.spectrum import block_means
-from bayesdamp.types import NORMAL_95, Refusal, Signal
+from bayesdamp.types import DERIVATIVES, NORMAL_95, Refusal, Signal
 from bayesdamp.units import Unit
 
 SHORTEST_WINDOW, LONGEST_WINDOW, WINDOW_FRACTION = 2.0, 8.0, 0.05
@@ -373,7 +373,7 @@ def law_free(signal: Signal) -> LawFree:
     windows = max(
         options, key=lambda w: max(f.log_likelihood for f in _smooth_power(w, log_sizes, 0.0, x[:1], False))
     )
-    order = {"angle": 0, "velocity": 1, "acceleration": 2}[signal.quantity]
+    order = DERIVATIVES[signal.quantity]
     sizes, phases, half = log_sizes, windows.phases, 0.5 * float(windows.times[-1] - windows.times[0])
     if order:
         sizes = log_sizes - order * np.log(np.abs(_fit_line(windows, phases).deriv()(x)) / half)

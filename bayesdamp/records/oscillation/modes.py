@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.records.oscillation.features import LEAST_SHARE, reason_not_oscillating
+from bayesdamp.records.oscillation.features import reason_not_oscillating
 from bayesdamp.records.oscillation.noise import roughness
-from bayesdamp.records.oscillation.spectrum import block_means, coarse_period
+from bayesdamp.records.oscillation.spectrum import LEAST_SHARE, block_means, coarse_period
 from bayesdamp.records.oscillation.turning import zigzag
 
 LEAST_AVERAGED = 1500

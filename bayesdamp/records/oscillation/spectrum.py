@@ -20,6 +20,9 @@ ALIAS_BLOCKS = 4.5
 blocks."""
 LINE_BINS = 4
 """Approximate half width, in bins of a spectrum, of the line of a decaying oscillation."""
+LEAST_SHARE = 0.3
+"""Smallest fraction of the variance of a record about its slow trend that the strongest oscillation must explain
+(computed by `coarse_period`); with less, a record is refused, and a column does not oscillate."""
 WEAK_POWER = 0.1
 """A period whose sinusoids explain less than this fraction of the power that those of the strongest period explain is
 ignored."""

@@ -55,7 +55,7 @@ PANEL_POSITIONS = ((0.075, 0.12, 0.53, 0.78), (0.68, 0.42, 0.305, 0.48), (0.68, 
 """Left, bottom, width and height of the three panels in the figure of an envelope, as fractions of the figure."""
 
 
-def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str = "") -> Figure:
+def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str) -> Figure:
     """Draw an answer in four panels: record and fit, damping ratio, residual, energy lost in a cycle.
 
     If `arrays` contains no fit (because the record contradicts every damping law), the residual is left out and there
@@ -91,7 +91,7 @@ def draw_answer(
     arrays: Mapping[str, np.ndarray],
     unit: str,
     damping: str,
-    recorded: str = "",
+    recorded: str,
 ) -> None:
     """Draw the panels of `answer` on the given axes: record, damping ratio, residual, energy lost in a cycle.
 

@@ -44,9 +44,9 @@ def traces(curves: Mapping[str, np.ndarray]) -> Figure:
     curves
         For each title, the values by iteration, (n,).
     """
-    columns = min(4, len(curves))
+    columns = min(MOST_IN_ROW, len(curves))
     rows = -(-len(curves) // columns)
-    figure = Figure(figsize=(WIDTH * max(0.3, columns / 4), 1.6 * rows + 0.1))
+    figure = Figure(figsize=(WIDTH * max(0.3, columns / MOST_IN_ROW), 1.6 * rows + 0.1))
     for i, (title, curve) in enumerate(curves.items()):
         ax = figure.add_subplot(rows, columns, i + 1)
         ax.plot(np.arange(len(curve)), curve, color=INK, lw=0.9)
@@ -59,7 +59,7 @@ def traces(curves: Mapping[str, np.ndarray]) -> Figure:
     return figure
 
 
-def estimate_panels(estimates: Sequence[CoefficientEstimates], abreast: int = MOST_IN_ROW) -> Figure:
+def estimate_panels(estimates: Sequence[CoefficientEstimates]) -> Figure:
     """Draw the estimates of each coefficient in a panel with a row for each method.
 
     Open dots are own estimates, filled dots trajectory fits. The band is the 95 % interval of the posterior, the dashed
@@ -69,10 +69,8 @@ def estimate_panels(estimates: Sequence[CoefficientEstimates], abreast: int = MO
     ----------
     estimates
         The estimates of each coefficient, at least one.
-    abreast
-        Largest number of panels in a row.
     """
-    abreast = min(abreast, len(estimates))
+    abreast = min(MOST_IN_ROW, len(estimates))
     methods = list(dict.fromkeys(m for e in estimates for m in e.methods))
     rows = -(-len(estimates) // abreast)
     height = rows * (ROW * len(methods) + 0.85) + 0.45

@@ -25,7 +25,7 @@ from bayesdamp.report.drawing import (
     legend_columns,
     looks,
 )
-from bayesdamp.types import FreeDecay
+from bayesdamp.types import DERIVATIVES, FreeDecay
 from bayesdamp.verdict.parts import Oscillation
 
 USED, NOT_USED = "#0072B2", "#56B4E9"
@@ -36,8 +36,6 @@ _MOST_LAG_LINES = 200
 """Largest number of lags for which an autocorrelation is drawn as separate lines; with more it is drawn as an area."""
 HEIGHT = 2.7
 """Height of a panel of `draw_motions`, in inches."""
-ORDERS = {"angle": 0, "velocity": 1, "acceleration": 2}
-"""Number of time derivatives of the displacement in each recorded quantity."""
 LEAST_AXIS_RATIO = 2.0
 """Smallest ratio of the upper to the lower end of an axis of amplitudes, so that a nearly constant amplitude looks
 constant."""
@@ -178,7 +176,7 @@ def draw_raw_record(
 def thin_line(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.ndarray, np.ndarray]:
     """Return a line (t, y) thinned to about `points` points, which include its ends and the extremes of each section.
 
-    At each gap of the samples that is longer than `GAP_INTERVALS` median sampling intervals it has a point with
+    At each gap of the samples that is longer than `DRAWN_GAP` median sampling intervals it has a point with
     y = nan. A line with at most `points` samples is not thinned.
     """
     size = -(-len(t) // max(1, points // 2))
@@ -249,7 +247,7 @@ def draw_motions(
         periods = [(a, b) for a, b in pairwise(edges) if b - a > 1]
         middles = [0.5 * (t[a] + t[b - 1]) for a, b in periods]
         sizes = np.array([0.5 * np.ptp(y[a:b]) for a, b in periods])
-        each.plot(middles, sizes / (2 * np.pi * modes[0].frequency) ** ORDERS[quantity], color=INKS[0])
+        each.plot(middles, sizes / (2 * np.pi * modes[0].frequency) ** DERIVATIVES[quantity], color=INKS[0])
         whole.set_title("The record")
         each.set_title("Amplitude in each period")
     at, middle = np.linspace(t[0], t[-1], _AMPLITUDE_POINTS), float(np.median(y))
@@ -257,7 +255,7 @@ def draw_motions(
         if not np.isfinite(mode.damping_ratio):
             continue
         size = mode.first * (mode.last / mode.first) ** ((at - at[0]) / (at[-1] - at[0]))
-        edge = size * (2 * np.pi * mode.frequency) ** ORDERS[quantity]
+        edge = size * (2 * np.pi * mode.frequency) ** DERIVATIVES[quantity]
         for sign in (1, -1):
             whole.plot(at, middle + sign * edge, color=ink, ls=dash, lw=1.2)
         label = f"{mode.frequency:.4g} Hz, {100 * mode.damping_ratio:.3g} %"

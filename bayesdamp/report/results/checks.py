@@ -195,13 +195,12 @@ class RecordChecks:
                 continue
             sizes = [min(r["ess_bulk"], r["ess_tail"]) for r in rows if math.isfinite(r["ess_bulk"])]
             rhat = max((r["rhat"] for r in rows if math.isfinite(r["rhat"])), default=math.nan)
-            size = f"effective sample size at least {min(sizes):,.0f}" if sizes else ""
+            size = f", effective sample size at least {min(sizes):,.0f}" if sizes else ""
             if math.isfinite(rhat):
-                yield Check(f"{_name(sampler)} converged: R̂ at most {rhat:.3f}, {size}.")
+                yield Check(f"{_name(sampler)} converged: R̂ at most {rhat:.3f}{size}.")
             else:
-                yield Check(
-                    f"The importance weights show that {words.method(sampler)} is close to the posterior ({size})."
-                )
+                close = f"{words.method(sampler)} is close to the posterior{size}"
+                yield Check(f"The importance weights show that {close}.")
 
     def _ratios(self) -> Iterator[Check]:
         """Yield a check that compares the damping ratios from the chains with the answer's; none without both.

@@ -121,6 +121,8 @@ class SignalSection(Section):
 
     lead: str | Markup = ""
     """Introduction, before the content of the signals."""
+    draws_models = False
+    """Whether the section has figures of models, which `is_drawn` selects."""
 
     @abstractmethod
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -137,7 +139,8 @@ class SignalSection(Section):
     def render(self, run: RunFolder) -> Markup:
         """Return the introduction and the content on each signal."""
         signals = [signal for signal in run.signals if self.shows(run, signal)]
-        return stack(self.lead and paragraph(self.lead), by_signal(run, self.part, signals))
+        note = paragraph(ONE_MODEL, "small") if self.draws_models and len(run.signals) > _MOST else ""
+        return stack(self.lead and paragraph(self.lead), note, by_signal(run, self.part, signals))
 
 
 class SectionRegistry(Registry[Section]):
@@ -158,6 +161,12 @@ class SectionRegistry(Registry[Section]):
 SECTIONS = SectionRegistry("bayesdamp.report.sections", "section")
 
 
+ONE_MODEL = (
+    "There are many signals: the figures show only the most probable model of each, the tables all models."
+)
+"""Note in sections with figures of models, if there are more than `_MOST` signals."""
+
+
 def is_drawn(run: RunFolder, place: int) -> bool:
     """Return whether the figures show the model at this place of the ranking (0: the most probable).
 
@@ -171,8 +180,7 @@ def by_signal(
 ) -> Markup:
     """Return the content of each signal, under its name if there are several.
 
-    From the fifth signal on, the content is folded. If the run has more than four signals, a note says that figures
-    show only the most probable model of each.
+    From the fifth signal on, the content is folded.
 
     Parameters
     ----------
@@ -193,11 +201,7 @@ def by_signal(
         elif len(signals) > 1:
             body = heading(signal) + body
         parts.append(Markup('<div id="{}">{}</div>').format(anchor + signal, body) if anchor else body)
-    note = (
-        "There are many signals, so the figures show only the most probable model of each; the tables contain all "
-        "models."
-    )
-    return stack(paragraph(note, "small") if len(run.signals) > _MOST else "", *parts)
+    return stack(*parts)
 
 
 def by_model(models: Mapping[str, Sequence[object]]) -> Markup:

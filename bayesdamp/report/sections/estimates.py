@@ -97,6 +97,7 @@ class EstimatesSection(SignalSection):
     order = 40
     name = "estimates"
     title = "The estimators"
+    draws_models = True
     lead = Markup(
         "Each estimator first works by itself: its <em>own estimate</em> uses the record alone. A <em>trajectory "
         "fit</em> (output-error fit by least squares) then starts from this estimate. The trajectory fits of all "

@@ -67,6 +67,7 @@ class PosteriorsSection(SignalSection):
     order = 50
     name = "posteriors"
     title = "The posteriors"
+    draws_models = True
     lead = "If a record has several repeats, the figures and the first table of each model show repeat 1."
 
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -196,6 +197,7 @@ class RunningSection(SignalSection):
     order = 55
     name = "running"
     title = "The damping estimate during the record"
+    draws_models = True
     lead = (
         "The damping coefficients as a Kalman filter estimates them after each sample. The first pass of the filter "
         "uses every sample once. Each further pass starts from the same priors and linearises the motion about the "

@@ -95,6 +95,7 @@ class RecordSection(SignalSection):
     order = 30
     name = "record"
     title = "The record and the fits"
+    draws_models = True
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether the signal is an oscillation; the section on the answer shows envelopes."""
@@ -226,6 +227,7 @@ class FitQualitySection(SignalSection):
     order = 70
     name = "fit_quality"
     title = "Quality of the fits"
+    draws_models = True
     lead = (
         "The autocorrelation of the residual at lag one shows whether neighbouring samples are independent, as for "
         "white noise (then it is near 0). The stability over sub-records is the largest change of a damping "

@@ -118,3 +118,11 @@ def test_the_most_probable_noise_is_ahead_by_the_difference_in_evidence():
     assert (noise.name, noise.likeliest, noise.ahead) == ("student_t", "student_t", 7.0)
     assert SampleNoise(models[0]).likeliest == "gaussian"
     assert np.isnan(SampleNoise(models[0]).ahead)
+
+
+def test_a_known_noise_under_which_the_residuals_are_impossible_has_no_evidence() -> None:
+    n = 100
+    signal = Signal(np.arange(float(n)), np.zeros(n))
+    assert (
+        fit_noise("gaussian", np.full(n, 1e150), signal, FEATURES, {"noise_sd": 1e-9}).log_evidence == -np.inf
+    )

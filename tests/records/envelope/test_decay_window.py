@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.records.envelope.record import read_envelope
+from bayesdamp.records.envelope.record import make_record, read_envelope
 from bayesdamp.records.envelope.window import find_window, window_between
-from bayesdamp.types import Refusal
+from bayesdamp.types import InputError, Refusal
 from validation.truth.ringdowns import Ringdown, simulate
 from validation.truth.turning_points import SHARP, readings
 
@@ -98,3 +98,8 @@ def test_a_linear_decay_that_ends_in_noise_is_not_cut():
         window = find_window(t, 20 * np.log10(size))
         assert t[window.start] < 0.1, seed
         assert 0.7 < t[window.stop - 1] < 1.0, seed
+
+
+def test_an_envelope_without_readings_is_refused():
+    with pytest.raises(InputError, match="x: there are no readings"):
+        make_record("x", np.empty(0), np.empty(0), "V")
