@@ -192,7 +192,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         return INTERNAL_ERROR
     if status == INTERRUPTED:
-        print_error("interrupted; the same command resumes the run")
+        resumes = given[:1] in (["study"], ["compare"], ["calibrate"])
+        print_error("interrupted" + "; the same command resumes the run" * resumes)
     return int(status or 0)
 
 

@@ -26,19 +26,21 @@ def check_folder(out: Path | None, name: str) -> Path:
         If the path, or the nearest folder above it that exists, is not a folder, or if the operating system refuses the
         path.
     """
-    folder = out if out is not None else Path("reports") / name
+    folder, where = Path("reports") / name, "the results would be written to"
+    right = "give another folder with --out"
+    if out is not None:
+        folder, where, right = out, "--out: is", "it must be a folder, or a new name"
+    where = f"{where} {str(folder)!r}"
     try:
         os.lstat(folder)
     except (FileNotFoundError, NotADirectoryError):
         pass
     except OSError as error:
         what = (error.strerror or str(error)).lower()
-        raise InputError(f"--out: is {str(folder)!r}, {what}; it must be a folder, or a new name") from None
+        raise InputError(f"{where}, {what}; {right}") from None
     present = next(place for place in (folder, *folder.absolute().parents) if os.path.lexists(place))
     if not present.is_dir():
-        raise InputError(
-            f"--out: is {str(folder)!r}, and {present} is not a folder; it must be a folder, or a new name"
-        )
+        raise InputError(f"{where}, and {present} is not a folder; {right}")
     return folder
 
 

@@ -23,6 +23,8 @@ from bayesdamp.units import UNITS
 
 MOST_GAPS = 4
 """Largest number of gaps in a record that are listed one by one; of more, only the number is given."""
+PLOT_ROWS = 10
+"""Height of a plot in characters."""
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 """Bits of the Unicode braille patterns, by row and column of the dot."""
 
@@ -174,9 +176,7 @@ def braille_rows(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[
     return ["".join(chr(0x2800 + int(b)) for b in row) for row in bits]
 
 
-def plot(
-    t: np.ndarray, y: np.ndarray, window: tuple[float, float] | None, columns: int = 72, rows: int = 10
-) -> Text:
+def plot(t: np.ndarray, y: np.ndarray, window: tuple[float, float] | None, columns: int) -> Text:
     """Return a plot of a record for the terminal, in braille characters.
 
     A line below marks the free decay, if there is one. The last line gives the ranges of times and values.
@@ -187,13 +187,13 @@ def plot(
         Times in s and values, (n,).
     window
         Start and end of the free decay in s, which is drawn in a bright colour; None if there is none.
-    columns, rows
-        Size of the plot in characters.
+    columns
+        Width of the plot in characters; its height is `PLOT_ROWS`.
     """
     span = float(t[-1] - t[0]) or 1.0
     edges = [int((end - t[0]) / span * columns) for end in window] if window else [0, -1]
     text = Text()
-    for line in braille_rows(t, y, columns, rows):
+    for line in braille_rows(t, y, columns, PLOT_ROWS):
         for i, character in enumerate(line):
             text.append(character, "cyan" if edges[0] <= i <= edges[1] else "bright_black")
         text.append("\n")

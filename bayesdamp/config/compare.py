@@ -17,7 +17,7 @@ from bayesdamp.config.study import Study, as_name
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, all_sums
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import PluginModule, use_modules
-from bayesdamp.types import InputError
+from bayesdamp.types import SENSOR, InputError
 from bayesdamp.units import UNITS
 
 PRUNE_NATS = 20.0
@@ -100,7 +100,7 @@ def comparison_tables(
     seed: int = 0,
     repeats: bool = False,
     deviation: str = "auto",
-    sensor: float = 0.002,
+    sensor: float = SENSOR,
 ) -> dict[str, Any]:
     """Return the content of the study file for a comparison.
 

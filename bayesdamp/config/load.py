@@ -140,16 +140,17 @@ def _read_question(path: Path) -> tuple[dict[str, Any], Path, dict[str, str]]:
         raise StudyError("", f"{what}; give that study file (TOML), or a run.json of this version") from None
     # Look for the inputs in their old folder, in the folder of the run, and in the working directory.
     folders = (path.parent / str(beside), path.parent, Path())
+    complete = [f for f in folders if f.is_dir() and all((f / name).is_file() for name in inputs)]
+    if not complete:
+        nowhere = (name for name in inputs if not any((f / name).is_file() for f in folders))
+        missing = next(nowhere, next(name for name in inputs if not (path.parent / name).is_file()))
+        raise StudyError("", f"the input file {missing} of the run is missing; put it next to run.json")
     for name, digest in inputs.items():
-        file = next((folder / name for folder in folders if (folder / name).is_file()), None)
-        if file is None:
-            raise StudyError("", f"the input file {name} of the run is missing; put it next to run.json")
-        if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
+        if hashlib.sha256((complete[0] / name).read_bytes()).hexdigest() != digest:
             raise StudyError(
                 "", f"{name} has changed since the run; put the file of the run next to run.json"
             )
-    complete = [f for f in folders if f.is_dir() and all((f / name).is_file() for name in inputs)]
-    return tables, complete[0] if complete else folders[0], plugins
+    return tables, complete[0], plugins
 
 
 def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:

@@ -18,7 +18,7 @@ from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.plugins import PluginModule
 from bayesdamp.priors import Prior
 from bayesdamp.serial import split
-from bayesdamp.types import InputError, System, candidate_name, candidate_parts
+from bayesdamp.types import SENSOR, InputError, System, candidate_name, candidate_parts
 from bayesdamp.units import UNITS
 
 NAME = r"^\w[\w-]*\Z"
@@ -267,7 +267,7 @@ class PosteriorTable(StudySection):
         "auto", description='"auto", "none" or "law": whether deviations from the laws are allowed'
     )
     sensor: float = Field(
-        0.002,
+        SENSOR,
         ge=0,
         lt=0.5,
         description="the sensor's relative linearity error (sd), a number from 0 to below 0.5",
@@ -364,10 +364,6 @@ class Recording(FileTable):
     file: str
     path: Path
     unit: str = "rad"
-
-    def __hash__(self) -> int:
-        """Return a hash of all fields."""
-        return hash(tuple(self.__dict__.values()))
 
 
 @dataclass(frozen=True)

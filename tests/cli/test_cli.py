@@ -228,3 +228,22 @@ def test_the_first_command_says_that_it_compiles(tmp_path: Path, monkeypatch: py
     assert compilation_notice()
     (tmp_path / "kernels" / "bayesdamp_kernel_1").mkdir()
     assert not compilation_notice()
+
+
+def test_only_commands_with_a_run_can_be_resumed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("bayesdamp.cli.app.build_parser", lambda _: Mock(side_effect=KeyboardInterrupt))
+    assert main(["look", "rig.csv"]) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_printed(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", "--out", "rig.csv", "--damping", "viscous=0.1", *SET]) == 0
+    capsys.readouterr()
+    (folder / "reports").write_text("")
+    assert main(["compare", "rig.csv"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("reports is not a folder; give another folder with --out")

@@ -21,7 +21,7 @@ def test_a_fault_in_one_check_is_its_finding(
     def broken() -> doctor.CheckResult:
         raise OSError("no such library")
 
-    monkeypatch.setattr(doctor.run_checks, "__defaults__", ((doctor.machine, broken),))
+    monkeypatch.setattr(doctor, "CHECKS", (doctor.machine, broken))
     assert main(["doctor"]) == 1
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith("ok  machine")
@@ -80,3 +80,10 @@ def test_a_shell_that_asks_is_answered(words: str, answer: set[str]) -> None:
         [sys.executable, "-c", code], env=os.environ | asked, capture_output=True, text=True
     )
     assert (set(done.stdout.split()), done.stderr) == (answer, "")
+
+
+def test_memory_is_not_checked_where_the_system_does_not_state_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(os, "sysconf")
+    result = doctor.machine()
+    assert result.good
+    assert "memory" not in result.text

@@ -73,6 +73,7 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, refused):
         (["--noise", "white"], "--noise: does not apply to envelope"),
         (["--sensor", "0.1"], "--sensor: does not apply to envelope"),
         (["--sensor", "0.1", "--deviation", "none"], "--sensor: does not apply with --deviation none"),
+        (["--sensor", "0.002"], "--sensor: does not apply to envelope"),  # the default, but stated
         (["--exact"], "--exact: does not apply to envelope"),
     ):
         assert what in refused("compare", str(file), *more, "--out", str(out))

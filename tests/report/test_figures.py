@@ -37,7 +37,7 @@ def test_the_record_of_an_acceleration_is_labelled_as_one() -> None:
     labels = [ax.get_ylabel() for ax in answer(arrays, "m", "viscous", "acceleration / (m/s²)").axes]
     record = "acceleration / (m/s²)"
     assert labels == [record, "damping ratio / %", record, "energy lost / (m²/s²)"]
-    assert [ax.get_ylabel() for ax in answer(arrays, "m", "viscous").axes][::2] == ["m", "m"]
+    assert [ax.get_ylabel() for ax in answer(arrays, "m", "viscous", "").axes][::2] == ["m", "m"]
 
 
 def labels_inside(figure: Figure) -> bool:
@@ -63,7 +63,7 @@ def test_labels_of_any_size_are_inside_a_figure_with_fixed_margins(scale: float)
         assert labels_inside(figure)
         assert labels_inside(draw_raw_record(t, y, "acceleration / (m/s²)", 2.0, 15.0))
         without = {name: array for name, array in arrays.items() if name not in ("fit", "residual")}
-        assert labels_inside(answer(without, "m", "viscous"))
+        assert labels_inside(answer(without, "m", "viscous", ""))
         fix_margins(figure, left=0.2)
         assert not labels_inside(figure)
 

@@ -15,7 +15,7 @@ ENGINE = tuple(
 """Paths of the code that computes answers, posteriors and evidence; sources of almost every report."""
 ESTIMATORS = (*ENGINE, "bayesdamp/estimators")
 """Sources of a report that contains estimates."""
-TRUTH = (*ENGINE, "validation/truth", "validation/scoring.py")
+TRUTH = (*ENGINE, "validation/truth", "validation/rows.py", "validation/scoring.py")
 """Sources of a report that compares answers with the truth of simulated records."""
 PYTHON = "{python} -m"
 """Beginning of a command that runs a Python module."""
@@ -54,7 +54,7 @@ def _study(name: str, cost: int, *after: str, sources: tuple[str, ...] = ()) -> 
 def _calibration(name: str, cost: int, options: str = "") -> Recipe:
     command = f"{PYTHON} bayesdamp calibrate studies/{name}.toml --out {{out}}{options}"
     page = f"{PYTHON} {PAGES}.calibration {{out}}"
-    sources = *ENGINE, "bayesdamp/calibrate", f"studies/{name}.toml", "validation/reports/calibration.py"
+    sources = *ESTIMATORS, "bayesdamp/calibrate", f"studies/{name}.toml", "validation/reports/calibration.py"
     return Recipe(name, cost, (command, page), sources)
 
 

@@ -21,13 +21,10 @@ from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import read_each
 from bayesdamp.records.oscillation.law_free import first_words
-from bayesdamp.types import InputError, Refusal
+from bayesdamp.types import SENSOR, InputError, Refusal
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 
-SENSOR = 0.002
-"""Default of --sensor, the relative linearity error (standard deviation) of the sensor; `bayesdamp.compare` has the
-same default."""
 MOST_EARLY_LINES = 5
 """Largest number of records in one command for which a line on frequency and damping is printed before anything is
 fitted (`early_lines`); for more records these lines are left out."""
@@ -101,13 +98,13 @@ def compare(
         ),
     ] = "auto",
     sensor: Annotated[
-        float,
+        float | None,
         o.option(
             COMPARED,
             "Relative linearity error of the sensor (standard deviation), added in quadrature to the uncertainty of "
-            "every damping ratio; 0.002 is 0.2 %. Not for envelopes, nor with --deviation none.",
+            f"every damping ratio; by default {SENSOR}, which is 0.2 %. Not for envelopes, nor with --deviation none.",
         ),
-    ] = SENSOR,
+    ] = None,
     quiet: o.Quiet = False,
     as_json: o.AsJson = False,
     **reading: Any,
@@ -118,7 +115,7 @@ def compare(
         check_folder(out, "")
     if quick and exact:
         raise InputError("--quick leaves out what --exact adds; give only one of them")
-    if deviation == "none" and sensor != SENSOR:
+    if deviation == "none" and sensor is not None:
         raise InputError("--sensor: does not apply with --deviation none; remove it")
     sums = [name.strip() for given in damping or () for name in given.split(",")]
     plugins = read_modules(plugin or ())
@@ -129,7 +126,7 @@ def compare(
         given = {"restoring": restoring, "exact": exact, "runs": reading["runs"]}
         given |= {"channel": reading["channels"], "time-unit": reading["time_unit"]}
         given |= {"deviation": deviation != "auto", "noise": noise != "auto"}
-        given |= {"sensor": sensor != SENSOR}
+        given |= {"sensor": sensor is not None}
         for name, value in given.items():
             if value:
                 raise InputError(f"--{name}: does not apply to envelope records; remove it")
@@ -156,8 +153,9 @@ def compare(
         repeats=repeats,
         plugins=plugins,
         deviation=deviation,
-        sensor=sensor,
+        sensor=SENSOR if sensor is None else sensor,
     )
+    check_folder(out, study.name)
     if not quiet:
         few = 0 < len(chosen.records) <= MOST_EARLY_LINES
         first = early_lines(read_by_study(chosen.records, study), options) if few else []
@@ -167,7 +165,7 @@ def compare(
     # Import this here, because it is slow, and the first lines should be printed at once.
     from bayesdamp.cli.runs import Depth, choose_folder, run_and_print
 
-    folder = check_folder(out, study.name) if out is not None else choose_folder(study)
+    folder = out if out is not None else choose_folder(study)
     if folder.name != study.name and out is None and not quiet:
         before = folder.with_name(study.name)
         typer.echo(

@@ -89,6 +89,8 @@ def kernels() -> CheckResult:
 def machine() -> CheckResult:
     """Check whether the machine has at least `LEAST_MEMORY` GiB of physical memory, and state its cores and memory."""
     count = cores()
+    if not hasattr(os, "sysconf"):  # on Windows
+        return CheckResult("machine", True, f"{count} core{'s' if count > 1 else ''}")
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     enough = memory >= LEAST_MEMORY
     text = f"{count} core{'s' if count > 1 else ''}, {memory:.1f} GiB of memory"
@@ -116,9 +118,9 @@ def answer() -> CheckResult:
 CHECKS: tuple[Callable[[], CheckResult], ...] = (packages, machine, cache, kernels, answer)
 
 
-def run_checks(checks: tuple[Callable[[], CheckResult], ...] = CHECKS) -> Iterator[CheckResult]:
+def run_checks() -> Iterator[CheckResult]:
     """Run each check and yield its result. An exception in a check is reported as a failed check."""
-    for function in checks:
+    for function in CHECKS:
         try:
             yield function()
         except Exception as fault:
