@@ -61,11 +61,12 @@ def test_simulated_records_do_not_depend_on_an_unknown_rest_angle() -> None:
 
 def test_an_unbounded_motion_is_not_an_estimate() -> None:
     """The spring softens so much that a start at 0.3 rad is beyond its well."""
-    signal, _ = velocity_about(0.0)
+    signal = bd.simulate(
+        {"viscous": 0.05}, "linear", stiffness=20.0, rest_angle=0.0, theta0=0.3, duration=12.0, samples=600,
+        noise_sd=0.002, seed=1,
+    )  # fmt: skip
     known = {"stiffness": 20.0, "rest_angle": 0.0, "cubic": -300.0, "theta0": 0.3, "omega0": 0.0}
     problem = Problem(("viscous",), System("duffing", known))
     (estimate,) = run("envelope", signal, problem, stages=["initial"], seed=0)
-    assert (estimate.outcome, estimate.values) == (
-        "the trajectory is unbounded for every start that was tried",
-        {},
-    )
+    assert estimate.outcome == "the trajectory is unbounded for every start that was tried"
+    assert not estimate.values
