@@ -117,7 +117,7 @@ CONTRADICTIONS: dict[str, dict[str, Any]] = {
         "posteriors": chain(),
     },
     "Truth: ζ = 0.06, which is outside": {"truth": "viscous", "estimates": [{**fitted(), "truth": 0.06}]},
-    "The evidence of Coulomb (importance sampling): the posterior has no curvature at its mode.": {
+    "The evidence of Coulomb (importance sampling) is missing or unreliable: the posterior": {
         "evidence": [*evidence(viscous=0.99), {**evidence(coulomb=math.nan)[0], "outcome": NO_CURVATURE}]
     },
 }

@@ -353,7 +353,8 @@ class RecordChecks:
             counts = ranked.method != "combined" or row["method"] == "combined"
             if counts and status_of(row["outcome"]) not in UNLISTED_OUTCOMES:
                 which = f"{words.model(row['model'])} ({words.method(row['method'])})"
-                yield Check(f"The evidence of {which}: {row['outcome'].rstrip('.')}.", fails=True)
+                reason = row["outcome"].rstrip(".")
+                yield Check(f"The evidence of {which} is missing or unreliable: {reason}.", fails=True)
         if len({damping_of(row) for row in ranked.rows}) < 2:
             yield Check("No other damping model was compared.")
             return
