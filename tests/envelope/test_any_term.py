@@ -1,4 +1,4 @@
-"""Terms beside the paper's in envelopes: the full oscillator solved by SciPy, its turning points read with noise."""
+"""Other terms than the paper's in envelopes: turning points of the full oscillator, solved by SciPy, with noise."""
 
 from __future__ import annotations
 
@@ -54,18 +54,17 @@ def envelope(force, seed: int, unit: str = "rad") -> EnvelopeRecord:
         pytest.param("dry_position", {"mu_p": 0.09, "friction_curvature": 2.0}, "dB", marks=pytest.mark.slow),
     ],
 )
-def test_a_term_is_named_and_its_numbers_are_recovered(term, truths, unit):
-    """Without a scale, numbers that have one are relative to the amplitude at the start."""
+def test_a_term_and_its_parameters_are_recovered(term, truths, unit):
+    """In dB without a reference, parameters with a scale are relative to the amplitude at the start."""
     answer = analyse(envelope(FORCES[term], 1, unit), sums=(*SUMS, *([] if term == "cubic" else [(term,)])))
-    result, level = answer.verdict, answer.curve.level[:3]
-    assert result.damping == term
-    assert result.decided
-    start = float(np.exp(np.mean(np.log(10.0) / 20.0 * level))) if unit == "dB" else 1.0
+    result = answer.verdict
+    assert (result.damping, result.decided) == (term, True)
+    start = 10 ** (np.mean(answer.curve.level[:3]) / 20.0) if unit == "dB" else 1.0
     powers = {"mu_3": 2, "mu_k": -1, "mu_p": -1, "stribeck_velocity": -1}
-    values = {c.name: c for c in result.coefficients}
+    coefficients = {c.name: c for c in result.coefficients}
     for name, truth in truths.items():
-        item, true = values[name], truth * start ** powers.get(name, 0)
-        assert item.low <= true <= item.high, name
+        scaled = truth * start ** powers.get(name, 0)
+        assert coefficients[name].low <= scaled <= coefficients[name].high, name
     assert sum(item.share for item in result.energy) == pytest.approx(1.0, abs=0.05)
 
 
@@ -77,13 +76,12 @@ def written(path, unit: str = "rad") -> str:
     return str(path)
 
 
-def test_a_user_s_own_term_is_weighed(tmp_path, capsys, refused):
-    plugin = tmp_path / "thinning.py"
+def test_a_user_s_own_term_is_compared(tmp_path, capsys, refused):
+    """Its force depends on a velocity, so that amplitudes in volts are refused."""
+    plugin, out = tmp_path / "thinning.py", tmp_path / "out"
     plugin.write_text(THINNING)
-    file = written(tmp_path / "r.csv")
-    out = tmp_path / "out"
-    frequency = ["--quantity", "envelope", "--frequency", str(OMEGA / 2 / np.pi), "--plugin", str(plugin)]
-    assert main(["compare", file, *frequency, "--out", str(out)]) == 0
+    options = ["--quantity", "envelope", "--frequency", str(OMEGA / 2 / np.pi), "--plugin", str(plugin)]
+    assert main(["compare", written(tmp_path / "r.csv"), *options, "--out", str(out)]) == 0
     (item,) = json.loads((out / "verdict.json").read_text())
     assert item["damping"] == "thinning"
     assert "hinning damping" in item["sentence"]
@@ -92,24 +90,25 @@ def test_a_user_s_own_term_is_weighed(tmp_path, capsys, refused):
     (row,) = csv.DictReader((out / "verdicts.csv").read_text().splitlines())
     assert [float(row["thinning"])] == [e["probability"] for e in item["energy"] if e["term"] == "thinning"]
     assert "thinning" in (out / "report.html").read_text()
-    # It has a velocity of its own: volts do not say where that is.
     capsys.readouterr()
-    volts = written(tmp_path / "v.csv", unit="V")
-    said = refused("compare", volts, *frequency, "--out", str(tmp_path / "no"))
-    assert "depends on the amplitude in rad or m" in said
+    message = refused("compare", written(tmp_path / "v.csv", "V"), *options, "--out", str(tmp_path / "no"))
+    assert "depends on the amplitude in rad or m" in message
     assert not (tmp_path / "no").exists()
 
 
-def test_what_no_envelope_tells_is_refused():
-    with pytest.raises(
-        InputError, match="viscous and structural dissipate the same energy at every amplitude"
-    ):
-        distinguishable_sums([parse_model("viscous+structural")])
-    with pytest.raises(InputError, match="at most 3 terms"):
-        distinguishable_sums([parse_model("viscous+coulomb+quadratic+cubic")])
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        ("viscous+structural", "viscous and structural dissipate the same energy at every amplitude"),
+        ("viscous+coulomb+quadratic+cubic", "at most 3 terms"),
+    ],
+)
+def test_sums_that_an_envelope_does_not_determine_are_refused(model, message):
+    with pytest.raises(InputError, match=message):
+        distinguishable_sums([parse_model(model)])
 
 
-def test_twins_are_said_and_not_weighed_beside_each_other():
+def test_of_indistinguishable_sums_only_the_first_is_compared_with_a_remark():
     names = ["viscous", "structural", "cubic", "viscous+displacement", "displacement+structural"]
     sums, left_out = distinguishable_sums([parse_model(name) for name in names])
     assert sums == (("viscous",), ("cubic",), ("viscous", "displacement"))
@@ -125,17 +124,17 @@ def test_twins_are_said_and_not_weighed_beside_each_other():
     assert kappa.low <= 3.2 <= kappa.high
 
 
-def test_a_decay_steeper_than_the_paper_s_laws_has_its_own_rates_without_being_asked():
-    """Cubic damping under the default sums: said to be none of them, with the rates of the oscillation itself."""
+def test_decay_rates_are_right_if_no_sum_fits():
+    """Cubic damping with the default sums: the answer is a deviation, with rates of the measured curve.
+
+    Control: the rates of quadratic damping, the best of the sums, would be wrong by a factor of about two.
+    """
     result = analyse(envelope(FORCES["cubic"], 3)).verdict
-    assert result.grade == "deviates"
-    assert not result.decided
+    assert (result.grade, result.decided, result.damping) == ("deviates", False, "quadratic")
     assert any("rates are computed from it" in line for line in result.remarks)
     t, a = turning_points(FORCES["cubic"])
     for item in result.decay_rate:
         near = item.amplitude * np.exp([0.1, -0.1])
         before, after = np.interp(-near, -a, t)
         assert item.value == pytest.approx(0.2 / (after - before), rel=0.02)
-    # The control: by quadratic damping, the best of the sums, it is half or twice that.
-    assert result.damping == "quadratic"
     assert result.deviation.low > 0.2

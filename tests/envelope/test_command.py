@@ -1,4 +1,4 @@
-"""`bayesdamp compare` on envelopes: recognised, said, written; and one clear line for what is wrong."""
+"""`bayesdamp compare` on envelopes: how they are recognised, what is printed and written, and refusals."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def written(path: Path, seed: int = 1, head: str = HEAD) -> Path:
     return path
 
 
-def test_records_in_decibels_are_recognised_said_and_written(tmp_path, capsys):
+def test_envelopes_in_decibels_are_recognised_and_answered(tmp_path, capsys):
     files = [written(tmp_path / f"r{k}.txt", k) for k in (1, 2)]
     out = tmp_path / "out"
     assert main(["compare", *map(str, files), "--repeats", "--out", str(out)]) == 0
@@ -51,7 +51,7 @@ def test_records_in_decibels_are_recognised_said_and_written(tmp_path, capsys):
     assert (out / "report.html").read_text().count("data:image/png") == 2
 
 
-def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, capsys):
+def test_a_bad_file_is_named_and_the_others_are_answered(tmp_path, capsys):
     files = [written(tmp_path / f"r{k}.txt", k) for k in (1, 2, 3)]
     lines = files[1].read_text().splitlines()
     files[1].write_text("\n".join([*lines[:-1], f"{lines[-1].partition(',')[0]}, nan"]) + "\n")
@@ -63,10 +63,10 @@ def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, 
     assert len(json.loads((out / "verdict.json").read_text())) == 2
 
 
-def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, refused):
+def test_a_wrong_option_is_refused_in_one_line_and_nothing_is_written(tmp_path, refused):
     file, out, bad = written(tmp_path / "r.txt"), tmp_path / "out", tmp_path / "bad.txt"
     bad.write_text(file.read_text() + "9999, nan\n")
-    for more, what in (
+    for options, message in (
         (["--frequency", "-3"], "must be positive, in Hz"),
         (["--repeats"], "there is one record"),
         ([str(bad), "--repeats"], "there is one usable record; bad.txt: line "),
@@ -76,11 +76,11 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, refused):
         (["--sensor", "0.002"], "--sensor: does not apply to envelope"),  # the default, but stated
         (["--exact"], "--exact: does not apply to envelope"),
     ):
-        assert what in refused("compare", str(file), *more, "--out", str(out))
+        assert message in refused("compare", str(file), *options, "--out", str(out))
         assert not out.exists()
 
 
-def test_some_in_decibels_and_some_not_is_refused(tmp_path):
+def test_envelopes_and_motions_in_one_call_are_refused(tmp_path):
     other = tmp_path / "o.csv"
     other.write_text("t,angle (deg)\n0,1\n1,2\n")
     with pytest.raises(InputError, match="separate calls"):
@@ -90,23 +90,23 @@ def test_some_in_decibels_and_some_not_is_refused(tmp_path):
 
 
 def test_the_frequency_is_read_from_the_head(tmp_path):
-    """A sampling frequency is not the oscillation's."""
+    """The sampling frequency is not that of the oscillation."""
     for head, frequency in (
         ("# resonance frequency: 1.5 MHz\n# sampling rate: 100 Hz\n# time [s], power [dBm]\n", 1.5e6),
         ("% Sampling frequency [kHz]: 50\n" + HEAD, 1562325.84),
         (HEAD.replace("Frequency [Hz]", "Sampling frequency [Hz]"), None),
     ):
-        found = read_envelope(written(tmp_path / "r.txt", head=head)).frequency
-        assert found == (None if frequency is None else pytest.approx(frequency))
+        record = read_envelope(written(tmp_path / "r.txt", head=head))
+        assert record.frequency == pytest.approx(frequency)
 
 
-def test_amplitudes_that_are_not_said_to_be_an_envelope_are_hinted_at(tmp_path, capsys):
-    """The control: a reading below zero is none of an amplitude."""
+def test_the_refusal_of_amplitudes_suggests_the_envelope_option(tmp_path, capsys):
+    """Control: an amplitude cannot be negative."""
     file = tmp_path / "r.csv"
     t = np.linspace(0, 60, 400)
     y = np.maximum(np.exp(-0.05 * t), 1e-3)
-    for low, hinted in ((0.0, True), (-1e-9, False)):
-        y[-1] = low
+    for lowest, suggested in ((0.0, True), (-1e-9, False)):
+        y[-1] = lowest
         np.savetxt(file, np.column_stack([t, y]), delimiter=",", header="time,R (V)", comments="")
         assert main(["compare", str(file), "--out", str(tmp_path / "out")]) == 2
-        assert ("--quantity envelope" in capsys.readouterr().err) == hinted
+        assert ("--quantity envelope" in capsys.readouterr().err) == suggested

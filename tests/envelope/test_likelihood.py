@@ -1,4 +1,4 @@
-"""Likelihoods of one envelope's rates, for an answer over several records."""
+"""Likelihoods of the decay rates of an envelope, and the answer from several records."""
 
 from __future__ import annotations
 
@@ -21,9 +21,12 @@ def record(seed: int, scatter: float = 0.1) -> EnvelopeRecord:
     return make_record(f"r{seed}", truth.t, truth.level, "dBm", 1e6)
 
 
-def test_more_records_of_one_damping_say_more():
-    """Viscous and Coulomb damping in four records. Control: the product of their own evidences, in which every record
-    pays for coefficients of its own, makes a sum with a further term 100 times less likely than one set does."""
+def test_several_records_of_one_damping_determine_it_better():
+    """Viscous and Coulomb damping in four records.
+
+    Control: in the product of their separate evidences every record has its own coefficients, which makes a sum with a
+    further term 100 times less probable than common coefficients do.
+    """
     truth = "viscous+coulomb"
     answers = [analyse(record(seed, scatter=0.8)) for seed in (11, 12, 13, 14)]
     joint = joint_damping(answers)
@@ -41,9 +44,11 @@ def test_more_records_of_one_damping_say_more():
     assert apart < np.log(0.01 * probability[further] / probability[truth])
 
 
-def test_rates_at_an_amplitude_are_those_of_the_closed_form():
-    """Viscous and cubic damping over 60 dB, dA/dt = -A/10 - 2A³/5 (Bernoulli's equation). In the middle of the fall the
-    cubic term has 1/1000 of its rate at the start."""
+def test_decay_rates_are_those_of_the_closed_form():
+    """Viscous and cubic damping over 60 dB, dA/dt = -A/10 - 2A³/5 (Bernoulli's equation).
+
+    At the amplitude of 0.1 the cubic term has 1/100 of its rate at the start.
+    """
     t = np.arange(0.0, 60.0, 0.05)
     a = np.sqrt(0.1 / (0.5 * np.exp(0.2 * t) - 0.4))
     a *= np.exp(0.02 * np.random.default_rng(1).normal(size=t.size))
@@ -54,13 +59,12 @@ def test_rates_at_an_amplitude_are_those_of_the_closed_form():
     assert np.all(sd < [0.001, 0.0004])
 
 
-def test_a_stored_answer_gives_the_same_specimen():
-    """From what a cell holds as from the answers themselves."""
+def test_stored_answers_give_the_same_specimen():
     records = [record(seed) for seed in (5, 6)]
     stored = [answer_envelope(item, None, SUMS, 0, repeated=True) for item in records]
     answers = [Answer(AnswerContent.of_meta(item.content.meta()), item.arrays) for item in stored]
-    again = specimen_of_envelopes("one", answers)
+    of_stored = specimen_of_envelopes("one", answers)
     direct = specimen("one", [analyse(item) for item in records])
-    assert again is not None
+    assert of_stored is not None
     assert direct is not None
-    assert again.to_dict() == direct.to_dict()
+    assert of_stored.to_dict() == direct.to_dict()

@@ -1,4 +1,4 @@
-"""A comparison of envelopes that was cut off goes on where it was, to the same bytes."""
+"""A comparison of envelopes that was interrupted is completed, with the same files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FILES = ("verdict.json", "verdicts.csv", "report.html", "figures/answer-r1.png")
 
 @pytest.fixture
 def answered(monkeypatch) -> list[str]:
-    """Names of the records that are computed, as they are."""
+    """Return a list to which the name of each record is added when it is computed."""
     names: list[str] = []
     analyse = envelopes.analyse
 
@@ -27,24 +27,24 @@ def answered(monkeypatch) -> list[str]:
     return names
 
 
-def asked(folder: Path) -> list[str]:
+def command(folder: Path) -> list[str]:
     records = [str(folder / f"r{k}.txt") for k in (1, 2, 3)]
     return ["compare", *records, "--workers", "1", "--out", str(folder / "out")]
 
 
 def contents(out: Path) -> dict[str, bytes]:
-    """Files of a run; of the page what is above the seconds that its tasks took."""
+    """Return the files of a run; of the report only what is above the durations of its tasks."""
     return {name: (out / name).read_bytes().split(b'<section id="provenance"')[0] for name in FILES}
 
 
-def test_what_was_answered_is_not_answered_again(tmp_path, capsys, answered):
+def test_an_interrupted_comparison_computes_only_what_is_missing(tmp_path, capsys, answered):
     for k in (1, 2, 3):
         written(tmp_path / f"r{k}.txt", k)
-    assert main(asked(tmp_path)) == 0
+    assert main(command(tmp_path)) == 0
     assert answered == ["r1", "r2", "r3"]
     whole, text = contents(tmp_path / "out"), capsys.readouterr().out
 
-    # as a kill leaves it: one answer written, one half, one not begun, no tables
+    # as after a kill: one answer complete, one incomplete, one missing, no tables
     out = tmp_path / "out"
     cells = sorted((out / "cells").rglob("*.npz"))
     cells[1].write_bytes(cells[1].read_bytes()[:-100])
@@ -52,14 +52,14 @@ def test_what_was_answered_is_not_answered_again(tmp_path, capsys, answered):
     for name in ("verdict.json", "verdicts.csv", "report.html", "run.json"):
         (out / name).unlink()
     answered.clear()
-    assert main(asked(tmp_path)) == 0
+    assert main(command(tmp_path)) == 0
     assert answered == ["r2", "r3"]
     assert contents(out) == whole
     assert capsys.readouterr().out == text
 
-    # Negative control: exactly what depends on a change is computed.
+    # Negative control: what depends on a changed file is computed, once.
     written(tmp_path / "r2.txt", 5)
     for again in (["r2"], []):
         answered.clear()
-        assert main(asked(tmp_path)) == 0
+        assert main(command(tmp_path)) == 0
         assert answered == again

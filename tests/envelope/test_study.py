@@ -42,22 +42,22 @@ def test_a_study_answers_an_envelope_as_compare_does(tmp_path: Path, capsys) -> 
 
 
 @pytest.mark.parametrize(
-    ("line", "what"),
+    ("line", "message"),
     [
         ('clock = "uniform"', "signal[level].clock: does not apply to an envelope"),
         ("frequency = -1.0", "signal[level].frequency: is -1.0; it must be the frequency"),
         ('compare = ["viscous+coulomb+quadratic+cubic"]', "at most 3 terms"),
     ],
 )
-def test_what_is_wrong_is_one_line(tmp_path: Path, refused, line: str, what: str) -> None:
+def test_a_wrong_key_is_refused_in_one_line(tmp_path: Path, refused, line: str, message: str) -> None:
     written(tmp_path / "r.txt")
     (tmp_path / "both.toml").write_text(STUDY + line + "\n")
-    asked = ("study", str(tmp_path / "both.toml"), "--out", str(tmp_path / "out"), "--workers", "1")
-    assert what in refused(*asked)
+    command = ("study", str(tmp_path / "both.toml"), "--out", str(tmp_path / "out"), "--workers", "1")
+    assert message in refused(*command)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_comparison_in_python_is_the_analysis(tmp_path: Path) -> None:
+def test_a_comparison_in_python_saves_plots_and_reports_the_analysis(tmp_path: Path) -> None:
     t = np.linspace(0.0, 60.0, 300)
     noise = 0.1 * np.random.default_rng(1).standard_normal(t.size)
     record = make_record("r", t, -40.0 - 0.8 * t + noise, "dBm", 1e6)
@@ -74,7 +74,7 @@ def test_a_comparison_in_python_is_the_analysis(tmp_path: Path) -> None:
     assert [item.verdict.record for item in many.records] == ["r", "s"]
 
 
-def test_an_option_of_motions_is_refused() -> None:
+def test_options_that_only_motions_have_are_refused() -> None:
     t = np.linspace(0.0, 60.0, 300)
     for option in ({"known": {"stiffness": 1.0}}, {"sensor": 0.1}):
         with pytest.raises(bd.InputError, match="does not apply to envelopes"):

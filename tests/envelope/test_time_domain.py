@@ -1,4 +1,4 @@
-"""The Q of an envelope and that of the oscillation it is the envelope of, both inferred from the same readings."""
+"""An envelope and its oscillation have the same damping: both are estimated from the same readings."""
 
 from __future__ import annotations
 
@@ -16,44 +16,43 @@ from tests.physics.independent import viscous
 OMEGA = 2 * np.pi * 2.0
 
 
-def swung(zeta: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """θ̈ + 2ζθ̇ + ω²θ = 0 from 0.3 rad in closed form, with 1 mrad of noise."""
+def motion(zeta: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a viscous decay from 0.3 rad in closed form, with 1 mrad of noise."""
     t = np.arange(0.0, 40.0, 0.01)
     return t, viscous(t, zeta, OMEGA, 0.3) + 1e-3 * np.random.default_rng(seed).standard_normal(t.size)
 
 
-def locked_in(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Amplitude once a period: means over a period of the product with the reference."""
+def lock_in_amplitude(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the amplitude as a lock-in amplifier measures it: means over a period of the product with a reference."""
     period = 50
     means = (y * np.exp(-1j * OMEGA * t)).reshape(-1, period).mean(axis=1)
     return t.reshape(-1, period).mean(axis=1), 2 * np.abs(means)
 
 
 @pytest.fixture(scope="module")
-def in_time() -> tuple[float, float]:
-    """ζ and its sd by the fit of the motion."""
-    t, y = swung(0.05, 1)
+def motion_fit() -> tuple[float, float]:
+    """Return ζ and its standard deviation by a fit of the motion."""
+    t, y = motion(0.05, 1)
     fit = bd.fit(bd.Signal(t=t, y=y), bd.Model("viscous", restoring="linear"))
     return fit.values["zeta"], fit.sd["zeta"]
 
 
-def test_an_envelope_has_the_damping_of_its_oscillation(in_time, tmp_path):
-    """Within the joint 99.7 % interval; a damping that is 3 % larger is not."""
+def test_an_envelope_has_the_damping_of_its_oscillation(motion_fit, tmp_path):
+    """Within the joint 99.7 % interval. Negative control: a damping that is larger by 3 %."""
     file = tmp_path / "lock_in.csv"
-    text = "\n".join(f"{a},{b}" for a, b in zip(*locked_in(*swung(0.05, 1))))
+    text = "\n".join(f"{a},{b}" for a, b in zip(*lock_in_amplitude(*motion(0.05, 1))))
     file.write_text("time (s),amplitude (rad)\n" + text + "\n")
-    asked = ["--quantity", "envelope", "--frequency", "2", "--out", str(tmp_path / "out")]
-    assert main(["compare", str(file), *asked]) == 0
+    options = ["--quantity", "envelope", "--frequency", "2", "--out", str(tmp_path / "out")]
+    assert main(["compare", str(file), *options]) == 0
     content = json.loads((tmp_path / "out" / "verdict.json").read_text())[0]
     assert content["damping"] == "viscous"
     item = next(c for c in content["coefficients"] if c["name"] == "zeta")
-    assert abs(apart(item["value"], np.hypot(item["sd_noise"], item["sd_law"]), in_time)) < 3.0
-    # Negative control.
-    other = analyse(make_record("x", *locked_in(*swung(0.0515, 2)), "rad", 2.0)).verdict
+    assert abs(difference(item["value"], np.hypot(item["sd_noise"], item["sd_law"]), motion_fit)) < 3.0
+    other = analyse(make_record("x", *lock_in_amplitude(*motion(0.0515, 2)), "rad", 2.0)).verdict
     two = next(c for c in other.coefficients if c.name == "zeta")
-    assert abs(apart(two.value, np.hypot(two.sd_noise, two.sd_law), in_time)) > 4.0
+    assert abs(difference(two.value, np.hypot(two.sd_noise, two.sd_law), motion_fit)) > 4.0
 
 
-def apart(value: float, sd: float, other: tuple[float, float]) -> float:
-    """Difference of two ζ in its sd."""
+def difference(value: float, sd: float, other: tuple[float, float]) -> float:
+    """Return the difference of two ζ over its standard deviation."""
     return (value - other[0]) / float(np.hypot(sd, other[1]))

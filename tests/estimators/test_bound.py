@@ -1,4 +1,4 @@
-"""The Cramér–Rao bound: published values, a closed form, and what a fit scatters by."""
+"""The Cramér–Rao bound against independently computed values, and for parameters that a record does not determine."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ PENDULUM = LAWS["horizontal_pendulum"]
 
 
 def per_cent(parameter: str, free: tuple[str, ...] = ()) -> float:
+    """Return the bound of a damping parameter in per cent of its value."""
     truth = PAPER[parameter]
     known = {name: value for name, value in PENDULUM.items() if name not in free}
     problem = Problem((TERM[parameter],), System("horizontal_pendulum", known, dict.fromkeys(free)))
@@ -28,14 +29,14 @@ def per_cent(parameter: str, free: tuple[str, ...] = ()) -> float:
     ("parameter", "known", "unknown"),
     [("zeta", 0.264, 0.471), ("mu_c", 0.538, 1.075), ("mu_q", 0.529, 0.957)],
 )
-def test_bounds_of_the_papers_pendulum(parameter, known, unknown):
-    """Values found independently, to the digits they were written with."""
+def test_bounds_of_the_papers_pendulum_are_those_of_another_computation(parameter, known, unknown):
+    """In per cent, with a known and an unknown start and stiffness."""
     assert per_cent(parameter) == pytest.approx(known, abs=6e-4)
     assert per_cent(parameter, ("stiffness", "theta0", "omega0")) == pytest.approx(unknown, abs=6e-4)
 
 
-def test_what_the_record_does_not_tell_has_no_bound():
-    """The velocity of a linear oscillator does not know where it is."""
+def test_parameters_that_the_record_does_not_determine_have_no_bound():
+    """The velocity of a linear oscillator does not depend on its position. Control: the angle does."""
     known = {"stiffness": 25.0, "omega0": 0.0}
     problem = Problem(("viscous",), System("linear", known, {"rest_angle": None, "theta0": None}))
     p = {**known, "zeta": 0.08, "rest_angle": 0.1, "theta0": 0.4}

@@ -1,4 +1,4 @@
-"""Koopman: eigenvalues of the generator, also of a record whose pieces have different intervals."""
+"""The Koopman method: eigenvalues of the generator, also of a record whose parts have different sampling intervals."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from tests.estimators.truths import damped_cosine, initial
 
 
 @pytest.mark.parametrize("every", [1, 3])
-def test_the_generator_has_the_oscillators_eigenvalues(every: int):
+def test_the_generator_has_the_eigenvalues_of_the_oscillator(every: int):
     """−ζ ± i√(k − ζ²) of a linear oscillator with k = 25 and ζ = 0.08. Control: those of another damping.
 
-    For `every` = 3 only every third sample is left after a gap: the pieces have the same lag.
+    With `every` = 3 the record has a gap, after which only every third sample remains.
     """
     signal, problem = damped_cosine()
     used = (signal.t < 4.0) | ((signal.t > 5.5) & (np.arange(signal.t.size) % every == 0)) | (every == 1)

@@ -1,4 +1,4 @@
-"""How large a record's noise is, from the record alone."""
+"""The noise level estimated from a record."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def noisy(samples: int, sd: np.ndarray | float) -> Signal:
 
 
 @pytest.mark.parametrize("samples", [600, 3 * NOISE_SAMPLES])
-def test_white_noise(samples):
-    """A median of n values is within 1.2/√n of itself: four such here."""
+def test_the_noise_level_is_the_standard_deviation_of_white_noise(samples):
+    """Within four standard errors of a median of n values, 1.2/√n each. Control: twice the noise."""
     within = 5 / np.sqrt(min(samples, NOISE_SAMPLES))
     assert noise_level(noisy(samples, 0.01)) == pytest.approx(0.01, rel=within)
     assert noise_level(noisy(samples, 0.02)) != pytest.approx(0.01, rel=0.5)

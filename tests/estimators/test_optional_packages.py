@@ -1,4 +1,4 @@
-"""Packages that only some estimators need: without them these estimators refuse, and all else works."""
+"""Without its package an estimator refuses, and all others work."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ PACKAGES = sorted({package for packages in NEEDS.values() for package in package
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_a_fault_inside_a_package_is_not_a_missing_package(tmp_path, monkeypatch):
-    """Negative control: a package that is installed, but lacks one of its own, is a fault to be seen."""
+def test_a_package_that_lacks_another_is_an_error(tmp_path, monkeypatch):
+    """Negative control: the package is installed, so that the error must be shown."""
     (tmp_path / "half_installed.py").write_text("import a_package_that_nobody_has\n")
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(ModuleNotFoundError, match="a_package_that_nobody_has"):
@@ -53,12 +53,12 @@ for name in names_for_all():
 """
 
 
-def test_without_the_packages_all_else_works():
-    """Names, options and the table of terms need none of the packages, and the other estimators run."""
+def test_estimators_without_their_package_refuse_and_others_run():
+    """Names, options and the table of terms need none of the packages."""
     program = f"PACKAGES = {PACKAGES}\n{PROGRAM}"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT)
-    assert done.returncode == 0, done.stderr
-    outcomes = dict(line.split(" ", 1) for line in done.stdout.splitlines())
+    process = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT)
+    assert process.returncode == 0, process.stderr
+    outcomes = dict(line.split(" ", 1) for line in process.stdout.splitlines())
     assert set(outcomes) == set(names_for_all())
     for name, outcome in outcomes.items():
         package = NEEDS.get(name, [""])[0]

@@ -1,4 +1,4 @@
-"""Standard errors that direct methods state, where little is lost in a cycle: Q = 500, one per cent of noise."""
+"""Standard errors of direct methods for a weakly damped record: Q = 500, and noise of 1 %."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ T = np.linspace(0.0, 40 * 2 * np.pi / FREQUENCY, 1601)
 
 
 def record(number: int) -> Signal:
-    """θ̈ + 2ζθ̇ + ω²θ = 0 in closed form, from rest."""
+    """Return a viscous decay in closed form with noise."""
     noise = NOISE * np.random.default_rng([7, number]).standard_normal(T.size)
     return Signal(T, viscous(T, RATE, FREQUENCY, START) + noise, name=f"ring-down {number}")
 
 
 def scores(method: str, count: int) -> np.ndarray:
-    """Errors over their stated standard errors, of records with fresh noise."""
+    """Return errors over standard errors of records with different noise."""
     problem = Problem(("viscous",), System("linear", KNOWN))
-    found = [run(method, record(i), problem, stages=("initial",), seed=i)[0] for i in range(count)]
-    return np.array([(one.values["zeta"] - RATE) / one.stderr["zeta"] for one in found])
+    estimates = [run(method, record(i), problem, stages=("initial",), seed=i)[0] for i in range(count)]
+    return np.array([(estimate.values["zeta"] - RATE) / estimate.stderr["zeta"] for estimate in estimates])
 
 
 @pytest.mark.parametrize("method", ["least_squares", pytest.param("sindy", marks=pytest.mark.slow)])
-def test_stated_errors_are_those_that_are_made(method: str):
-    """Their mean square over 20 records; χ²'s range of 99.8 %, and 9 % for the replicas."""
+def test_standard_errors_are_those_of_the_estimates(method: str):
+    """The mean square score of 20 records is within the 99.8 % range of χ², widened by 9 % for the replicas."""
     assert 0.25 < float(np.mean(scores(method, 20) ** 2)) < 2.6
 
 
-def test_residuals_within_half_a_period_say_little(monkeypatch: pytest.MonkeyPatch):
-    """Negative control: at the resonance the noise leaves no residual; an average over neighbours is far too large."""
+def test_standard_errors_from_residuals_would_be_too_large(monkeypatch: pytest.MonkeyPatch):
+    """Negative control: an average of neighbouring residuals, which are small only at the resonance."""
 
     def average(a: np.ndarray, weight: np.ndarray, noise: np.ndarray) -> np.ndarray:
         return _covariance(a, noise[:, 0], weight, np.linspace(0, T[-1], len(a)), 2 * np.pi / FREQUENCY)

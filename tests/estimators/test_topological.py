@@ -1,4 +1,4 @@
-"""The topological method: the paper's equations as printed, the published ones, and its cutoff."""
+"""The topological method: the equations as printed in the paper, the published ones, and its noise limit."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ def value(damping, variant, **record):
 
 
 @pytest.mark.parametrize("damping", PAPER, ids=lambda d: next(iter(d)))
-def test_as_printed_gives_what_the_printed_equations_give(damping):
+def test_the_printed_equations_give_the_values_of_the_printed_equations(damping):
+    """Control: the published equations are right to 1 %."""
     ((parameter, truth),) = damping.items()
     expected, off = PRINTED[parameter]
-    found = value(damping, "as_printed")
-    assert found == pytest.approx(expected, rel=0.01)
-    assert error(found, truth) == pytest.approx(off, rel=0.01)
-    # Negative control: the published formulae are not off like that.
+    printed = value(damping, "as_printed")
+    assert printed == pytest.approx(expected, rel=0.01)
+    assert error(printed, truth) == pytest.approx(off, rel=0.01)
     assert error(value(damping, "published"), truth) < 1.0
 
 
-def test_noise_above_the_decay_is_refused():
+def test_a_decay_below_the_noise_is_refused():
     signal, problem = pendulum({"zeta": 0.5}, noise=0.05, samples=1000)
     for estimate in run("topological", signal, problem, seed=1):
         assert estimate.values == {}

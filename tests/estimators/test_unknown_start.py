@@ -1,4 +1,4 @@
-"""Motions fitted to a velocity do not depend on where the equilibrium is, also if the start is unknown."""
+"""With an unknown start, motions fitted to a velocity do not depend on the position of the equilibrium."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def velocity_about(rest: float) -> tuple[Signal, Problem]:
     return signal, Problem(("viscous",), System("linear", {"stiffness": 20.0, "rest_angle": rest}, START))
 
 
-def test_the_start_of_a_velocity_is_scaled_about_the_equilibrium() -> None:
+def test_the_envelope_method_scales_the_start_about_the_equilibrium() -> None:
     own, shifted = (
         _EnvelopeMatch(signal, problem, EnvelopeOptions(), checked_features(signal)).log_difference(
             np.array([0.05]), 1.3
@@ -34,7 +34,7 @@ def test_the_start_of_a_velocity_is_scaled_about_the_equilibrium() -> None:
     assert np.mean(own) == pytest.approx(np.log(1.3), abs=0.01)
 
 
-def test_simulated_velocities_start_about_the_equilibrium() -> None:
+def test_the_training_records_of_the_rnn_start_about_the_equilibrium() -> None:
     own, shifted = (
         Simulator(signal, problem, checked_features(signal), np.random.default_rng(0)).quadratures(
             np.log([0.04, 0.05, 0.06])

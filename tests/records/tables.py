@@ -1,10 +1,13 @@
-"""Text tables for tests."""
+"""A decay, and tables of text, for tests."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
+
+T = np.arange(600) / 50
+Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 
 
 def write_table(path: Path, head: str, *columns: np.ndarray) -> Path:

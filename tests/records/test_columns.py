@@ -11,10 +11,8 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.types import InputError
-from tests.records.tables import write_table
+from tests.records.tables import T, Y, write_table
 
-T = np.arange(600) / 50
-Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 V = np.gradient(Y, T)
 A = np.gradient(V, T)
 OTHER = 0.2 * np.exp(-0.15 * T) * np.cos(5 * T + 1)

@@ -11,10 +11,8 @@ import bayesdamp
 from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import unit_or_guess
-from tests.records.tables import write_table
+from tests.records.tables import T, Y, write_table
 
-T = np.arange(600) / 50
-Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 NOISE = 0.01 * np.random.default_rng(1).standard_normal(T.size)
 DEG = 57 * Y + 50 * NOISE
 

@@ -1,4 +1,4 @@
-"""Which estimator takes which damping term: it finds it on a clean record of another solver, or says why it cannot."""
+"""Every estimator recovers a damping term from a clean record of another solver, or says why it cannot."""
 
 from __future__ import annotations
 
@@ -18,30 +18,25 @@ from tests.estimators.truths import NETS
 
 K, A, EPSILON = 20.0, 0.3, 0.05
 V = A * math.sqrt(K)
-SYSTEM = System(
-    "linear",
-    {"stiffness": K, "rest_angle": 0.0, "theta0": A, "omega0": 0.0, "epsilon": EPSILON},
-    {},
-    A,
-    math.sqrt(K),
-)
+KNOWN = {"stiffness": K, "rest_angle": 0.0, "theta0": A, "omega0": 0.0, "epsilon": EPSILON}
+SYSTEM = System("linear", KNOWN, {}, A, math.sqrt(K))
 Truth = tuple[dict[str, float], Callable[[float, float], float]]
 
 
-def turn(v: float) -> float:
+def smooth_sign(v: float) -> float:
     return math.tanh(v / EPSILON)
 
 
 TRUTHS: dict[str, Truth] = {
     "viscous": ({"zeta": 0.05}, lambda x, v: 2 * 0.05 * v),
-    "coulomb": ({"mu_c": 0.03}, lambda x, v: 0.03 * turn(v)),
+    "coulomb": ({"mu_c": 0.03}, lambda x, v: 0.03 * smooth_sign(v)),
     "quadratic": ({"mu_q": 0.05}, lambda x, v: 0.05 * v * abs(v)),
     "cubic": ({"mu_3": 0.06}, lambda x, v: 0.06 * v**3),
     "displacement": ({"c_xxv": 3.0}, lambda x, v: 3.0 * x * x * v),
-    "structural": ({"kappa": 0.8}, lambda x, v: 0.8 * abs(x) * turn(v)),
+    "structural": ({"kappa": 0.8}, lambda x, v: 0.8 * abs(x) * smooth_sign(v)),
     "dry_position": (
         {"mu_p": 0.04, "friction_slope": 0.3, "friction_curvature": 0.8},
-        lambda x, v: 0.04 * (1 + 0.3 * x / A + 0.8 * (x / A) ** 2) * turn(v),
+        lambda x, v: 0.04 * (1 + 0.3 * x / A + 0.8 * (x / A) ** 2) * smooth_sign(v),
     ),
     "power": (
         {"c_power": 0.06, "exponent": 1.5},
@@ -49,13 +44,13 @@ TRUTHS: dict[str, Truth] = {
     ),
     "stribeck": (
         {"mu_k": 0.03, "static_excess": 0.8, "stribeck_velocity": 0.4},
-        lambda x, v: 0.03 * (1 + 0.8 * math.exp(-((v / 0.4) ** 2))) * turn(v),
+        lambda x, v: 0.03 * (1 + 0.8 * math.exp(-((v / 0.4) ** 2))) * smooth_sign(v),
     ),
 }
 SAMPLES = {"least_squares": 6000}
-"""Of 15 s; 1500 for the others. The regression smooths a record where a narrow feature is hidden between samples."""
+"""In 15 s; 1500 for the others. The regression smooths a record, which would hide a narrow feature of the force."""
 LIMIT = 0.02
-"""Relative error of an own estimate."""
+"""Largest relative error of an initial estimate."""
 WIDER = {("symbolic_regression", "stribeck"): 0.1, ("topological", "coulomb"): 0.05}
 POSITION, FURTHER = {"displacement", "structural", "dry_position"}, {"dry_position", "power", "stribeck"}
 OTHERS = set(TRUTHS) - {"viscous", "coulomb", "quadratic"}
@@ -93,33 +88,32 @@ def test_the_table_has_every_estimator_and_term() -> None:
         assert {t for t, why in zip(TRUTHS, rows[name], strict=True) if why} == refused, name
 
 
-def test_who_cannot_says_why_in_a_sentence() -> None:
+def test_an_estimator_that_cannot_use_a_term_says_why() -> None:
     for name, term in ((n, t) for n, ts in REFUSED.items() for t in sorted(ts)):
-        (found,) = run(name, record(term, 1500), Problem((term,), SYSTEM), stages=("initial",), seed=1)
-        assert not found.values, name
-        assert found.outcome == reason_not_applicable(ESTIMATORS.get(name), (term,))
-        assert term in found.outcome
-        assert len(found.outcome) < 160
+        (estimate,) = run(name, record(term, 1500), Problem((term,), SYSTEM), stages=("initial",), seed=1)
+        assert not estimate.values, name
+        assert estimate.outcome == reason_not_applicable(ESTIMATORS.get(name), (term,))
+        assert term in estimate.outcome
+        assert len(estimate.outcome) < 160
 
 
+FAST_TERMS = ("cubic", "displacement", "structural", "power")
 PAIRS = [
-    (n, t)
-    if n not in (*NETS, "genetic") and t in ("cubic", "displacement", "structural", "power")
-    else pytest.param(n, t, marks=pytest.mark.slow)
-    for n, ts in REFUSED.items()
+    pytest.param(n, t, marks=[] if n not in (*NETS, "genetic") and t in FAST_TERMS else pytest.mark.slow)
+    for n, refused in REFUSED.items()
     for t in TRUTHS
-    if t not in ts
+    if t not in refused
 ]
-"""The three terms of the paper are recovered by every method in other files of this folder."""
+"""Other files of this folder test the three terms of the paper with every method."""
 
 
 @pytest.mark.parametrize(("name", "term"), PAIRS)
-def test_who_can_does(name: str, term: str) -> None:
-    """Its own estimate of every parameter, the restoring law and the start being known; deterministic."""
+def test_an_estimator_recovers_a_term(name: str, term: str) -> None:
+    """Every parameter of the term; the restoring law and the start are known. Control: 20 % more damping."""
     samples = SAMPLES.get(name, 1500)
-    (found,) = run(name, record(term, samples), Problem((term,), SYSTEM), stages=("initial",), seed=1)
-    assert name != "sindy" or found.outcome == "ok"  # its selection of terms
+    (estimate,) = run(name, record(term, samples), Problem((term,), SYSTEM), stages=("initial",), seed=1)
+    assert name != "sindy" or estimate.outcome == "ok"  # its selection of terms
     limit = WIDER.get((name, term), LIMIT)
     for parameter, truth in TRUTHS[term][0].items():
-        assert abs(found.values[parameter] / truth - 1) < limit, parameter
-        assert abs(found.values[parameter] / (1.2 * truth) - 1) > limit, "control"
+        assert abs(estimate.values[parameter] / truth - 1) < limit, parameter
+        assert abs(estimate.values[parameter] / (1.2 * truth) - 1) > limit

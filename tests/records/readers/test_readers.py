@@ -17,7 +17,8 @@ from bayesdamp.records.read import read_record, read_records
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 from tests.bad_input.binaries import mat_bomb
-from tests.records.readers.written import FORMATS, RATE, T, Y, Z, cassy, excel, matlab_73, parquet, tdms, uff
+from tests.records.readers.written import FORMATS, RATE, Z, cassy, excel, matlab_73, parquet, tdms, uff
+from tests.records.tables import T, Y
 
 TOLERANCES = {"WAV": 0.5, "Excel": 1e-16, "UFF uneven": 1e-9, "UFF ascii": 1e-9, "UFF named as text": 1e-9}
 

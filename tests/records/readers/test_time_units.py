@@ -13,10 +13,7 @@ import pytest
 from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_record
 from bayesdamp.types import InputError
-from tests.records.tables import write_table
-
-T = np.arange(400) / 50
-Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
+from tests.records.tables import T, Y, write_table
 
 
 def hdf(path: Path, t: np.ndarray, unit: str, stored: np.ndarray = Y, **attributes: Any) -> None:
@@ -57,7 +54,7 @@ def test_times_since_a_date_are_read(tmp_path: Path) -> None:
 def test_packed_numbers_and_missing_samples_are_refused(tmp_path: Path) -> None:
     """With the attributes of the Climate and Forecast conventions. Control: values that do not occur in the record."""
     path, stored = tmp_path / "a.h5", np.round(Y / 1e-4).astype("i2")
-    stored[np.arange(5, 400, 37)] = -9999
+    stored[5::37] = -9999
     for name, value, message in (
         ("scale_factor", 0.5, "the numbers of 'angle' are packed"),
         ("add_offset", 0.5, "the numbers of 'angle' are packed"),

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from scipy.io import wavfile
 
+from tests.records.tables import T, Y
+
 RATE = 50.0
-T = np.arange(600) / RATE
-Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 Z = 0.2 * np.exp(-0.15 * T) * np.cos(7 * T + 1)
 
 
