@@ -19,6 +19,7 @@ from tests.estimators.truths import (
     initial,
     pendulum,
 )
+from tests.physics.independent import trajectory
 
 SLOW = ("genetic", "symbolic_regression")
 EACH = pytest.mark.parametrize(
@@ -106,21 +107,18 @@ def test_a_wrong_stiffness_gives_a_wrong_damping_and_a_poor_fit():
     assert refined.outcome != "ok"
 
 
-def velocity_and_acceleration(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Those of a linear oscillator in closed form: stiffness 20, zeta 0.05, released 0.3 from its rest position."""
-    damped = np.sqrt(20.0 - 0.05**2)
-    envelope = 0.3 * np.exp(-0.05 * t)
-    position = envelope * (np.cos(damped * t) + 0.05 / damped * np.sin(damped * t))
-    velocity = -envelope * 20.0 / damped * np.sin(damped * t)
-    noise = 0.01 * np.random.default_rng(1).standard_normal((2, t.size))
-    return velocity + noise[0], -20.0 * position - 0.1 * velocity + noise[1]
+def linear_motion(quantity: str) -> Signal:
+    """Return the velocity or acceleration of a linear oscillator that is released 0.3 from rest, with noise."""
+    t, order = np.linspace(0.0, 15.0, 750), ("angle", "velocity", "acceleration").index(quantity)
+    p = {"zeta": 0.05, "stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}
+    noise = 0.01 * np.random.default_rng(1).standard_normal((2, t.size))[order - 1]
+    return Signal(t, trajectory("linear", p, t)[:, order] + noise, quantity)
 
 
 @pytest.mark.parametrize("name", ["least_squares", "envelope"])
-def test_an_acceleration_does_not_determine_where_the_motion_is(name: str) -> None:
-    t = np.linspace(0.0, 15.0, 750)
-    record = Signal(t, velocity_and_acceleration(t)[1], quantity="acceleration")
-    refined = run(name, record, Problem(("viscous",), System("linear")), seed=1)[1]
+def test_an_acceleration_does_not_determine_the_position(name: str) -> None:
+    problem = Problem(("viscous",), System("linear"))
+    refined = run(name, linear_motion("acceleration"), problem, seed=1)[1]
     assert refined.values["theta0"] - refined.values["rest_angle"] == pytest.approx(0.3, rel=0.01)
     assert set(refined.stderr) == {"zeta", "stiffness", "omega0"}
     assert abs(refined.values["zeta"] - 0.05) < 4 * refined.stderr["zeta"] < 0.002
@@ -128,13 +126,9 @@ def test_an_acceleration_does_not_determine_where_the_motion_is(name: str) -> No
 
 
 def test_parameters_that_are_determined_only_together_have_no_standard_error() -> None:
-    """Without gravity, the angle of the relaxed spring is the rest position, of which a velocity says nothing."""
-    t = np.linspace(0.0, 15.0, 750)
-    record = Signal(t, velocity_and_acceleration(t)[0], quantity="velocity")
-    system = System("horizontal_pendulum", {"gravity": 0.0})
-    refined = run("envelope", record, Problem(("viscous",), system), seed=1)[1]
+    """Without gravity, the angle of the relaxed spring is the rest position, which a velocity does not determine."""
+    problem = Problem(("viscous",), System("horizontal_pendulum", {"gravity": 0.0}))
+    refined = run("envelope", linear_motion("velocity"), problem, seed=1)[1]
     assert set(refined.stderr) == {"zeta", "stiffness", "omega0"}
-    assert (
-        refined.outcome
-        == "the record does not determine spring_angle and theta0, or only a combination of them"
-    )
+    expected = "the record does not determine spring_angle and theta0, or only a combination of them"
+    assert refined.outcome == expected

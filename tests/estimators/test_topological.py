@@ -16,7 +16,7 @@ def value(damping, variant, **record):
 
 
 @pytest.mark.parametrize("damping", PAPER, ids=lambda d: next(iter(d)))
-def test_the_printed_equations_give_the_values_of_the_printed_equations(damping):
+def test_the_variant_as_printed_gives_the_values_of_the_printed_equations(damping):
     """Control: the published equations are right to 1 %."""
     ((parameter, truth),) = damping.items()
     expected, off = PRINTED[parameter]

@@ -66,7 +66,9 @@ def test_small_probabilities_do_not_depend_on_the_order(mean: tuple[float, float
     )
 
 
-def rejected(rng: np.random.Generator, mean: np.ndarray, factor: np.ndarray, places: list[int]) -> np.ndarray:
+def draws_by_rejection(
+    rng: np.random.Generator, mean: np.ndarray, factor: np.ndarray, places: list[int]
+) -> np.ndarray:
     """Return draws by rejection, those of 400,000 that remain."""
     draws = mean + rng.standard_normal((400_000, mean.size)) @ factor.T
     return draws[np.all(draws[:, places] >= 0, axis=1)]
@@ -90,7 +92,7 @@ def test_draws_are_those_of_rejection(places: list[int]) -> None:
     draws = draw(rng, mean, factor, np.array(places, int), 8000)
     assert draws.shape == (8000, 4)
     assert np.all(draws[:, places] >= 0)
-    truth = rejected(rng, mean, factor, places)
+    truth = draws_by_rejection(rng, mean, factor, places)
     assert smallest_p_value(draws[::4], truth) > FALSE_ALARM / 10
     plain = mean + rng.standard_normal((2000, 4)) @ factor.T
     assert smallest_p_value(np.maximum(plain, 0), truth) < FALSE_ALARM / 10

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from tests.physics.independent import with_coulomb
+
 W = 2 * np.pi
 """Angular frequency in rad/s: a period is a second."""
 Force = Callable[[float, float, float], float]
@@ -111,14 +113,9 @@ def released_twice(rng: np.random.Generator) -> Record:
 
 
 def sticking(rng: np.random.Generator) -> Record:
-    """Return dry friction in closed form: half cosines about ±friction, until a turning point is within it."""
+    """Return dry friction in closed form, from 1 until the body sticks within ±friction."""
     friction, per_cycle = rng.uniform(0.02, 0.06), rng.uniform(25, 100)
     t = np.arange(0, 0.25 / friction + rng.uniform(1, 6), 1 / per_cycle)
-    y, at, begin = np.empty(t.size), 1.0, 0.0
-    while abs(at) > friction:
-        centre = friction * np.sign(at)
-        inside = t >= begin
-        y[inside] = centre + (at - centre) * np.cos(W * (t[inside] - begin))
-        at, begin = 2 * centre - at, begin + 0.5
-    y[t >= begin] = at
-    return Record(t, y, 0.0, begin)
+    p = {"stiffness": W * W, "rest_angle": 0.0, "mu_c": friction * W * W, "theta0": 1.0, "omega0": 0.0}
+    y = with_coulomb(p, t)[:, 0]
+    return Record(t, y, 0.0, float(t[np.argmax(y == y[-1]) - 1]))

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.types import InputError
+from tests.physics.independent import trajectory
 from tests.records.tables import T, Y, write_table
 
 V = np.gradient(Y, T)
@@ -137,12 +137,9 @@ def test_a_phone_on_a_pendulum_is_read_along_its_path(tmp_path: Path, angle_0, n
     The axis that points to the pivot oscillates at twice the frequency and must be refused, also if it is the only one.
     """
     g, length, t = 9.81, 0.85, np.arange(3000) / 100
-
-    def slope(_: float, u: np.ndarray) -> list[float]:
-        return [u[1], -g / length * np.sin(u[0]) - 0.03 * u[1]]
-
-    angle, speed = u = solve_ivp(slope, (0, t[-1]), [angle_0, 0.0], t_eval=t, rtol=1e-8, atol=1e-10).y
-    across = 0.8 * length * np.array([slope(0.0, state)[1] for state in u.T]) + g * np.sin(angle)
+    p = {"stiffness": g / length, "zeta": 0.015, "rest_angle": 0.0, "theta0": angle_0, "omega0": 0.0}
+    angle, speed, acceleration = trajectory("pendulum", p, t).T
+    across = 0.8 * length * acceleration + g * np.sin(angle)
     along = -(g * np.cos(angle) + 0.8 * length * speed**2)
     noise = 0.02 * np.random.default_rng(2).standard_normal((3, t.size))
     x, y, z = map(name.format, "xyz")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.signal import butter, sosfiltfilt
 
 from bayesdamp.interface.no_free_decay import no_free_decay
@@ -14,6 +13,7 @@ from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.records.oscillation.spectrum import coarse_periods
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
+from tests.records.hands import Rig, W
 
 RATE = 1000.0
 HITS = (0.7, 2.6, 4.4)
@@ -48,13 +48,11 @@ def test_a_decay_after_a_given_start_ends_before_the_next_hit() -> None:
 def test_a_decay_ends_where_a_hand_stops_it() -> None:
     """At 20 s the damping ratio increases from 0.01 to 0.5."""
     t = np.arange(0, 26, 1 / 50)
-    w = 2 * np.pi
 
-    def slope(time: float, u: np.ndarray) -> list[float]:
-        return [u[1], -w * w * u[0] - 2 * (0.01 if time < 20 else 0.5) * w * u[1]]
+    def hand(time: float, x: float, v: float) -> float:
+        return 0.0 if time < 20 else -2 * 0.49 * W * v
 
-    run = solve_ivp(slope, (0, 26), [1.0, 0.0], "LSODA", t, rtol=1e-8, atol=1e-10, max_step=0.02)
-    y = run.y[0] + 1e-4 * np.random.default_rng(4).standard_normal(t.size)
+    y = Rig(0.01 * W).run(t, 1.0, force=hand)[0] + 1e-4 * np.random.default_rng(4).standard_normal(t.size)
     window = free_decay(t, y, coarse_periods(t, y), 0.0, True, True, "x")
     assert 18.5 <= t[window.last] <= 20.1
 

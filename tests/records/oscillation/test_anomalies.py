@@ -25,12 +25,12 @@ def anomalies(y: np.ndarray, t: np.ndarray = T) -> tuple[str, ...]:
     return find_anomalies(signal, features(signal))
 
 
-def test_a_cut_off_peak_is_anomalies() -> None:
+def test_a_clipped_peak_is_recognised() -> None:
     for low, high in ((-0.15, 0.15), (-np.inf, 0.12), (-0.17, np.inf)):
         assert anomalies(np.clip(decay(1, 0.01), low, high)) == (CLIPPED,)
 
 
-def test_an_amplitude_that_rises_is_anomalies() -> None:
+def test_a_rising_amplitude_is_recognised() -> None:
     beats = np.cos(0.06 * T) * decay(1, 0.0) + 0.002 * np.random.default_rng(1).standard_normal(T.size)
     assert RISES_AGAIN in anomalies(beats)
     driven = decay(1, 0.01) + 0.05 * np.cos(1.08 * T)

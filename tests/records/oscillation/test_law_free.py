@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import quad
 from scipy.special import ellipk
 from scipy.stats import chi2
 
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import amplitude_curves, law_free
 from bayesdamp.types import Signal
-from tests.physics.independent import viscous as viscous_decay
+from tests.physics.independent import trajectory, viscous as viscous_decay
 
 K = 20.0
 
@@ -21,12 +21,10 @@ K = 20.0
 def test_the_backbone_of_a_pendulum_is_the_elliptic_integral() -> None:
     """A pendulum from 1.2 rad by SciPy's solver. A constant frequency would be wrong by more than 3 %."""
     t = np.linspace(0.0, 20.0, 4000)
-    motion = solve_ivp(
-        lambda _, s: [s[1], -2 * 0.02 * s[1] - K * np.sin(4.0 * s[0]) / 4.0], (0, 20), [0.3, 0.0],
-        method="DOP853", t_eval=t, rtol=1e-9, atol=1e-11, max_step=0.01,
-    ).y[0]  # fmt: skip
-    curves = amplitude_curves(Signal(t, motion + 1e-4 * np.random.default_rng(1).standard_normal(t.size)))
-    exact = np.sqrt(K) * np.pi / (2 * ellipk(np.sin(2.0 * curves.amplitude) ** 2))
+    p = {"zeta": 0.02, "stiffness": K, "rest_angle": 0.0, "theta0": 1.2, "omega0": 0.0}
+    motion = trajectory("pendulum", p, t)[:, 0]
+    curves = amplitude_curves(Signal(t, motion + 4e-4 * np.random.default_rng(1).standard_normal(t.size)))
+    exact = np.sqrt(K) * np.pi / (2 * ellipk(np.sin(curves.amplitude / 2) ** 2))
     assert curves.frequency == pytest.approx(exact, rel=3e-3)
     assert np.ptp(exact) > 0.03 * exact[0]
 
@@ -45,12 +43,16 @@ def test_the_damping_ratio_of_a_strongly_nonlinear_spring_is_right(
     """
     omega, drag, noise = 2 * np.pi, 0.3, np.random.default_rng(1)
     t = np.arange(960) / 60
-
-    def slope(_: float, s: np.ndarray) -> list[float]:
-        return [s[1], -drag * s[1] * abs(s[1]) - omega**2 * s[0] * (1 - soft * s[0] ** 2)]
-
-    motion = solve_ivp(slope, (0, 16), [1.0, 0.0], "DOP853", t, rtol=1e-10, atol=1e-12, max_step=0.02).y
-    y = {"angle": motion[0], "velocity": motion[1], "acceleration": slope(0.0, motion)[1]}[quantity]
+    p = {
+        "mu_q": drag,
+        "stiffness": omega**2,
+        "rest_angle": 0.0,
+        "cubic": -soft * omega**2,
+        "theta0": 1.0,
+        "omega0": 0.0,
+    }
+    motion = trajectory("duffing", p, t)
+    y = motion[:, ("angle", "velocity", "acceleration").index(quantity)]
     y = y + 1e-4 * np.std(y) * noise.standard_normal(t.size)
     curves = amplitude_curves(Signal(t, y, quantity=quantity))
     a = curves.amplitude[0]

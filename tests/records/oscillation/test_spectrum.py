@@ -9,7 +9,7 @@ from bayesdamp.records.oscillation.spectrum import coarse_period, samples_a_cycl
 
 
 def record(rows: int, cycles: float, noise: float) -> tuple[np.ndarray, np.ndarray]:
-    """A decaying oscillation of period 1 s."""
+    """Return a decaying oscillation of period 1 s."""
     t = np.linspace(0.0, cycles, rows)
     y = np.exp(-3.0 * t / cycles) * np.cos(2 * np.pi * t)
     return t, y + noise * np.random.default_rng(rows).standard_normal(rows)

@@ -68,7 +68,7 @@ def test_a_cell_that_is_not_a_number_is_refused(tmp_path: Path, instrument: str)
         read_records(written(tmp_path / "a.csv", *lines))
 
 
-def test_a_plain_table_is_not_read_as_an_oscilloscopes(tmp_path: Path) -> None:
+def test_a_plain_table_is_not_taken_for_a_file_of_an_oscilloscope(tmp_path: Path) -> None:
     """Negative control: two settings above a table are only facts; numbers in a column without Start are not counts."""
     (plain,) = read_records(written(tmp_path / "a.csv", *SETTINGS[2:4], "TIME,CH1", *PAIRS))
     assert (plain.columns, plain.unit, plain.rate) == (("TIME", "CH1"), "", None)

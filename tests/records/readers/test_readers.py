@@ -112,8 +112,8 @@ def test_a_uff_file_of_geometry_is_refused(tmp_path: Path) -> None:
         read_records(tmp_path / "b.uff")
 
 
-def test_a_uff_is_never_a_plain_table(tmp_path: Path) -> None:
-    """However it is damaged, and whatever it is called: its header's and its data's numbers are no columns."""
+def test_a_damaged_uff_file_is_not_read_as_a_table(tmp_path: Path) -> None:
+    """Its numbers are not read as columns, whatever its name is and however it is damaged."""
     uff(tmp_path / "a.uff", names=("arm",))
     text = (tmp_path / "a.uff").read_text(encoding="utf-8")
     renamed = tmp_path / "a.csv"
@@ -126,7 +126,7 @@ def test_a_uff_is_never_a_plain_table(tmp_path: Path) -> None:
         read_record(renamed)
 
 
-def test_a_column_that_begins_like_a_uff_is_still_a_table(tmp_path: Path) -> None:
+def test_a_column_that_begins_like_a_uff_file_is_read_as_a_table(tmp_path: Path) -> None:
     """Negative control: -1 above 58 without the six columns of a data set's mark."""
     lines = ["-1", "58", *(f"{y:.6f}" for y in Y)]
     (tmp_path / "a.txt").write_text("\n".join(lines), encoding="utf-8")
