@@ -1,4 +1,4 @@
-"""A call that cannot be meant is one line of InputError that names what is wrong and what would be right."""
+"""A wrong call raises an InputError of one line that names what is wrong and what is valid."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from bayesdamp.calls import checked_call
 from tests.interface.problems import not_refused
 
 ANY: Any = bd
-"""The package without its types, which would refuse these calls."""
+"""The package without its types: type checkers would reject these calls."""
 MODEL = bd.Model("viscous")
 T = np.linspace(0.0, 6.0, 150)
 Y = 0.3 * np.exp(-0.05 * T) * np.cos(4.47 * T)
-WRONG: dict[str, Callable[[], object]] = {
+REFUSED: dict[str, Callable[[], object]] = {
     "read: path is int; it must be a path": lambda: ANY.read(3),
     "read: unknown argument 'vlaue'; did you mean 'value'": lambda: ANY.read("rig.csv", vlaue=2),
     "read: rate is str; it must be a number, in Hz": lambda: ANY.read("rig.csv", rate="100"),
@@ -40,25 +40,25 @@ WRONG: dict[str, Callable[[], object]] = {
 }
 
 
-def test_it_is_one_line() -> None:
-    assert not_refused((call, "^" + re.escape(said)) for said, call in WRONG.items()) == []
+def test_a_wrong_call_is_refused_in_one_line() -> None:
+    assert not_refused((call, "^" + re.escape(line)) for line, call in REFUSED.items()) == []
 
 
-def test_what_is_meant_goes_through() -> None:
-    """The negative control: defaults of another type, keywords of any name, and faults inside are none of these."""
+def test_a_right_call_is_not_refused() -> None:
+    """A default of another type, keywords of any name, and a TypeError of the function itself."""
 
-    def asked(path: str, rate: float | None = None, **more: object) -> object:
+    def function(path: str, rate: float | None = None, **more: object) -> object:
         if rate == 0:
             raise TypeError("a fault inside")
         return path, rate, more
 
-    called = checked_call(asked, "asked")
-    assert called("x", rate=None, other=1) == ("x", None, {"other": 1})
+    checked = checked_call(function, "function")
+    assert checked("x", rate=None, other=1) == ("x", None, {"other": 1})
     with pytest.raises(TypeError, match="a fault inside"):
-        called("x", 0)
+        checked("x", 0)
 
 
-def test_signatures_stay_and_processes_find_them() -> None:
+def test_checked_functions_have_their_signature_and_can_be_pickled() -> None:
     assert list(inspect.signature(bd.fit).parameters)[:2] == ["signal", "model"]
     assert list(inspect.signature(bd.Model).parameters)[:2] == ["damping", "restoring"]
     assert pickle.loads(pickle.dumps(bd.compare)) is bd.compare

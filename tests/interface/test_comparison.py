@@ -1,4 +1,4 @@
-"""`compare` in Python: one record, several of one specimen, saved, loaded, drawn and written as a page."""
+"""`compare` in Python: one record, several records of one specimen, units, and the report."""
 
 from __future__ import annotations
 
@@ -21,22 +21,20 @@ from tests.interface.problems import TIMES, TRUTH, not_refused, record
 from validation.truth.records import case
 
 mpl.use("Agg")
-
-
-MADE = case("family", 33, 0)
-LAW = [MADE.restoring]
+CASE = case("family", 33, 0)
+LAW = [CASE.restoring]
 
 
 @lru_cache
 def compared() -> bd.Comparison:
-    return bd.compare(MADE.signal, restoring=LAW)
+    return bd.compare(CASE.signal, restoring=LAW)
 
 
 def quick(
-    signal: bd.Signal | list[bd.Signal], *damping: str, restoring: Sequence[str] = LAW, **how: Any
+    signal: bd.Signal | list[bd.Signal], *damping: str, restoring: Sequence[str] = LAW, **options: Any
 ) -> bd.Comparison:
     """Compare dampings without sampling; by default viscous damping alone."""
-    return bd.compare(signal, damping=damping or ("viscous",), restoring=restoring, sample=False, **how)
+    return bd.compare(signal, damping=damping or ("viscous",), restoring=restoring, sample=False, **options)
 
 
 def test_a_comparison_names_the_damping(tmp_path: Path) -> None:
@@ -50,41 +48,39 @@ def test_a_comparison_names_the_damping(tmp_path: Path) -> None:
     assert result.verdict.sentence in repr(result)
     page = result.report(tmp_path / "rig.html").read_text(encoding="utf-8")
     assert result.verdict.sentence.split(":")[0] in page
-    again = bd.load(result.save(tmp_path / "rig.bd"))
-    assert again.verdict == result.verdict
-    four = plt.subplots(2, 2)[1]
-    assert result.plot(ax=four) == tuple(four.ravel())
+    assert bd.load(result.save(tmp_path / "rig.bd")).verdict == result.verdict
+    axes = plt.subplots(2, 2)[1]
+    assert result.plot(ax=axes) == tuple(axes.ravel())
     plt.close("all")
 
 
 class Unsolved(bd.DampingTerm):
-    """A term that compiled motions cannot have: it has no kernel."""
+    """A damping term without a kernel, so that its equation of motion cannot be compiled."""
 
     name, parameter, unit = "unsolved", "c_unsolved", "1/s"
 
 
-def test_a_term_without_a_kernel_costs_its_own_sums_alone() -> None:
+def test_only_models_with_a_term_without_a_kernel_are_left_out() -> None:
     TERMS.add("unsolved", Unsolved())
     try:
-        found = quick(MADE.signal, "viscous", "viscous+unsolved")
-        alone = quick(MADE.signal, "unsolved")
+        result = quick(CASE.signal, "viscous", "viscous+unsolved")
+        alone = quick(CASE.signal, "unsolved")
     finally:
         TERMS.remove("unsolved")
-    assert found.verdict.damping == "viscous"
-    said = [r for r in found.verdict.remarks if r.startswith("viscous+unsolved was not compared: ")]
-    assert len(said) == 1
-    assert "has no `kernel`" in said[0]
+    assert result.verdict.damping == "viscous"
+    (remark,) = [r for r in result.verdict.remarks if r.startswith("viscous+unsolved was not compared: ")]
+    assert "has no `kernel`" in remark
     assert "has no `kernel`" in alone.outcome
 
 
 def test_without_any_fit_the_outcome_is_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(model_comparison.ModelComparison, "evaluate", lambda *_: None)
-    result = quick(MADE.signal)
+    result = quick(CASE.signal)
     assert result.outcome == "The equation of motion cannot be fitted with any of the damping models."
     assert not result.verdict.decided
 
 
-def test_a_hopeless_sum_is_in_the_table_but_needs_no_remark(tmp_path: Path) -> None:
+def test_a_model_far_behind_is_in_the_table_without_a_remark(tmp_path: Path) -> None:
     t = np.arange(2000) / 50.0
     y = np.exp(-0.05 * t) * np.cos(4.0 * t) + 1e-3 * np.random.default_rng(3).standard_normal(t.size)
     result = quick(bd.signal(t, y), "viscous", "quadratic", restoring=["linear"])
@@ -94,19 +90,19 @@ def test_a_hopeless_sum_is_in_the_table_but_needs_no_remark(tmp_path: Path) -> N
     page = result.report(tmp_path / "page.html").read_text(encoding="utf-8")
     assert f"Not fitted ({BEHIND}): quadratic (linear)" in page
     assert not any("not weighed" in remark for remark in result.verdict.remarks)
-    sums = "quadratic", "viscous+quadratic", "viscous"
-    exact = quick(bd.signal(t, y), *sums, restoring=["linear"], deviation="none").table
+    dampings = "quadratic", "viscous+quadratic", "viscous"
+    exact = quick(bd.signal(t, y), *dampings, restoring=["linear"], deviation="none").table
     assert list(exact["damping"]) == ["viscous", "viscous+quadratic", "quadratic"]
 
 
 def test_a_remark_says_where_cycles_cannot_be_counted() -> None:
-    """The oscillation continues with the other sign after a gap; without that the gap needs no remark."""
+    """The sign of the oscillation changes during a gap. Control: the same gap without a change needs no remark."""
     t = 5.0 + np.arange(5040) / 12.0
     rng = np.random.default_rng(4)
     y = np.exp(-(t - 5) / 200) * np.cos(2 * np.pi * (t - 5)) + 1e-3 * rng.standard_normal(t.size)
-    seen = (t < 215) | (t > 221)
+    recorded = (t < 215) | (t > 221)
     for sign, count in ((1.0, 0), (-1.0, 1)):
-        signal = bd.signal(t[seen], np.where(t > 215, sign, 1.0)[seen] * y[seen])
+        signal = bd.signal(t[recorded], np.where(t > 215, sign, 1.0)[recorded] * y[recorded])
         result = quick(signal, restoring=["linear"])
         remarks = [r for r in result.verdict.remarks if r.startswith("The cycles in the gap at ")]
         assert len(remarks) == count
@@ -116,10 +112,10 @@ def test_a_remark_says_where_cycles_cannot_be_counted() -> None:
 
 
 def test_records_of_one_specimen_share_a_damping(tmp_path: Path) -> None:
-    """At the amplitudes that the user names, in the unit of the files; the truth is ζ/√k."""
+    """The ratios are given at the requested amplitudes, in the unit of the files; their truth is ζ/√k."""
     signals = [bd.signal(TIMES, np.degrees(record(seed).y), unit="deg", cleaned=False) for seed in (3, 4)]
-    how: dict[str, Any] = {"damping": ["viscous", "coulomb"], "restoring": ["linear"]}
-    both = bd.compare(signals, repeats=True, name="rig", amplitudes=[13.0, 11.0], **how)
+    models = {"damping": ["viscous", "coulomb"], "restoring": ["linear"]}
+    both = bd.compare(signals, repeats=True, name="rig", amplitudes=[13.0, 11.0], **models)
     assert both.verdict.damping == "viscous"
     assert [r.amplitude for r in both.verdict.damping_ratio] == pytest.approx([13.0, 11.0])
     assert all(r.low < TRUTH["zeta"] / TRUTH["stiffness"] ** 0.5 < r.high for r in both.verdict.damping_ratio)
@@ -130,7 +126,7 @@ def test_records_of_one_specimen_share_a_damping(tmp_path: Path) -> None:
     assert "The damping differs between records by" in text
 
 
-WRONG: list[tuple[dict, str]] = [
+REFUSED: list[tuple[dict, str]] = [
     ({"damping": ["viscuos"]}, "viscous"),
     ({"restoring": "pendulm"}, "^compare: unknown restoring law 'pendulm'"),
     ({"deviation": "no"}, "did you mean 'none'"),
@@ -149,21 +145,19 @@ WRONG: list[tuple[dict, str]] = [
 ]
 
 
-def test_a_wrong_name_is_one_line() -> None:
-    wrong = ((partial(bd.compare, MADE.signal, **how), said) for how, said in WRONG)
-    twice = [MADE.signal] * 2
-    several = (
-        (partial(bd.compare, twice), "repeats"),
-        (partial(bd.compare, twice, repeats=True), "same record"),
-    )
-    assert not_refused([*wrong, *several]) == []
+def test_a_wrong_argument_is_refused_in_one_line() -> None:
+    single = ((partial(bd.compare, CASE.signal, **options), pattern) for options, pattern in REFUSED)
+    twice = [CASE.signal] * 2
+    assert not_refused(single) == []
+    assert not_refused([(partial(bd.compare, twice), "repeats")]) == []
+    assert not_refused([(partial(bd.compare, twice, repeats=True), "same record")]) == []
 
 
-def test_a_prior_counts_by_its_term_as_by_its_parameter() -> None:
-    """And it counts: the negative control is a prior that says something else."""
+def test_a_prior_may_be_given_by_the_term_or_by_its_parameter() -> None:
+    """Control: another prior gives another coefficient."""
     narrow, other = bd.LogNormal(0.02, 0.01), bd.LogNormal(0.03, 0.01)
     by_term, by_name, control = (
-        quick(MADE.signal, priors=p).verdict.coefficients[0].value
+        quick(CASE.signal, priors=p).verdict.coefficients[0].value
         for p in ({"viscous": narrow}, {"zeta": narrow}, {"viscous": other})
     )
     assert by_term == by_name
@@ -172,14 +166,14 @@ def test_a_prior_counts_by_its_term_as_by_its_parameter() -> None:
 
 @lru_cache
 def in_degrees() -> tuple[bd.Signal, bd.Signal]:
-    """One record with values in rad, and with the same values in degrees."""
-    t, y = MADE.signal.t, MADE.signal.y
+    """Return one record with values in rad, and with the same values in degrees."""
+    t, y = CASE.signal.t, CASE.signal.y
     deg = bd.signal(t, np.degrees(y), unit="deg", name="deg", cleaned=False)
     return bd.signal(t, y, name="rad", cleaned=False), deg
 
 
 def test_a_record_in_degrees_is_answered_in_degrees(tmp_path: Path) -> None:
-    """The truth is the answer on the same values in rad: all that is in degrees is so many times larger."""
+    """The expected numbers are those of the same record in rad, times 180/π to the power of their unit."""
     rad, deg = map(quick, in_degrees())
     for a, b in zip(rad.verdict.damping_ratio, deg.verdict.damping_ratio, strict=True):
         assert (a.unit, b.unit) == ("rad", "deg")
@@ -194,8 +188,8 @@ def test_a_record_in_degrees_is_answered_in_degrees(tmp_path: Path) -> None:
         assert deg.curve[name].to_numpy() == pytest.approx(rad.curve[name].to_numpy() * turn**power, rel=1e-5)
     assert deg.table["rms"].min() == pytest.approx(turn * rad.table["rms"].min(), rel=1e-5)
     assert deg.summary()["unit_1"].item() == "deg"
-    for drawn in deg.plot():
-        assert "rad" not in drawn.get_ylabel() + drawn.get_xlabel()
+    for axes in deg.plot():
+        assert "rad" not in axes.get_ylabel() + axes.get_xlabel()
     page = deg.report(tmp_path / "deg.html").read_text(encoding="utf-8")
     assert " deg" in page
     assert f"{rad.verdict.damping_ratio[0].amplitude:.3g} rad" not in page
@@ -208,32 +202,31 @@ def test_a_record_in_degrees_is_answered_in_degrees(tmp_path: Path) -> None:
     plt.close("all")
 
 
-def test_an_amplitude_is_asked_for_in_the_records_own_unit() -> None:
+def test_amplitudes_are_in_the_records_own_unit() -> None:
     _, signal = in_degrees()
-    asked = quick(signal).verdict.damping_ratio[1].amplitude
-    one = quick(signal, amplitudes=[asked])
-    assert [r.amplitude for r in one.verdict.damping_ratio] == pytest.approx([asked])
+    amplitude = quick(signal).verdict.damping_ratio[1].amplitude
+    ratios = quick(signal, amplitudes=[amplitude]).verdict.damping_ratio
+    assert [r.amplitude for r in ratios] == pytest.approx([amplitude])
     with pytest.raises(bd.InputError, match=r"0\.001 deg: the amplitudes of the record are .* deg"):
         quick(signal, amplitudes=[0.001])
 
 
-def test_a_fit_of_a_record_in_degrees_speaks_of_degrees() -> None:
-    _, deg = in_degrees()
-    one, other = (bd.fit(s, bd.Model("viscous", *LAW, deviation="law")) for s in in_degrees())
-    a, b = one.damping_ratio(), other.damping_ratio()
+def test_a_fit_of_a_record_in_degrees_uses_degrees() -> None:
+    _, signal = in_degrees()
+    rad, deg = (bd.fit(s, bd.Model("viscous", *LAW, deviation="law")) for s in in_degrees())
+    a, b = rad.damping_ratio(), deg.damping_ratio()
     assert set(b["unit"]) == {"deg"}
     assert b["amplitude"].to_numpy() == pytest.approx(np.degrees(a["amplitude"].to_numpy()), rel=1e-6)
-    asked = float(b["amplitude"][1])
-    at = other.damping_ratio([asked])
-    assert at["amplitude"].item() == pytest.approx(asked)
-    assert at["value"].item() == pytest.approx(b["value"][1], rel=0.02)
-    for drawn in (*other.plot(), deg.plot()):
-        assert "rad" not in drawn.get_ylabel()
-    assert " deg rms" in repr(other)
-    assert " deg" in repr(deg)
+    row = deg.damping_ratio([float(b["amplitude"][1])]).iloc[0]
+    assert row["amplitude"] == pytest.approx(b["amplitude"][1])
+    assert row["value"] == pytest.approx(b["value"][1], rel=0.02)
+    for axes in (*deg.plot(), signal.plot()):
+        assert "rad" not in axes.get_ylabel()
+    assert " deg rms" in repr(deg)
+    assert " deg" in repr(signal)
 
 
-def test_a_law_that_contradicts_the_record_is_nowhere_on_its_page(tmp_path: Path) -> None:
+def test_a_law_that_contradicts_the_record_is_not_in_the_report(tmp_path: Path) -> None:
     """The frequency drops by 2.5 % and the rate of decay rises by a half at 10 s: no law of the amplitude does both."""
     t = np.arange(0, 30, 0.01)
     rate, hertz = np.where(t < 10, 0.1, 0.15), np.where(t < 10, 2.0, 1.95)
@@ -253,23 +246,20 @@ def test_a_law_that_contradicts_the_record_is_nowhere_on_its_page(tmp_path: Path
     text = re.sub("<[^>]+>", " ", result.report(tmp_path / "page.html").read_text(encoding="utf-8"))
     assert "contradicts this, so none is named" in text
     control = compared().report(tmp_path / "control.html").read_text(encoding="utf-8")
-    for said in ("Coefficients of", "Energy lost: "):
-        assert (said in text, said in control) == (False, True), said
+    for heading in ("Coefficients of", "Energy lost: "):
+        assert (heading in text, heading in control) == (False, True), heading
     assert "is not drawn" in text
     assert "is not drawn" not in control
     assert not result.plot()[2].axison
 
 
 @pytest.mark.parametrize("samples", [250, 4000])
-def test_the_noise_is_that_of_a_sample(samples: int) -> None:
-    """Also where the answer is computed from means of samples.
-
-    The estimate from 250 values is within 15 % of the truth with a probability of 0.999. Control: half the noise, that
-    of a mean of four samples, is not.
-    """
+def test_the_noise_is_that_of_single_samples(samples: int) -> None:
+    """Of 4000 samples the answer uses means, whose noise is half as large. The estimate from 250 values is within 15 %
+    of the truth with a probability of 0.999."""
     sd, amplitude = 0.004, 0.3
-    how = {"stiffness": 20.0, "theta0": amplitude, "duration": 16.0, "samples": samples}
-    result = quick(bd.simulate({"viscous": 0.08}, noise_sd=sd, seed=3, **how), restoring=["linear"])
+    truth = {"stiffness": 20.0, "theta0": amplitude, "duration": 16.0, "samples": samples}
+    result = quick(bd.simulate({"viscous": 0.08}, noise_sd=sd, seed=3, **truth), restoring=["linear"])
     assert result.verdict.noise_pct == pytest.approx(100 * sd / amplitude, rel=0.15)
     assert result.table["rms"].min() == pytest.approx(sd, rel=0.15)
 
@@ -279,11 +269,12 @@ def test_amplitudes_for_records_in_different_units_are_in_the_first_unit() -> No
     values = [record(seed).y for seed in (3, 4)]
     deg = [bd.signal(TIMES, np.degrees(y), unit="deg", cleaned=False) for y in values]
     rad = bd.signal(TIMES, values[1], cleaned=False)
-    how: dict[str, Any] = {"repeats": True, "amplitudes": [13.0, 11.0], "restoring": ["linear"]}
-    mixed, control = (quick(signals, **how) for signals in ([deg[0], rad], deg))
-    for one, other in zip((mixed.verdict, *mixed.records), (control.verdict, *control.records), strict=True):
-        ratios, expected = (getattr(x, "verdict", x).damping_ratio for x in (one, other))
-        assert [r.value for r in ratios] == pytest.approx([r.value for r in expected], rel=1e-6)
+    options: dict[str, Any] = {"repeats": True, "amplitudes": [13.0, 11.0], "restoring": ["linear"]}
+    mixed, control = (
+        [[r.value for r in v.damping_ratio] for v in (result.verdict, *(x.verdict for x in result.records))]
+        for result in (quick([deg[0], rad], **options), quick(deg, **options))
+    )
+    assert np.array(mixed) == pytest.approx(np.array(control), rel=1e-6)
     metres = bd.signal(TIMES, values[1], unit="m", cleaned=False)
     with pytest.raises(bd.InputError, match="amplitudes: the records are in rad and m; remove it"):
-        quick([deg[0], metres], **how)
+        quick([deg[0], metres], **options)

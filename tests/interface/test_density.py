@@ -15,22 +15,22 @@ from tests.interface.problems import MODEL, fit, not_refused, record
 
 
 def points(count: int, spread: float = 2.0) -> np.ndarray:
-    """x about the best fit, (count, d), where nothing is below zero."""
+    """Return points about the best fit, shape (count, d), none below zero."""
     density = fit().density
     sds = np.array([fit().sd[n] for n in density.names])
     return density.vector() + spread * sds * np.random.default_rng(5).standard_normal((count, sds.size))
 
 
 def solved(osc: bd.Oscillator, p: Mapping[str, float], times: np.ndarray) -> np.ndarray:
-    """The motion of a damping with a kernel on a linear spring, by SciPy."""
+    """Solve the motion of a damping on a linear spring with SciPy."""
 
     def slope(_: float, state: np.ndarray) -> list[float]:
         x, v = state
         force = sum(p[t.parameter] * t.kernel(x, v, p.get("epsilon", 1.0)) for t in osc.terms)
         return [v, -force - p["stiffness"] * (x - p["rest_angle"])]
 
-    begin = [p["theta0"], p["omega0"]]
-    return solve_ivp(slope, times[[0, -1]], begin, "DOP853", times, rtol=1e-10, atol=1e-12).y[0]
+    initial = [p["theta0"], p["omega0"]]
+    return solve_ivp(slope, times[[0, -1]], initial, "DOP853", times, rtol=1e-10, atol=1e-12).y[0]
 
 
 @pytest.mark.parametrize(
@@ -46,84 +46,68 @@ def solved(osc: bd.Oscillator, p: Mapping[str, float], times: np.ndarray) -> np.
     ],
     ids=["drag", "friction of unknown width"],
 )
-def test_log_likelihood_is_the_one_worked_out_by_hand(damping, true, priors, known) -> None:
-    """Within 1e-3 nats at points three sds and less from the best; of friction also where its width is a fiftieth."""
-    made = bd.simulate(damping, stiffness=20.0, duration=6.0, samples=200, noise_sd=0.005, seed=3, **true)
-    density = bd.Model(*damping, noise="gaussian", priors=priors, known=known).bind(made)
+def test_the_log_likelihood_is_that_of_an_independent_solver(damping, true, priors, known) -> None:
+    """Within 1e-3 nats up to three sds from the mode; for friction also where its width is a fiftieth of the mode's."""
+    signal = bd.simulate(damping, stiffness=20.0, duration=6.0, samples=200, noise_sd=0.005, seed=3, **true)
+    density = bd.Model(*damping, noise="gaussian", priors=priors, known=known).bind(signal)
     towards = np.random.default_rng(1).standard_normal((6, len(density.names)))
     away = towards / np.linalg.norm(towards, axis=1)[:, None] * [[0], [1], [2], [3], [3], [3]]
     scores = density.mode.z + away @ density.mode.factor.T
     if priors:
         scores[-1, density.names.index("epsilon")] = priors["epsilon"].score(0.0008)
-    depths = []
+    logs = []
     for z in scores:
         x = np.array([float(v) for v in density.target.values(z).values()])
         p = {**density.known, **dict(zip(density.names, x, strict=True))}
-        motion = solved(density.target.oscillator, p, made.t)
-        by_hand = float(np.sum(stats.norm.logpdf(made.y, motion, p["noise_sd"])))
-        depths.append(density.log_likelihood(x))
-        assert depths[-1] == pytest.approx(by_hand, abs=1e-3)
-    assert depths[0] - min(depths) > 1.0
+        motion = solved(density.target.oscillator, p, signal.t)
+        logs.append(density.log_likelihood(x))
+        assert logs[-1] == pytest.approx(stats.norm.logpdf(signal.y, motion, p["noise_sd"]).sum(), abs=1e-3)
+    assert logs[0] - min(logs) > 1.0
 
 
-def differences(x: np.ndarray) -> np.ndarray:
-    """The gradient by central differences of the closed form's posterior."""
-    density = fit().density
-    found = np.empty(x.size)
-    for i, name in enumerate(density.names):
-        step = 1e-3 * fit().sd[name]
-        up, down = (x + s * step * np.eye(x.size)[i] for s in (1, -1))
-        found[i] = (density.log_posterior(up) - density.log_posterior(down)) / (2 * step)
-    return found
-
-
-def test_gradient() -> None:
+def test_the_gradient_is_that_of_finite_differences() -> None:
+    """Control: the gradient a tenth of an sd away."""
     density = fit().density
     sds = np.array([fit().sd[n] for n in density.names])
+    steps = 1e-3 * np.diag(sds)
     assert density.log_posteriors(points(3)) == pytest.approx([density.log_posterior(x) for x in points(3)])
     for x in points(3):
-        assert density.gradient(x) * sds == pytest.approx(differences(x) * sds, abs=1e-4)
-    # The negative control: a tenth of an sd away.
-    assert density.gradient(x + 0.1 * sds) * sds != pytest.approx(differences(x) * sds, abs=1e-4)
+        differences = (density.log_posteriors(x + steps) - density.log_posteriors(x - steps)) / 2e-3
+        assert density.gradient(x) * sds == pytest.approx(differences, abs=1e-4)
+        assert density.gradient(x + 0.1 * sds) * sds != pytest.approx(differences, abs=1e-4)
 
 
-def test_gradient_far_out() -> None:
-    """A sampler's step that diverges may come there: powers of the noise's scale overflow."""
+def test_the_gradient_is_a_number_where_powers_of_the_noise_overflow() -> None:
+    """A diverging step of a sampler may lead to such points."""
     density = fit().density
     for noise_sd in (1e-120, 1e200):
         assert not np.isnan(density.gradient(density.vector({"noise_sd": noise_sd}))).any()
 
 
-def test_outside_the_support() -> None:
+def test_the_density_is_zero_outside_the_support_of_the_prior() -> None:
     density = fit().density
     x = density.vector()
-    for name, value in (
-        ("zeta", -0.01),
-        ("noise_sd", -1.0),
-        ("noise_sd", 0.0),
-        ("zeta", np.nan),
-        ("zeta", np.inf),
-    ):
-        outside = x.copy()
-        outside[density.names.index(name)] = value
-        assert density.log_prior(outside) == density.log_posterior(outside) == -np.inf
-        assert density.log_likelihood(outside) == -np.inf
-        assert np.array_equal(density.gradient(outside), np.zeros(x.size))
+    outside = {"zeta": (-0.01, np.nan, np.inf), "noise_sd": (-1.0, 0.0)}
+    for name, value in ((name, value) for name, values in outside.items() for value in values):
+        y = x.copy()
+        y[density.names.index(name)] = value
+        assert density.log_prior(y) == density.log_posterior(y) == density.log_likelihood(y) == -np.inf
+        assert np.array_equal(density.gradient(y), np.zeros(x.size))
 
 
 def test_a_motion_that_escapes_has_no_likelihood() -> None:
-    """A softening spring let go beyond its hill."""
+    """A softening spring that is released beyond its maximum of potential energy."""
     truth = {"stiffness": 20.0, "cubic": -60.0, "theta0": 0.3}
-    made = bd.simulate({"viscous": 0.05}, "duffing", duration=6.0, samples=150, noise_sd=0.003, **truth)
+    signal = bd.simulate({"viscous": 0.05}, "duffing", duration=6.0, samples=150, noise_sd=0.003, **truth)
     known = {"rest_angle": 0.0, "omega0": 0.0}
-    density = bd.Model("viscous", "duffing", noise="gaussian", known=known).bind(made)
+    density = bd.Model("viscous", "duffing", noise="gaussian", known=known).bind(signal)
     x = density.vector({"theta0": 0.65, "cubic": -60.0})
     assert np.isfinite(density.log_prior(x))
     assert density.log_likelihood(x) == density.log_posterior(x) == -np.inf
     assert np.isfinite(density.log_posterior(density.vector()))
 
 
-def test_a_vector_that_is_none_is_refused() -> None:
+def test_a_wrong_vector_is_refused() -> None:
     density = MODEL.bind(record())
     assert density.vector() == pytest.approx(fit().density.vector())
     wrong = (partial(density.log_posterior, x) for x in (np.zeros(3), 0.0, "abc", np.zeros((2, 6))))  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Fits, draws and evidence of laws that hold approximately: against `compare`, and an evidence of its own."""
+"""Fits, draws and evidence of laws that hold approximately, against `compare` and an independent evidence."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.interface.problems import KNOWN, NOISE, TRUTH, closed_form, record
 MODEL = bd.Model("viscous", "linear", deviation="law")
 SCALE, DRIFT = 0.5, 0.15
 KNOTS = np.linspace(0.0, 20.0, 8)
-"""Of a record of 20 s and 14.2 cycles: one for two cycles, and one more."""
+"""Times at which a record of 20 s and 14.2 cycles has deviations: one for every two cycles, and one more."""
 LONG = np.linspace(0.0, 20.0, 400)
 
 
@@ -32,22 +32,20 @@ def posterior() -> bd.Posterior:
 
 
 def motion(zeta: float, g: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """SciPy's solution with damping times exp(g) and the spring times 1 + 2h, both straight lines between knots."""
+    """Return SciPy's solution with damping times exp(g) and the spring times 1 + 2h, both linear between knots."""
 
     def slope(t: float, s: np.ndarray) -> tuple[float, float]:
         factor = np.interp(t, KNOTS, np.expm1(g))
         spring = TRUTH["stiffness"] * (1 + 2 * np.interp(t, KNOTS, h))
         return s[1], -2 * zeta * (1 + factor) * s[1] - spring * s[0]
 
-    found = solve_ivp(
-        slope, (0, 20), (TRUTH["theta0"], 0.0), t_eval=LONG, rtol=1e-9, atol=1e-11, max_step=0.2
-    )
-    return found.y[0]
+    initial = TRUTH["theta0"], 0.0
+    return solve_ivp(slope, (0, 20), initial, t_eval=LONG, rtol=1e-9, atol=1e-11, max_step=0.2).y[0]
 
 
 @lru_cache
 def drifting() -> bd.Signal:
-    """Viscous damping that falls by 15 % at first and rises by 15 % at last."""
+    """Return a record whose viscous damping is 15 % too small at first and 15 % too large at last."""
     g = DRIFT * np.linspace(-1.0, 1.0, KNOTS.size)
     noise = NOISE * np.random.default_rng(8).standard_normal(LONG.size)
     return bd.signal(LONG, motion(0.05, g, 0 * g) + noise, name="drift", cleaned=False)
@@ -61,8 +59,8 @@ def one_parameter() -> bd.Fit:
 
 @lru_cache
 def by_quadrature(scale: float, exact: bool = False) -> float:
-    """Log evidence with SciPy's motions: dense normal distributions of the record over the grid of hyperparameters,
-    the deviations' slopes by finite differences, and a sum over ζ."""
+    """Compute the log evidence from SciPy's motions: dense normal distributions of the record over the grid of
+    hyperparameters, slopes of the deviations by finite differences, and a sum over ζ."""
     n, d = KNOTS.size, 1e-4
     centre = one_parameter().law
     g, h = (x[0] for x in centre.deviations(centre.best))
@@ -76,10 +74,8 @@ def by_quadrature(scale: float, exact: bool = False) -> float:
     slopes = np.column_stack(columns)
     by_zeta = (motion(0.051, g, h) - motion(0.049, g, h)) / 0.002
     curved = (motion(0.051, g, h) - 2 * at + motion(0.049, g, h)) / 0.001**2
-    away = zetas - 0.05
-    left = (
-        drifting().y - at + slopes @ np.r_[g, h] - np.outer(away, by_zeta) - 0.5 * np.outer(away**2, curved)
-    )
+    away = (zetas - 0.05)[:, None]
+    left = drifting().y - at + slopes @ np.r_[g, h] - away * by_zeta - 0.5 * away**2 * curved
     grid = grid_of(n, exact=exact, absorbed=(True, False))
     prior = stats.halfnorm(scale=scale).logpdf(zetas) + np.log(zetas[1] - zetas[0])
     total = []
@@ -94,7 +90,8 @@ def by_quadrature(scale: float, exact: bool = False) -> float:
 
 
 def test_draws_and_evidence_are_those_of_compare() -> None:
-    """One noise, one linear model and one seed: the first run's draws to rounding. Control: another seed's differ."""
+    """The first chain has the same noise, linear model and seed, so its draws agree to rounding. Control: those of the
+    second chain, with another seed, differ."""
     every = ["viscous", "coulomb", "quadratic", "viscous+coulomb+quadratic"]
     answer = bd.compare(record(), damping=every, restoring=["linear"]).answers[0]
     theirs = next(p for p in answer.content.posteriors if (p.damping, p.restoring) == ("viscous", "linear"))
@@ -104,14 +101,13 @@ def test_draws_and_evidence_are_those_of_compare() -> None:
     first = np.sort(ours.draws[0, :, 0])
     assert first == pytest.approx(np.sort(draws[:, 0]), rel=1e-6)
     assert first != pytest.approx(np.sort(ours.draws[1, :, 0]), rel=1e-3)
-    found = bd.evidence(ours)
-    assert found.outcome == "ok" or "few draws" in found.outcome
-    assert abs(found.log_evidence - theirs.log_evidence) < 4 * theirs.stderr + 1e-3
+    evidence = bd.evidence(ours)
+    assert evidence.outcome == "ok" or "few draws" in evidence.outcome
+    assert abs(evidence.log_evidence - theirs.log_evidence) < 4 * theirs.stderr + 1e-3
 
 
 def test_a_fit_has_the_numbers_of_its_draws() -> None:
-    """Medians within five standard errors of 4,000 and 2,400 draws, of which the sampled ones are corrected for
-    curvature by less; the parts add up in squares."""
+    """Medians agree within five standard errors of 1,500 effective draws; the parts of an sd add up in squares."""
     summary = posterior().summary(derived=False)
     for name, value in fit().values.items():
         row = summary.loc[name]
@@ -125,55 +121,53 @@ def test_a_fit_has_the_numbers_of_its_draws() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["smc", "linear", "importance", "bridge", "nested"])
 def test_evidence_is_that_of_dense_normal_distributions(method: str) -> None:
-    """Within four standard errors and 0.1 nats, which the curvature of the deviations is worth. Controls: exact laws
-    lose 5 nats and more; a prior twice as wide is told apart."""
-    found = bd.evidence(one_parameter(), method)
-    assert found.outcome == "ok"
-    truth, error = by_quadrature(SCALE), np.nan_to_num(found.stderr)
-    assert abs(found.log_evidence - truth) < 4 * error + 0.1
+    """Within four standard errors and 0.1 nats, the size of what the curvature of the deviations changes. Controls:
+    exact laws have 5 nats less; a prior that is twice as wide has another evidence."""
+    evidence = bd.evidence(one_parameter(), method)
+    assert evidence.outcome == "ok"
+    truth, error = by_quadrature(SCALE), np.nan_to_num(evidence.stderr)
+    assert abs(evidence.log_evidence - truth) < 4 * error + 0.1
     assert truth - by_quadrature(SCALE, exact=True) > 5
-    assert abs(found.log_evidence - by_quadrature(2 * SCALE)) > 4 * error + 0.3
+    assert abs(evidence.log_evidence - by_quadrature(2 * SCALE)) > 4 * error + 0.3
 
 
-def test_a_drift_is_seen_and_widens_what_is_quoted() -> None:
-    """Damping off by 15 % at both ends, 7.5 % in the mean."""
-    one = one_parameter()
-    assert one.deviation.low < 0.075 < one.deviation.high
-    assert one.sd_law["zeta"] > one.sd_noise["zeta"]
-    low, high = one.intervals["zeta"]
+def test_a_drift_of_the_damping_is_detected_and_widens_the_intervals() -> None:
+    """Damping deviates by 15 % at both ends, 7.5 % in the mean."""
+    drift = one_parameter()
+    assert drift.deviation.low < 0.075 < drift.deviation.high
+    assert drift.sd_law["zeta"] > drift.sd_noise["zeta"]
+    low, high = drift.intervals["zeta"]
     assert low < 0.05 < high
     exact = bd.fit(drifting(), bd.Model("viscous", noise="gaussian", known=KNOWN))
-    assert one.sd["zeta"] > 1.5 * exact.sd["zeta"]
-    ratio = bd.sample(one, chains=2, draws=400).damping_ratio([0.28, 0.14]).set_index("amplitude")
+    assert drift.sd["zeta"] > 1.5 * exact.sd["zeta"]
+    ratio = bd.sample(drift, chains=2, draws=400).damping_ratio([0.28, 0.14]).set_index("amplitude")
     # At the first amplitudes damping is 15 % less than in the middle.
     assert ratio.loc[0.28, "low"] < 0.85 * 0.05 / 20**0.5 * 1.05
     assert ratio.loc[0.28, "value"] < ratio.loc[0.14, "value"]
 
 
-def test_the_sensor_is_a_floor() -> None:
+def test_the_uncertainty_of_the_sensor_is_part_of_the_interval() -> None:
     wide = bd.fit(record(), bd.Model("viscous", "linear", deviation="law", sensor=0.2)).damping_ratio([0.25])
     usual = fit().damping_ratio([0.25])
     assert (wide.high - wide.low)[0] > 5 * (usual.high - usual.low)[0]
     assert wide.sd_law[0] == pytest.approx(0.2 * wide.value[0], rel=0.1)
 
 
-def test_pointwise_densities_are_normal_ones() -> None:
-    """Of white noise κ is 1, and each of a draw without deviations is SciPy's of the closed form."""
+def test_pointwise_densities_are_normal() -> None:
+    """In white noise the densities of a draw without deviations are SciPy's about the closed form."""
     data, post = posterior().data, posterior()
-    sd = fit().known["noise_sd"]
-    law = fit().law
-    assert law.comparison.inflation == 1.0
+    sd, observed = fit().known["noise_sd"], data["observed_data"]
+    assert fit().law.comparison.inflation == 1.0
     sizes = [data["posterior"][f"{n}_deviation_size"].values[0] for n in ("damping", "frequency")]
     exact = np.flatnonzero(sizes[0] + sizes[1] == 0)[0]
-    values = dict(zip(post.names, post.draws[0, exact], strict=True))
-    closed = closed_form(data["observed_data"]["time"].values, values)
-    want = stats.norm.logpdf(data["observed_data"]["record"].values, closed, sd)
-    found = data["log_likelihood"]["record"].values[0, exact]
-    assert found == pytest.approx(want, abs=1e-3)
-    assert found != pytest.approx(stats.norm.logpdf(want, closed, 1.1 * sd), abs=1e-3)
+    motion = closed_form(observed["time"].values, dict(zip(post.names, post.draws[0, exact], strict=True)))
+    densities = data["log_likelihood"]["record"].values[0, exact]
+    expected, control = (stats.norm.logpdf(observed["record"].values, motion, s) for s in (sd, 1.1 * sd))
+    assert densities == pytest.approx(expected, abs=1e-3)
+    assert densities != pytest.approx(control, abs=1e-3)
 
 
-def test_what_exact_laws_alone_have_is_refused() -> None:
+def test_what_only_exact_laws_support_is_refused_under_approximate_laws() -> None:
     with pytest.raises(bd.InputError, match="start has no effect"):
         bd.fit(record(), MODEL, start={"zeta": 0.05})
     assert "kalman assumes exact laws" in bd.sample(fit(), "kalman").outcome
@@ -184,34 +178,32 @@ def test_what_exact_laws_alone_have_is_refused() -> None:
         exact.damping_ratio()
 
 
-def test_a_term_with_parameters_of_its_own() -> None:
-    """Stribeck's friction: its draws have its velocity, damping ratios, and what follows from a trajectory."""
+def test_a_term_with_a_second_parameter_is_sampled_with_it() -> None:
     stribeck = bd.fit(record(), bd.Model("stribeck", "linear", deviation="law"))
-    drawn = bd.sample(stribeck, chains=2, draws=100)
-    assert "stribeck_velocity" in drawn.names
-    assert np.all(np.isfinite(drawn.damping_ratio().value))
-    assert {*drawn.names, "equivalent_ratio", "natural_frequency"} <= set(drawn.summary().index)
+    post = bd.sample(stribeck, chains=2, draws=100)
+    assert "stribeck_velocity" in post.names
+    assert np.all(np.isfinite(post.damping_ratio().value))
+    assert {*post.names, "equivalent_ratio", "natural_frequency"} <= set(post.summary().index)
 
 
 @pytest.mark.slow
-def test_chains_reach_the_tails_where_two_terms_trade_off() -> None:
+def test_nuts_reaches_the_tails_where_two_terms_compensate_each_other() -> None:
     """The sd of each coefficient by NUTS is that of sequential Monte Carlo within 8 %.
 
-    Of the mean variance of three runs this is three standard errors (the sd of a single run of 1,500 draws has an error
-    of 4 % in these tails, measured): a false alarm is 1 in 300 at other seeds. Negative control: sds without deviations
-    are smaller by more than that.
-
-    A force that holds the weights of the deviations' sizes at the mode keeps chains out of the tails: 14 % too small.
+    These are three standard errors of the mean variance of three runs (the sd of one run of 1,500 draws has an error of
+    4 % in these tails, measured): one false alarm in 300 seeds. Control: sds under exact laws are smaller by more.
+    With gradients that keep the weights of the deviations' sizes at the mode, NUTS gives sds that are 14 % too small.
     """
-    made = {"stiffness": 20.0, "duration": 20.0, "samples": 800, "noise_sd": 0.003}
-    signal = bd.simulate({"viscous": 0.05, "coulomb": 0.02}, restoring="pendulum", seed=3, **made)
+    truth = {"stiffness": 20.0, "duration": 20.0, "samples": 800, "noise_sd": 0.003}
+    signal = bd.simulate({"viscous": 0.05, "coulomb": 0.02}, restoring="pendulum", seed=3, **truth)
     model = bd.Model("viscous+coulomb", "pendulum", deviation="law")
     approximate = bd.fit(signal, model)
     runs = [bd.sample(approximate, "smc", draws=1500, seed=seed).summaries for seed in (1, 2, 3)]
-    found = bd.sample(approximate, "nuts", draws=400, warmup=100, seed=2).summaries
     exact = bd.fit(signal, bd.Model("viscous+coulomb", "pendulum"))
-    narrow = bd.sample(exact, "nuts", draws=400, warmup=100, seed=2).summaries
+    nuts, control = (
+        bd.sample(fitted, "nuts", draws=400, warmup=100, seed=2).summaries for fitted in (approximate, exact)
+    )
     for name in ("zeta", "mu_c"):
-        truth = np.sqrt(np.mean([run[name]["sd"] ** 2 for run in runs]))
-        assert found[name]["sd"] == pytest.approx(truth, rel=0.08)
-        assert narrow[name]["sd"] != pytest.approx(truth, rel=0.08)
+        expected = np.sqrt(np.mean([run[name]["sd"] ** 2 for run in runs]))
+        assert nuts[name]["sd"] == pytest.approx(expected, rel=0.08)
+        assert control[name]["sd"] != pytest.approx(expected, rel=0.08)

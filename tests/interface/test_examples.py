@@ -1,4 +1,4 @@
-"""The examples in docstrings of the public interface give what they show; every entry point has one."""
+"""The examples in the docstrings of the public interface print what they show; every entry point has one."""
 
 from __future__ import annotations
 
@@ -10,21 +10,19 @@ import pytest
 
 import bayesdamp
 
-SHOWN = (
+ENTRY_POINTS = (
     "read", "signal", "simulate", "first_words", "Model", "estimate", "fit", "evidence", "compare", "Density",
 )  # fmt: skip
-
-
-MODULES = sorted({bayesdamp._HOME[name] for name in SHOWN})
+MODULES = sorted({bayesdamp._HOME[name] for name in ENTRY_POINTS})
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MODULES)
-def test_examples_of(name: str) -> None:
-    done = doctest.testmod(import_module(name), raise_on_error=False)
-    assert done.attempted > 0
-    assert done.failed == 0
+def test_examples_print_what_they_show(name: str) -> None:
+    results = doctest.testmod(import_module(name), raise_on_error=False)
+    assert results.attempted > 0
+    assert results.failed == 0
 
 
 def test_every_entry_point_has_an_example() -> None:
-    assert [n for n in SHOWN if ">>> " not in (inspect.getdoc(getattr(bayesdamp, n)) or "")] == []
+    assert [n for n in ENTRY_POINTS if ">>> " not in (inspect.getdoc(getattr(bayesdamp, n)) or "")] == []

@@ -1,4 +1,4 @@
-"""A model: what it takes, what it refuses."""
+"""Models: equality, names of parameters, and wrong arguments."""
 
 from __future__ import annotations
 
@@ -12,20 +12,18 @@ from tests.interface.problems import not_refused
 
 
 def test_terms_have_one_order_and_models_are_keys() -> None:
-    one = bd.Model(
-        "coulomb+viscous", "pendulum", priors={"viscous": bd.HalfNormal(0.1)}, known={"stiffness": 20}
+    model, same = (
+        bd.Model(damping, "pendulum", priors={"viscous": bd.HalfNormal(0.1)}, known={"stiffness": stiffness})
+        for damping, stiffness in (("coulomb+viscous", 20), ("viscous+coulomb", 20.0))
     )
-    same = bd.Model(
-        "viscous+coulomb", "pendulum", priors={"viscous": bd.HalfNormal(0.1)}, known={"stiffness": 20.0}
-    )
-    assert one == same
-    assert {one: 1}[same] == 1
-    assert one != dataclasses.replace(same, noise="gaussian")
-    assert one.name == "viscous+coulomb@pendulum"
+    assert model == same
+    assert {model: 1}[same] == 1
+    assert model != dataclasses.replace(same, noise="gaussian")
+    assert model.name == "viscous+coulomb@pendulum"
 
 
-def test_a_name_of_a_term_and_of_the_law_is_the_laws() -> None:
-    """Negative control: under a law without this parameter it is the term."""
+def test_a_name_of_both_a_term_and_a_parameter_of_the_law_means_the_law() -> None:
+    """Control: under a law without this parameter it means the term."""
     prior = bd.HalfNormal(0.1)
     model = bd.Model("cubic", "duffing", priors={"mu_3": prior}, known={"cubic": 1.0})
     assert model.system.known == {"cubic": 1.0}
@@ -36,7 +34,7 @@ def test_a_name_of_a_term_and_of_the_law_is_the_laws() -> None:
     assert bd.Model("cubic", priors={"cubic": prior}).parameter_priors == {"mu_3": prior}
 
 
-def test_one_dictionary_of_what_is_known_serves_with_and_without_friction() -> None:
+def test_a_known_width_of_friction_has_no_effect_without_friction() -> None:
     known = {"stiffness": 20.0, "epsilon": 0.05}
     assert bd.Model("coulomb", known=known).known == known
     assert bd.Model("viscous", known=known) == bd.Model("viscous", known={"stiffness": 20.0})
@@ -44,7 +42,7 @@ def test_one_dictionary_of_what_is_known_serves_with_and_without_friction() -> N
         bd.Model("viscous", known={"epsilon": -1.0})
 
 
-WRONG: list[tuple[dict, str]] = [
+REFUSED: list[tuple[dict, str]] = [
     ({"damping": "viscos"}, "did you mean 'viscous'"),
     ({"damping": ""}, "sum of different terms"),
     ({"restoring": "pendulm"}, "^Model: unknown restoring law 'pendulm'; did you mean 'pendulum'"),
@@ -66,8 +64,8 @@ WRONG: list[tuple[dict, str]] = [
 ]
 
 
-def test_misuse_is_one_line() -> None:
-    models = ((partial(bd.Model, **{"damping": "viscous", **options}), line) for options, line in WRONG)
+def test_misuse_is_refused_in_one_line() -> None:
+    models = ((partial(bd.Model, **{"damping": "viscous", **options}), line) for options, line in REFUSED)
     assert not_refused(models) == []
     priors = [
         (lambda: bd.HalfNormal(-1.0), "HalfNormal: scale is -1.0: input should be greater than 0"),

@@ -1,4 +1,4 @@
-"""The NumPyro model of a density: its value, its gradients, a prior of the user's own."""
+"""The NumPyro model of a density: its value, its gradients, and a user's own prior."""
 
 from __future__ import annotations
 
@@ -15,25 +15,23 @@ from tests.interface.problems import fit, record
 
 
 def test_coefficients_share_their_scale() -> None:
-    """Of two terms: density differences per score are those of the joint prior. Control: of one scale for each."""
+    """The density of two points differs as under the joint prior of two terms. Control: priors with separate scales."""
     density = bd.Model("viscous+coulomb", noise="gaussian", known={"rest_angle": 0.0}).bind(record())
-    model, d = density.numpyro(), len(density.names)
+    model, d, mode = density.numpyro(), len(density.names), density.mode
     assert density.target.shared.sum() == 2
-    found, expected, separate = [], [], []
+    logs = []
     for u in (np.zeros(d), 0.5 * np.ones(d)):
-        found.append(float(log_density(model, (), {}, {"whitened": jnp.asarray(u)})[0]))
-        z = density.mode.z + np.linalg.cholesky(density.mode.factor @ density.mode.factor.T) @ u
+        z = mode.z + np.linalg.cholesky(mode.factor @ mode.factor.T) @ u
         x = np.array([float(p.value(v)) for p, v in zip(density.priors.values(), z, strict=True)])
-        expected.append(density.log_likelihood(x) + float(density.mode.likelihood.log_prior(z)))
-        separate.append(
-            density.log_likelihood(x) + float(density.mode.likelihood.with_scale(1.0).log_prior(z))
-        )
-    assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], abs=1e-6)
-    assert abs(separate[1] - separate[0] - found[1] + found[0]) > 1e-3
+        own = log_density(model, (), {}, {"whitened": jnp.asarray(u)})[0]
+        priors = (float(m.log_prior(z)) for m in (mode.likelihood, mode.likelihood.with_scale(1.0)))
+        logs.append([float(own), *(density.log_likelihood(x) + prior for prior in priors)])
+    own, joint, separate = np.subtract(*logs)
+    assert own == pytest.approx(joint, abs=1e-6)
+    assert abs(separate - own) > 1e-3
 
 
-def test_a_prior_of_ones_own() -> None:
-    """A parameter that is passed in has no other prior, and the others keep theirs."""
+def test_a_user_s_own_prior_replaces_that_of_its_parameter_only() -> None:
     density, prior = fit().density, dist.Normal(0.05, 0.001)
 
     def model() -> None:
@@ -45,16 +43,15 @@ def test_a_prior_of_ones_own() -> None:
     assert float(log_density(model, (), {}, sites)[0]) == pytest.approx(expected, abs=1e-6)
 
 
-def test_gradients_both_ways_are_the_densitys() -> None:
+def test_forward_and_backward_gradients_are_those_of_finite_differences() -> None:
     density = fit().density
     model, d = density.numpyro(), len(density.names)
 
-    def height(u):
+    def log(u):
         return log_density(model, (), {}, {"whitened": u})[0]
 
-    at = 0.3 * jnp.ones(d)
-    backward, forward = jax.grad(height)(at), jax.jacfwd(height)(at)
+    at, h = 0.3 * jnp.ones(d), 1e-5
+    backward, forward = jax.grad(log)(at), jax.jacfwd(log)(at)
     assert np.asarray(backward) == pytest.approx(np.asarray(forward), rel=1e-9)
-    h = 1e-5
-    apart = [float(height(at + h * e) - height(at - h * e)) / (2 * h) for e in np.eye(d)]
-    assert np.asarray(backward) == pytest.approx(apart, abs=1e-4)
+    differences = [float(log(at + h * e) - log(at - h * e)) / (2 * h) for e in np.eye(d)]
+    assert np.asarray(backward) == pytest.approx(differences, abs=1e-4)

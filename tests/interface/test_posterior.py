@@ -1,4 +1,4 @@
-"""Draws as ArviZ reads them, and what follows from them."""
+"""Draws, their log likelihoods and priors, and their data for ArviZ."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ GROUPS = {
 
 
 @pytest.mark.parametrize(("sampler", "draws"), [("nuts", 30), ("emcee", 40), ("laplace", 30)])
-def test_as_many_draws_as_are_asked_for(sampler: str, draws: int) -> None:
-    """Also where they are too few, which the outcome then says."""
-    found = bd.sample(fit(), sampler, warmup=20, draws=draws)
-    assert found.draws.shape[1] == found.log_likelihood.shape[1] == draws
-    assert sampler != "nuts" or found.outcome.startswith(("too few draws", "not converged"))
+def test_the_number_of_draws_is_the_requested_one(sampler: str, draws: int) -> None:
+    """Also if they are too few, which the outcome of NUTS says."""
+    post = bd.sample(fit(), sampler, warmup=20, draws=draws)
+    assert post.draws.shape[1] == post.log_likelihood.shape[1] == draws
+    assert sampler != "nuts" or post.outcome.startswith(("too few draws", "not converged"))
 
 
 def test_pointwise_terms_sum_to_the_log_likelihood() -> None:
-    """Of independent noise; the density is solved with shorter steps than the draws."""
+    """The noise is independent; the density is solved with shorter steps than the draws."""
     post = posterior()
     terms = post.data["log_likelihood"]["record"]
     assert terms.sum("time").values == pytest.approx(post.log_likelihood, abs=0.01)
-    one = post.draws[0, 0]
-    assert fit().density.log_likelihood(one) == pytest.approx(post.log_likelihood[0, 0], abs=1e-3)
+    first = post.draws[0, 0]
+    assert fit().density.log_likelihood(first) == pytest.approx(post.log_likelihood[0, 0], abs=1e-3)
     lp = post.data["sample_stats"]["lp"].values
-    assert lp[0, 0] == pytest.approx(fit().density.log_posterior(one), abs=1e-3)
+    assert lp[0, 0] == pytest.approx(fit().density.log_posterior(first), abs=1e-3)
 
 
 def test_the_prior_of_two_terms_has_one_scale() -> None:
-    """By hand: half-normal densities of both coefficients, averaged over the scales that they share."""
+    """The expected log prior is computed from half-normal densities, averaged over the scales that terms share."""
     post = bd.sample(bd.fit(record(), bd.Model("viscous+quadratic", "linear")), "laplace", draws=10)
     priors = post.fit.priors
     terms = [n for n, p in priors.items() if isinstance(p, SharedHalfNormal)]
@@ -53,19 +53,19 @@ def test_the_prior_of_two_terms_has_one_scale() -> None:
     assert post.data["sample_stats"]["lp"].values == pytest.approx(expected + post.log_likelihood)
 
 
-def test_replications_have_the_noise() -> None:
-    """Their sd about the motion, of 300,000 numbers, is the noise's; the parameters' own spread adds some 2 %."""
+def test_predicted_records_have_the_noise_of_the_record() -> None:
+    """The sd of 300,000 numbers about the motion is that of the noise; the spread of the parameters adds about 2 %."""
     predicted = posterior().data["posterior_predictive"]["record"]
     scatter = float((predicted - predicted.mean(("chain", "draw"))).std())
     assert scatter == pytest.approx(float(posterior().data["posterior"]["noise_sd"].mean()), rel=0.05)
 
 
-def test_saved(tmp_path: Path) -> None:
-    again = bd.Posterior.load(posterior().save(tmp_path / "post"))
-    assert np.array_equal(again.draws, posterior().draws)
-    assert repr(again) == repr(posterior())
-    same = again.data["log_likelihood"]["record"].values
-    assert np.array_equal(same, posterior().data["log_likelihood"]["record"].values)
+def test_draws_are_saved_and_written_as_netcdf(tmp_path: Path) -> None:
+    loaded = bd.Posterior.load(posterior().save(tmp_path / "post"))
+    assert np.array_equal(loaded.draws, posterior().draws)
+    assert repr(loaded) == repr(posterior())
+    terms, expected = (post.data["log_likelihood"]["record"].values for post in (loaded, posterior()))
+    assert np.array_equal(terms, expected)
     posterior().data.to_netcdf(tmp_path / "post.nc", engine="h5netcdf")
     with xr.open_datatree(tmp_path / "post.nc", engine="h5netcdf") as read:
         assert set(read.children) == GROUPS

@@ -1,4 +1,4 @@
-"""The examples of docs/python.md, in their order: they run, and their types are right in pyright's strict mode."""
+"""The examples of docs/python.md, in their order, run and pass pyright's strict mode."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ pytestmark = pytest.mark.slow
 
 
 def examples() -> list[str]:
-    """Return the page's Python, on the page's own lines."""
-    kept, inside = [], False
+    """Return the page's Python code; line numbers are those of the page."""
+    lines, inside = [], False
     for line in PAGE.read_text(encoding="utf-8").splitlines():
         if line.startswith("```"):
             inside = line == "```python"
             line = ""
-        kept.append(line if inside else "")
-    return kept
+        lines.append(line if inside else "")
+    return lines
 
 
 def strict(folder: Path, lines: list[str]) -> subprocess.CompletedProcess[str]:
@@ -44,7 +44,7 @@ def strict(folder: Path, lines: list[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run([pyright, "-p", str(folder)], capture_output=True, text=True, check=False)
 
 
-def test_they_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     mpl.use("agg")
     try:
@@ -56,8 +56,8 @@ def test_they_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         assert (tmp_path / name).is_file()
 
 
-def test_their_types_are_strictly_right(tmp_path: Path) -> None:
-    """The negative control: a model in the place of a signal, and an attribute that does not exist."""
+def test_the_types_of_the_examples_are_right_in_strict_mode(tmp_path: Path) -> None:
+    """Control: a model in the place of a signal, and an attribute that does not exist."""
     right = strict(tmp_path, examples())
     assert right.returncode == 0, right.stdout
     wrong = strict(tmp_path, [*examples(), WRONG])

@@ -1,8 +1,9 @@
-"""What every result can do: print in a few lines, be a table of pandas, be drawn, be saved and loaded."""
+"""Every result is printed in a few lines, has a table of pandas, and can be saved and loaded."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -27,7 +28,7 @@ def verdict() -> Verdict:
 
 
 @pytest.fixture(scope="module")
-def results() -> dict[str, object]:
+def results() -> dict[str, Any]:
     return {
         "signal": record(),
         "model": MODEL,
@@ -39,26 +40,28 @@ def results() -> dict[str, object]:
     }
 
 
-def test_each_prints_in_a_few_lines_and_is_a_table(results: dict[str, object], verdict: Verdict) -> None:
-    for name, found in {**results, "verdict": verdict}.items():
-        lines = repr(found).splitlines()
+def test_each_result_is_printed_in_a_few_lines_and_has_a_table(
+    results: dict[str, Any], verdict: Verdict
+) -> None:
+    for name, result in {**results, "verdict": verdict}.items():
+        lines = repr(result).splitlines()
         assert len(lines) <= LINES, name
         assert max(map(len, lines)) <= WIDTH, name
-        assert found._repr_html_().startswith("<"), name  # type: ignore[attr-defined]
-        table = found.summary()  # type: ignore[attr-defined]
+        assert result._repr_html_().startswith("<"), name
+        table = result.summary()
         assert isinstance(table, pd.DataFrame), name
         assert len(table) > 0, name
 
 
-def test_each_is_saved_and_loaded(results: dict[str, object], verdict: Verdict, tmp_path: Path) -> None:
-    every = {**{f"{n}.bd": r for n, r in results.items() if n != "density"}, "verdict.json": verdict}
-    for name, found in every.items():
-        again = bd.load(found.save(tmp_path / name))  # type: ignore[attr-defined]
-        assert type(again) is type(found), name
-        pd.testing.assert_frame_equal(again.summary(), found.summary())  # type: ignore[attr-defined]
+def test_each_result_is_saved_and_loaded(results: dict[str, Any], verdict: Verdict, tmp_path: Path) -> None:
+    files = {**{f"{n}.bd": r for n, r in results.items() if n != "density"}, "verdict.json": verdict}
+    for name, result in files.items():
+        loaded = bd.load(result.save(tmp_path / name))
+        assert type(loaded) is type(result), name
+        pd.testing.assert_frame_equal(loaded.summary(), result.summary())
 
 
-def test_a_verdict_of_several_is_asked_for_by_its_record(verdict: Verdict, tmp_path: Path) -> None:
+def test_one_of_several_verdicts_is_loaded_by_its_record(verdict: Verdict, tmp_path: Path) -> None:
     path = tmp_path / "verdict.json"
     other = {**verdict.to_dict(), "record": "ship"}
     write_json(path, [verdict.to_dict(), other])
@@ -68,7 +71,7 @@ def test_a_verdict_of_several_is_asked_for_by_its_record(verdict: Verdict, tmp_p
 
 
 @pytest.mark.parametrize("text", ["", '[{"grade": "no"}]'])
-def test_what_is_no_verdict_is_said_in_one_line(text: str, tmp_path: Path) -> None:
+def test_a_file_without_a_verdict_is_refused_in_one_line(text: str, tmp_path: Path) -> None:
     path = tmp_path / "broken.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as caught:

@@ -1,4 +1,4 @@
-"""Records and signals: what is read, made and drawn."""
+"""Records and signals: reading, simulating, drawing."""
 
 from __future__ import annotations
 
@@ -11,67 +11,67 @@ import pytest
 
 import bayesdamp as bd
 from tests.interface.problems import TIMES, TRUTH, closed_form, not_refused, record
+from tests.records.tables import write_table
+
+EXACT = closed_form(TIMES, TRUTH)
 
 
-def test_simulated_is_the_closed_form() -> None:
-    made = bd.simulate({"viscous": 0.05}, "linear", stiffness=20.0, duration=6.0, samples=150)
-    assert np.max(np.abs(made.y - closed_form(TIMES, TRUTH))) < 1e-7
-    # The negative control.
-    made = bd.simulate({"viscous": 0.0501}, "linear", stiffness=20.0, duration=6.0, samples=150)
-    assert np.max(np.abs(made.y - closed_form(TIMES, TRUTH))) > 1e-5
+def test_a_simulation_is_the_closed_form() -> None:
+    """Control: a damping that is 0.2 % larger."""
+    exact, control = (
+        bd.simulate({"viscous": zeta}, "linear", stiffness=20.0, duration=6.0, samples=150).y
+        for zeta in (0.05, 0.0501)
+    )
+    assert np.max(np.abs(exact - EXACT)) < 1e-7
+    assert np.max(np.abs(control - EXACT)) > 1e-5
+    oscillator = bd.Oscillator("viscous", "linear")
+    assert oscillator == bd.Oscillator(("viscous",), "linear")
+    assert bd.trajectory(oscillator, TRUTH, TIMES) == pytest.approx(EXACT, abs=1e-7)
 
 
-def test_arrays_as_they_are_and_cleaned() -> None:
-    t, y = TIMES + 7.0, np.degrees(closed_form(TIMES, TRUTH))
+def test_a_signal_is_cut_from_arrays_or_has_all_their_values() -> None:
+    t, y = TIMES + 7.0, np.degrees(EXACT)
     rest = np.linspace(13.05, 20.0, 100)
-    assert bd.signal(t, y, unit="deg", cleaned=False).y == pytest.approx(closed_form(TIMES, TRUTH))
-    whole = bd.signal(np.r_[t, rest], np.r_[y, np.full(100, y[-1])], unit="deg")
-    assert whole.t[0] == 0.0
-    assert whole.t[-1] < 6.5
-    assert whole.whole_t.size == 250
-    assert whole.notes
+    assert bd.signal(t, y, unit="deg", cleaned=False).y == pytest.approx(EXACT)
+    signal = bd.signal(np.r_[t, rest], np.r_[y, np.full(100, y[-1])], unit="deg")
+    assert signal.t[0] == 0.0
+    assert signal.t[-1] < 6.5
+    assert signal.whole_t.size == 250
+    assert signal.notes
 
 
-def test_a_rate_in_place_of_times_and_a_unit_as_it_is_written() -> None:
-    unit = "degrees"
-    rate, y = (TIMES.size - 1) / TIMES[-1], np.degrees(closed_form(TIMES, TRUTH))
-    for made in (bd.signal(y, rate=rate, unit=unit), bd.signal(y=y, rate=rate, unit=unit, cleaned=False)):
-        assert made.t == pytest.approx(TIMES)
-        assert made.y == pytest.approx(closed_form(TIMES, TRUTH))
-        assert made.own_unit.name == "deg"
+def test_a_rate_may_replace_times_and_a_unit_may_be_written_out() -> None:
+    y, options = np.degrees(EXACT), {"rate": (TIMES.size - 1) / TIMES[-1], "unit": "degrees"}
+    for signal in (bd.signal(y, **options), bd.signal(y=y, cleaned=False, **options)):
+        assert signal.t == pytest.approx(TIMES)
+        assert signal.y == pytest.approx(EXACT)
+        assert signal.own_unit.name == "deg"
 
 
-def test_a_unit_of_another_quantity_says_which() -> None:
-    y = closed_form(TIMES, TRUTH)
-    said = [bd.signal(TIMES, y, unit=unit, cleaned=False) for unit in ("rad", "deg/s", "g")]
-    assert [s.quantity for s in said] == ["angle", "velocity", "acceleration"]
+def test_the_unit_determines_the_quantity() -> None:
+    quantities = {
+        unit: bd.signal(TIMES, EXACT, unit=unit, cleaned=False).quantity for unit in ("rad", "deg/s", "g")
+    }
+    assert quantities == {"rad": "angle", "deg/s": "velocity", "g": "acceleration"}
 
 
-def test_a_trajectory_of_an_oscillator_by_its_names() -> None:
-    body = bd.Oscillator("viscous", "linear")
-    assert body == bd.Oscillator(("viscous",), "linear")
-    assert bd.trajectory(body, TRUTH, TIMES) == pytest.approx(closed_form(TIMES, TRUTH), abs=1e-7)
-
-
-def test_a_file(tmp_path: Path) -> None:
-    path = tmp_path / "rig.csv"
-    table = np.c_[TIMES, np.degrees(closed_form(TIMES, TRUTH))]
-    np.savetxt(path, table, delimiter=",", header="t (s),phi (deg)", comments="")
-    found = bd.read(path)
-    assert (found.unit, found.quantity, found.runs) == ("deg", "angle", (1,))
-    assert found.units == {"t (s)": "s", "phi (deg)": "deg"}
+def test_a_file_is_read_saved_and_drawn(tmp_path: Path) -> None:
+    path = write_table(tmp_path / "rig.csv", "t (s),phi (deg)", TIMES, np.degrees(EXACT))
+    rig = bd.read(path)
+    assert (rig.unit, rig.quantity, rig.runs) == ("deg", "angle", (1,))
+    assert rig.units == {"t (s)": "s", "phi (deg)": "deg"}
     assert bd.read(path, unit="degrees").unit == "deg"
-    assert found.signal().y == pytest.approx(closed_form(TIMES, TRUTH))
-    assert len(found.signals()) == 1
-    again = bd.Record.load(found.save(tmp_path / "rig.record"))
-    assert np.array_equal(again.signal().y, found.signal().y)
-    assert "phi" in repr(found)
-    assert "<table>" in found._repr_html_()
-    assert found.plot().get_xlabel() == "time / s"
+    assert rig.signal().y == pytest.approx(EXACT)
+    assert len(rig.signals()) == 1
+    loaded = bd.Record.load(rig.save(tmp_path / "rig.record"))
+    assert np.array_equal(loaded.signal().y, rig.signal().y)
+    assert "phi" in repr(rig)
+    assert "<table>" in rig._repr_html_()
+    assert rig.plot().get_xlabel() == "time / s"
     plt.close("all")
 
 
-WRONG: list[tuple[Callable[[], object], str]] = [
+REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: bd.signal([1, 2], [3, 4]), "2 samples; a signal needs at least 10"),
     (lambda: bd.signal(TIMES, TIMES[1:]), "vectors of equal length"),
     (lambda: bd.signal(TIMES, np.full(150, np.nan)), "not a finite number"),
@@ -90,11 +90,11 @@ WRONG: list[tuple[Callable[[], object], str]] = [
 ]
 
 
-def test_misuse_is_one_line() -> None:
-    assert not_refused(WRONG) == []
+def test_misuse_is_refused_in_one_line() -> None:
+    assert not_refused(REFUSED) == []
 
 
-def test_a_file_that_is_no_result(tmp_path: Path) -> None:
+def test_a_file_that_is_not_the_result_is_refused(tmp_path: Path) -> None:
     (tmp_path / "torn").write_bytes(b"PK nothing")
     with pytest.raises(bd.InputError, match="not a result"):
         bd.Fit.load(tmp_path / "torn")
@@ -103,31 +103,27 @@ def test_a_file_that_is_no_result(tmp_path: Path) -> None:
 
 
 def test_a_file_of_several_runs_is_a_record_of_several_runs(tmp_path: Path) -> None:
-    path = tmp_path / "logger.csv"
-    y = closed_form(TIMES, TRUTH)
-    header = ",".join(f"Time (s) Run #{i},Angle (deg) Run #{i}" for i in (1, 2, 3))
-    np.savetxt(path, np.c_[TIMES, y, TIMES, 2 * y, TIMES, 3 * y], delimiter=",", header=header, comments="")
-    record = bd.read(path)
-    assert (record.runs, record.unit) == ((1, 2, 3), "deg")
-    sizes = [float(np.ptp(signal.y)) for signal in record.signals()]
-    assert np.allclose(np.array(sizes) / sizes[0], [1, 2, 3], rtol=1e-2)
-    assert [one.run for one in bd.read(path, runs="1,3").raw] == ["1", "3"]
+    head = ",".join(f"Time (s) Run #{i},Angle (deg) Run #{i}" for i in (1, 2, 3))
+    path = write_table(tmp_path / "logger.csv", head, TIMES, EXACT, TIMES, 2 * EXACT, TIMES, 3 * EXACT)
+    logger = bd.read(path)
+    assert (logger.runs, logger.unit) == ((1, 2, 3), "deg")
+    sizes = np.array([np.ptp(signal.y) for signal in logger.signals()])
+    assert sizes / sizes[0] == pytest.approx([1, 2, 3], rel=1e-2)
+    assert [raw.run for raw in bd.read(path, runs="1,3").raw] == ["1", "3"]
     with pytest.raises(bd.InputError, match="has no run 4; its runs are"):
-        record.signal(4)
+        logger.signal(4)
 
 
 def test_releases_are_the_free_decays_of_each_run(tmp_path: Path) -> None:
-    """Run 1 is let go at 0 and at 40 s, run 2 never."""
-    path, t = tmp_path / "a.csv", np.arange(1600) / 20
-    twice = np.exp(-0.1 * (t % 40)) * np.cos(3 * (t % 40))
+    """Run 1 is released at 0 and at 40 s, run 2 never."""
+    t = np.arange(1600) / 20
+    decays = np.exp(-0.1 * (t % 40)) * np.cos(3 * (t % 40))
     noise = np.random.default_rng(1).normal(0, 0.01, (2, t.size))
-    columns = np.c_[t, twice + noise[0], t, noise[1]]
-    header = "Time (s) Run #1,x (m) Run #1,Time (s) Run #2,x (m) Run #2"
-    np.savetxt(path, columns, delimiter=",", header=header, comments="")
-    record = bd.read(path)
-    assert list(record.releases) == [1, 2]
-    assert record.releases[2] == ()
-    (first, _), (second, last) = record.releases[1]
+    head = "Time (s) Run #1,x (m) Run #1,Time (s) Run #2,x (m) Run #2"
+    logger = bd.read(write_table(tmp_path / "a.csv", head, t, decays + noise[0], t, noise[1]))
+    assert list(logger.releases) == [1, 2]
+    assert logger.releases[2] == ()
+    (first, _), (second, last) = logger.releases[1]
     assert first < 2
     assert 39 < second < 42 < 60 < last
-    assert record.signal(start=second).provenance.start == pytest.approx(second, abs=0.1)
+    assert logger.signal(start=second).provenance.start == pytest.approx(second, abs=0.1)
