@@ -1,5 +1,5 @@
 # ruff: noqa: E501
-"""Binary files of every format, cut off, overwritten, encrypted or said to be larger than they are."""
+"""Binary files of every format: cut off, overwritten, encrypted, or with wrong sizes in their headers."""
 
 from __future__ import annotations
 
@@ -8,41 +8,31 @@ import json
 import struct
 import tempfile
 import zipfile
-import zlib
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 
 import h5py
 import numpy as np
+from scipy.io import savemat
 
 from tests.bad_input.case import READ, Case, T, Y, nothing, raw
 from tests.records.readers import written
 
 
-def npz(path: Path) -> None:
-    np.savez(path, t=T, x=Y)
-
-
-def npy(path: Path) -> None:
-    np.save(path, np.c_[T, Y])
-
-
 def mat(path: Path) -> None:
-    from scipy.io import savemat
-
     savemat(path, {"t": T, "x": Y}, do_compression=True)
 
 
 FORMATS: dict[str, Callable[[Path], object]] = {
-    "npz": npz, "npy": npy, "mat": mat, "h5": written.hdf5, "wav": written.wav, "tdms": written.tdms,
+    "npz": partial(np.savez, t=T, x=Y), "npy": partial(np.save, arr=np.c_[T, Y]), "mat": mat, "h5": written.hdf5, "wav": written.wav, "tdms": written.tdms,
     "xlsx": written.excel, "parquet": written.parquet, "json": written.write_json, "uff": written.uff, "lvm": written.lvm,
 }  # fmt: skip
 
 
 @cache
 def whole(form: str) -> bytes:
-    """An undamaged file's bytes."""
+    """Return the bytes of a file without a fault."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"a.{form}"
         FORMATS[form](path)
@@ -50,7 +40,7 @@ def whole(form: str) -> bytes:
 
 
 def bomb_zip(path: Path) -> None:
-    """An archive whose directory says that it unpacks to four GiB."""
+    """Write an archive whose directory states an uncompressed size of four GiB."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("x.npy", bytes(1000))
     data = path.read_bytes()
@@ -59,14 +49,14 @@ def bomb_zip(path: Path) -> None:
 
 
 def header(path: Path, shape: tuple[int, ...] = (10,), descr: str = "<f8") -> None:
-    """A .npy of a header that promises more than there is."""
+    """Write a .npy file whose header states more data than it has."""
     with io.BytesIO() as file:
         np.lib.format.write_array_header_1_0(file, {"descr": descr, "fortran_order": False, "shape": shape})
         path.write_bytes(file.getvalue() + bytes(64))
 
 
 def of_version(path: Path, form: str, version: int) -> None:
-    """A zip archive, each member of which says that it needs a version of zip."""
+    """Write a zip archive whose members require a version of zip."""
     data = bytearray(whole(form))
     at = -1
     while (at := data.find(b"PK\1\2", at + 1)) != -1:
@@ -75,7 +65,7 @@ def of_version(path: Path, form: str, version: int) -> None:
 
 
 def locked(path: Path, form: str) -> None:
-    """A zip archive, each member of which says that it is encrypted."""
+    """Write a zip archive whose members are marked as encrypted."""
     data = bytearray(whole(form))
     for mark, offset in ((b"PK\1\2", 8), (b"PK\3\4", 6)):
         at = -1
@@ -84,17 +74,8 @@ def locked(path: Path, form: str) -> None:
     path.write_bytes(bytes(data))
 
 
-def mat_bomb(path: Path) -> None:
-    """A compressed element of 192 MiB of zeros, in 200 KiB."""
-    mat(path)
-    pack = zlib.compressobj(9)
-    block = bytes(2**20)
-    packed = b"".join([*(pack.compress(block) for _ in range(192)), pack.flush()])
-    path.write_bytes(path.read_bytes()[:128] + struct.pack("<II", 15, len(packed)) + packed)
-
-
 def hdf(fill: Callable[[h5py.File], object]) -> Callable[[Path], None]:
-    """Return what writes an HDF5 file that is filled so."""
+    """Return a function that writes an HDF5 file and fills it."""
 
     def write(path: Path) -> None:
         with h5py.File(path, "w") as file:
@@ -108,7 +89,7 @@ ELSEWHERE = {"shape": (8,), "dtype": "f8", "external": [("/etc/hostname", 0, 64)
 
 
 def compound(path: Path, stream: str) -> None:
-    """The head of a compound file and the name of a stream in it, as Excel writes what is no archive."""
+    """Write the head of a compound file and the name of a stream, as in Excel files that are not archives."""
     path.write_bytes(bytes.fromhex("d0cf11e0a1b11ae1") + bytes(504) + stream.encode("utf-16-le") + bytes(100))
 
 
@@ -133,7 +114,7 @@ def arrays(**named: object) -> Callable[[Path], object]:
 
 
 _T, _Y = T.tolist(), Y.tolist()
-MADE: tuple[tuple[str, str, Callable[[Path], object], str], ...] = (
+DAMAGED: tuple[tuple[str, str, Callable[[Path], object], str], ...] = (
     ("bomb", "a.npz", bomb_zip, "GiB"), ("bomb", "a.h5", hdf(lambda file: file.create_dataset("x", **ENDLESS)), "GiB"),
     ("encrypted", "a.xlsx", partial(locked, form="xlsx"), "encrypted"),
     ("with a password", "a.xlsx", partial(compound, stream="EncryptedPackage"), "is a workbook with a password"),
@@ -166,13 +147,13 @@ MADE: tuple[tuple[str, str, Callable[[Path], object], str], ...] = (
 )  # fmt: skip
 
 
-RIGHT: tuple[tuple[str, str, Callable[[Path], object]], ...] = (
+UNUSUAL: tuple[tuple[str, str, Callable[[Path], object]], ...] = (
     ("of version 45 of zip", "a.xlsx", partial(of_version, form="xlsx", version=45)),
     ("of one name in two objects", "a.json", as_json({"a": {"t": _T, "y": _Y}, "t": "x"})),
 )
-"""Files that are odd, and are read."""
+"""Unusual files that are read."""
 
 CASES = [
-    *(Case(f"{Path(file).suffix[1:]} {what}", ("look", "FILE"), file, write, said) for what, file, write, said in MADE),
-    *(Case(f"{file} {what}", ("look", "FILE"), file, write, ends=(READ,)) for what, file, write in RIGHT),
+    *(Case(f"{Path(file).suffix[1:]} {what}", ("look", "FILE"), file, write, line) for what, file, write, line in DAMAGED),
+    *(Case(f"{file} {what}", ("look", "FILE"), file, write, statuses=(READ,)) for what, file, write in UNUSUAL),
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a case of bad input is: a file to make, a command on it, and what is to be said of it."""
+"""A case of bad input: a file, a command on it, and its error message."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ REFUSED, READ = 2, 0
 
 
 def nothing(path: Path) -> None:
-    """No file at all."""
+    """Write no file."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A command that is refused, or that reads a damaged file rightly.
+    """A command that is refused, or that reads an unusual file.
 
-    arguments: of the command, FILE for the file's path; write: makes the file; said: a part of the one line on stderr;
-    ends: exit statuses that are right.
+    arguments: of the command, FILE for the file's path; write: makes the file; line: a part of the line on stderr;
+    statuses: allowed exit statuses.
     """
 
     name: str
     arguments: tuple[str, ...]
     file: str = "a.csv"
     write: Callable[[Path], object] = nothing
-    said: str = ""
-    ends: tuple[int, ...] = (REFUSED,)
+    line: str = ""
+    statuses: tuple[int, ...] = (REFUSED,)
 
 
 def rows(
     path: Path, t: Callable[[int], object] = lambda i: T[i], y: Callable[[int], object] = lambda i: Y[i],
     n: int = T.size, head: str = "time,angle",
 ) -> None:  # fmt: skip
-    """A table of times and values as text."""
+    """Write a table of times and values as text."""
     path.write_text("\n".join([head, *(f"{t(i)},{y(i)}" for i in range(n))]), encoding="utf-8")
 
 
 def text(content: str) -> Callable[[Path], object]:
-    """A writer of one text."""
+    """Return a function that writes this text."""
     return lambda path: path.write_text(content, encoding="utf-8")
 
 
 def raw(content: bytes) -> Callable[[Path], object]:
-    """A writer of bytes."""
+    """Return a function that writes these bytes."""
     return lambda path: path.write_bytes(content)

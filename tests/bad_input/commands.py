@@ -1,5 +1,5 @@
 # ruff: noqa: E501
-"""Commands that are typed wrongly, and paths that are no files."""
+"""Wrong commands, and paths that are not files."""
 
 from __future__ import annotations
 
@@ -11,11 +11,9 @@ from tests.bad_input.studies import control
 
 LONG = "9" * 5000
 WORD = "x" * 5000
-
-
 LOOK = ("look",)
 COMMANDS = (LOOK, ("compare", "--quick", "--workers", "1"), ("init",))
-"""What reads a file, by the same options."""
+"""Commands that read a file, with the same options."""
 
 
 def given(option: str, *values: str, commands: tuple[tuple[str, ...], ...] = (LOOK,)) -> list[Case]:
@@ -96,16 +94,8 @@ USAGE = [
 ]  # fmt: skip
 
 
-def pipe(path: Path) -> None:
-    os.mkfifo(path)
-
-
-def circle(path: Path) -> None:
+def link_to_itself(path: Path) -> None:
     path.symlink_to(path.name)
-
-
-def folder(path: Path) -> None:
-    path.mkdir()
 
 
 PLACES = {
@@ -113,13 +103,16 @@ PLACES = {
     "a path too long": "a/" * 5000, "a zero": "a\0b.csv", "not there": "none.csv", "not there, in a line": "no\nne.csv",
     "a process's memory": "/proc/self/mem", "colours": "\x1b[31mred.csv", "half a letter": "a\udcff.csv",
 }  # fmt: skip
+FOLDER = {"look": "", "check": "is a directory; give a study file"}
 PATHS = [
     case
     for command in ("look", "check")
     for case in (
         *(Case(f"{command} {what}", (command, place)) for what, place in PLACES.items()),
-        *(Case(f"{command} {make.__name__}", (command, "FILE"), "a.csv", make) for make in (pipe, circle, folder)),
-        Case(f"{command} below a file", (command, "a.csv/b.csv"), "a.csv", raw(b"1")),
+        Case(f"{command} a link to itself", (command, "FILE"), write=link_to_itself),
+        Case(f"{command} a pipe", (command, "FILE"), write=os.mkfifo, line="a device or a pipe, not a file"),
+        Case(f"{command} a folder", (command, "FILE"), write=Path.mkdir, line=FOLDER[command]),
+        Case(f"{command} below a file", (command, "a.csv/b.csv"), write=raw(b"1")),
     )
 ] + [Case(f"{command} not there", (command, "none.csv")) for command in ("compare", "init", "study", "calibrate")]  # fmt: skip
 

@@ -1,10 +1,9 @@
-"""What every command owes to its user, whatever he gives it."""
+"""Check what every command must do for any input: end soon, in one line, and leave no files."""
 
 from __future__ import annotations
 
 import contextlib
 import io
-import os
 import signal
 import tempfile
 from collections.abc import Callable, Iterator
@@ -14,7 +13,7 @@ from bayesdamp.cli import main
 from tests.bad_input.case import READ, REFUSED, nothing
 
 LONGEST = 300
-PATIENCE = 30
+TIME_LIMIT = 30
 """Seconds within which a command on a small file ends."""
 
 
@@ -23,16 +22,16 @@ def judge(
     name: str = "a.csv",
     write: Callable[[Path], object] = nothing,
     *,
-    ends: tuple[int, ...] = (READ, REFUSED),
-    said: str = "",
-    made: tuple[str, ...] = (),
-) -> int:
-    """Run a command on a file; FILE in the arguments is its path. Exit 0, or 2 with one short line and nothing left.
+    statuses: tuple[int, ...] = (READ, REFUSED),
+    line: str = "",
+    may_write: tuple[str, ...] = (),
+) -> None:
+    """Run a command on a file; FILE in the arguments is its path. Exit 0, or 2 with one short line and no new files.
 
-    ends: exit statuses that are right; said: a part of the line; made: files that the command may make where it ends
-    with 0. Gives the exit status.
+    statuses: allowed exit statuses; line: a part of the line; may_write: files that the command may write if it ends
+    with 0.
     """
-    with tempfile.TemporaryDirectory() as folder, _within(Path(folder)):
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), _time_limit():
         path = Path(folder) / name
         write(path)
         before = set(Path(folder).rglob("*"))
@@ -40,30 +39,27 @@ def judge(
         words = [f"{path}{a[4:]}" if a == "FILE" or a.startswith("FILE/") else a for a in arguments]
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             status = main(words)
-        line, left = err.getvalue(), {p.name for p in set(Path(folder).rglob("*")) ^ before}
-    assert status in ends, f"exit {status}: {line}"
-    assert "Traceback" not in line + out.getvalue(), line
-    assert left <= (set(made) if status == READ else set()), f"left behind: {left}"
+        error, new = err.getvalue(), {p.name for p in set(Path(folder).rglob("*")) ^ before}
+    assert status in statuses, f"exit {status}: {error}"
+    assert "Traceback" not in error + out.getvalue(), error
+    assert new <= (set(may_write) if status == READ else set()), f"left behind: {new}"
     if status:
-        assert len(line.splitlines()) == 1, line
-        assert 20 < len(line) < LONGEST, f"{len(line)} characters: {line[:400]}"
-        assert line.strip().isprintable(), repr(line)
-        assert "internal error" not in line, line
-        assert said in line, line
-    return status
+        assert len(error.splitlines()) == 1, error
+        assert 20 < len(error) < LONGEST, f"{len(error)} characters: {error[:400]}"
+        assert error.strip().isprintable(), repr(error)
+        assert "internal error" not in error, error
+        assert line in error, error
 
 
 @contextlib.contextmanager
-def _within(folder: Path) -> Iterator[None]:
+def _time_limit() -> Iterator[None]:
     def late(*_: object) -> None:
-        raise AssertionError(f"it has not ended after {PATIENCE} s")
+        raise AssertionError(f"it has not ended after {TIME_LIMIT} s")
 
-    here, before = os.getcwd(), signal.signal(signal.SIGALRM, late)
-    signal.alarm(PATIENCE)
-    os.chdir(folder)
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(TIME_LIMIT)
     try:
         yield
     finally:
         signal.alarm(0)
-        os.chdir(here)
         signal.signal(signal.SIGALRM, before)

@@ -1,5 +1,5 @@
 # ruff: noqa: E501
-"""Study files of every wrong value in every key, and files that are no studies."""
+"""Study files with wrong values of every key, and files that are not studies."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ TABLES: dict[str, type[BaseModel]] = {
 HUGE = ("samples", "repeats", "draws", "chains", "warmup", "records", "gaps", "bins", "best", "single")
 
 
-def study(content: str, name: str, said: str = "") -> Case:
-    return Case(name, ("check", "FILE"), "a.toml", text(content), said)
+def study(content: str, name: str, line: str = "") -> Case:
+    return Case(name, ("check", "FILE"), "a.toml", text(content), line)
 
 
 IN_TABLES = [
@@ -34,30 +34,30 @@ IN_TABLES = [
 
 
 def _in_signals() -> list[Case]:
-    found = []
+    cases = []
     for key in s.SignalTable.model_fields:
         kept = "" if key == "name" else 'name = "a"\n'
         source = "" if key == "simulate" else 'file = "a.toml"\n' if key not in ("file", "system") else ""
         for what, value in VALUES.items():
             content = f"version = 1\n{SYSTEM}[[signal]]\n{kept}{source}{key} = {value}\n"
-            found.append(study(content, f"signal.{key} of {what}"))
+            cases.append(study(content, f"signal.{key} of {what}"))
     for key in s.SimulateTable.model_fields:
         rest = {"viscous": "0.05", "duration": "5.0", "samples": "100", "noise_sd": "0.01"}
         for what, value in VALUES.items():
             inner = ", ".join(f"{k} = {v}" for k, v in {**rest, key: value}.items())
             content = f'version = 1\n{SYSTEM}[[signal]]\nname = "a"\nsimulate = {{ {inner} }}\n'
-            found.append(study(content, f"simulate.{key} of {what}"))
-    return found
+            cases.append(study(content, f"simulate.{key} of {what}"))
+    return cases
 
 
 def _in_system() -> list[Case]:
     lines = dict(line.split(" = ") for line in SYSTEM.splitlines()[2:])
-    found = []
+    cases = []
     for key in (*lines, "epsilon", "amplitude", "frequency", "inertia"):
         for what, value in {**VALUES, "words": '"x"', "infinity": "inf"}.items():
             body = "".join(f"{k} = {v}\n" for k, v in {**lines, key: value}.items())
-            found.append(study(f"version = 1\n[system]\n{body}{SIGNAL}", f"system.{key} of {what}"))
-    return found
+            cases.append(study(f"version = 1\n[system]\n{body}{SIGNAL}", f"system.{key} of {what}"))
+    return cases
 
 
 SWEEP = '[[sweep]]\nkey = "simulate.{0}"\nvalues = [' + ", ".join(f"0.{i:03d}" for i in range(1, 301)) + "]\n"
@@ -68,19 +68,20 @@ BEYOND = [
       for table, model in TABLES.items() for key in model.model_fields if key in HUGE and table != "estimators"),
     study(GOOD + "".join(SWEEP.format(k) for k in ("noise_sd", "viscous", "coulomb")), "sweeps of 27e6"),
 ]  # fmt: skip
-"""Counts that no machine ends."""
+"""Counts that no machine can compute."""
 
 OTHERS = {
     "2,000 levels": f"version = 1\nx = {LEVELS}\n",
     "an integer of 5,000 digits": "version = 1\nseed = " + "9" * 5000 + "\n",
     "a key of 100,000 letters": "version = 1\n" + "k" * 100000 + " = 1\n",
-    "a day that is none": "version = 1\nseed = 2024-02-30\n",
+    "a file of 17 MiB": " " * (17 * 2**20),
+    "an impossible date": "version = 1\nseed = 2024-02-30\n",
     "a table that is a list": "version = 1\n[signal]\n[[signal]]\n",
     "an escaping published file": 'published = "../../../etc/passwd"\n' + GOOD,
     "a published device": 'published = "/dev/zero"\n' + GOOD,
     "a plug-in that is a device": GOOD + '[plugins]\nmodules = ["/dev/zero"]\n',
     "a plug-in that is not there": GOOD + '[plugins]\nmodules = ["none.py"]\n',
-    "a plug-in that is no Python": GOOD + '[plugins]\nmodules = ["a.toml"]\n',
+    "a plug-in that is not Python": GOOD + '[plugins]\nmodules = ["a.toml"]\n',
 }
 
 
@@ -95,6 +96,7 @@ FILES = [
 CASES = [
     *IN_TABLES, *_in_signals(), *_in_system(), *BEYOND, *FILES, *(study(text, name) for name, text in OTHERS.items()),
     Case("a study of random bytes", ("check", "FILE"), "a.toml", raw(bytes(range(256)) * 9), "text in UTF-8"),
+    Case("a study that does not exist", ("check", "none.toml"), line="; give"),
     Case("a study of blanks", ("check", "FILE"), "a.toml", raw(b"\n \n" * 99), "is empty"),
 ]  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Text tables that hold no record, or one that nothing can be computed from."""
+"""Text tables without a record, or with a record from which nothing can be computed."""
 
 from __future__ import annotations
 
@@ -13,52 +13,39 @@ from tests.bad_input.case import READ, REFUSED, Case, T, Y, raw, rows, text
 
 LOOK = ("look", "FILE", "--time", "1", "--angle", "2")
 
-NO_NUMBERS = {
+NOT_NUMBERS = {
     "a word": "abc", "not a number": "nan", "minus infinite": "-Infinity", "a formula": "=A1+1",
     "an exponent of digits": "1e" + "9" * 300, "5,000 digits": "9" * 5000, "a picture sign": "\U0001f600",
     "a percentage": "5%", "an escape": "\x1b[31m", "a long word": "x" * 100000,
-    "a date that is none": "2024-13-01T00:00:00", "a zone that is none": "2024-01-01T00:00:00+99:99",
+    "an impossible date": "2024-13-01T00:00:00", "an impossible time zone": "2024-01-01T00:00:00+99:99",
     "a time of 60 min": "10:60:00",
 }  # fmt: skip
-"""Cells that hold no number."""
+"""Cells without a number."""
 
 
-def one_cell(path: Path, cell: str, column: int) -> None:
-    rows(
-        path,
-        t=lambda i: cell if (i, column) == (100, 0) else T[i],
-        y=lambda i: cell if (i, column) == (100, 1) else Y[i],
-    )
+def one_value(path: Path, cell: str) -> None:
+    rows(path, y=lambda i: cell if i == 100 else Y[i])
 
 
-def all_cells(path: Path, cell: str, column: int) -> None:
-    rows(path, t=lambda i: cell if column == 0 else T[i], y=lambda i: cell if column == 1 else Y[i])
+def all_times(path: Path, cell: str) -> None:
+    rows(path, t=lambda _: cell)
 
 
 CELLS = [
-    Case(f"{name} in {many} of column {column + 1}", LOOK, write=partial(make, cell=cell, column=column))
-    for name, cell in NO_NUMBERS.items()
-    for many, make, column in (("a cell", one_cell, 1), ("all cells", all_cells, 0))
+    Case(f"{name} in {where}", LOOK, write=partial(write, cell=cell))
+    for name, cell in NOT_NUMBERS.items()
+    for where, write in (("a value", one_value), ("all times", all_times))
 ]
-"""One bad cell is reported with its line; a column of them is not taken for times."""
+"""One bad value is reported with its line; a column of bad times is not read as times."""
 
 MARKS = [
-    Case(
-        "missing values marked by nines",
-        LOOK,
-        write=partial(rows, y=lambda i: -9999 if i % 50 == 7 else Y[i]),
-        said="4 values are -9999, far from all others",
-    ),
-    Case(
-        "a single outlier of nines",
-        LOOK,
-        write=partial(rows, y=lambda i: -9999 if i == 7 else Y[i]),
-        said="no oscillation stands out",
-        ends=(READ,),
-    ),
-    Case("a study as a record", ("compare", "FILE"), "a.toml", text("[system]"), said="bayesdamp study"),
-    Case("quick and exact", ("compare", "FILE", "--quick", "--exact"), write=rows, said="only one of them"),
-]
+    Case("missing values marked by nines", LOOK, write=partial(rows, y=lambda i: -9999 if i % 50 == 7 else Y[i]),
+         line="4 values are -9999, far from all others"),
+    Case("a single outlier of nines", LOOK, write=partial(rows, y=lambda i: -9999 if i == 7 else Y[i]),
+         statuses=(READ,)),
+    Case("a study as a record", ("compare", "FILE"), "a.toml", text("[system]"), line="bayesdamp study"),
+    Case("quick and exact", ("compare", "FILE", "--quick", "--exact"), write=rows, line="only one of them"),
+]  # fmt: skip
 
 _LINES = [f"{t},{y}" for t, y in zip(T, Y)]
 TEXTS: dict[str, tuple[Callable[[Path], object], str]] = {
@@ -77,7 +64,7 @@ TEXTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "values of 1e-300": (partial(rows, y=lambda i: 1e-300 * np.cos(i)), "too little"),
     "times of 1e100": (partial(rows, t=lambda i: 1e100 * i), "right column"),
     "times of 1e-300": (partial(rows, t=lambda i: 1e-300 * i), "no instrument resolves"),
-    "dates that are none": (partial(rows, t=lambda i: f"2024-02-30T10:00:{i % 60:02d}"), "is not a number"),
+    "impossible dates": (partial(rows, t=lambda i: f"2024-02-30T10:00:{i % 60:02d}"), "is not a number"),
     "a constant": (partial(rows, y=lambda i: 2.5), "constant"),
     "times that stand still": (partial(rows, t=lambda i: 1.0), ""),
     "times that go back": (partial(rows, t=lambda i: -T[i]), ""),
@@ -85,31 +72,31 @@ TEXTS: dict[str, tuple[Callable[[Path], object], str]] = {
 }  # fmt: skip
 
 SHOWN = ("an open quote", "times that stand still", "times that go back")
-"""Tables of numbers: `look` shows them, and says why there is no free decay."""
+"""Tables of numbers: `look` shows them and says why they have no free decay."""
 
 WRONG = [
-    Case(name, ("compare", "FILE", "--quick", "--workers", "1"), write=write, said=said)
-    for name, (write, said) in TEXTS.items()
+    Case(name, ("compare", "FILE", "--quick", "--workers", "1"), write=write, line=line)
+    for name, (write, line) in TEXTS.items()
     if name != "an open quote"  # all but its first cell is read, and rightly analysed
 ] + [
     Case(f"{name}, columns named", ("look", "FILE", "--time", "time", "--angle", "angle"), write=TEXTS[name][0],
-         ends=(REFUSED, READ))
+         statuses=(REFUSED, READ))
     for name in SHOWN
 ]  # fmt: skip
 
 NAMES = [
-    Case(f"a table named a.{form}", ("look", "FILE"), f"a.{form}", rows, ends=(READ, REFUSED))
+    Case(f"a table named a.{form}", ("look", "FILE"), f"a.{form}", rows, statuses=(READ, REFUSED))
     for form in FORMATS
 ]
 
 MISSING = [
-    *(Case(f"{cell[:20]} in place of a sample", LOOK, write=partial(one_cell, cell=cell, column=1), said=said)
-      for cell, said in (
+    *(Case(f"{cell[:20]} in place of a sample", LOOK, write=partial(one_value, cell=cell), line=line)
+      for cell, line in (
           ("NA", "a.csv: line 102: "), ("nan", "a.csv: line 102: "), ("---", "correct it or leave the row out"),
           ("x" * 100000, "correct it or leave the row out"),
       )),
-    Case("an empty cell in place of a sample", LOOK, write=partial(one_cell, cell="", column=1), ends=(READ,)),
+    Case("an empty cell in place of a sample", LOOK, write=partial(one_value, cell=""), statuses=(READ,)),
 ]  # fmt: skip
-"""What says that a sample is missing is refused, with what to do; an empty cell is left out."""
+"""Marks of missing samples are refused with a remedy; a row with an empty cell is left out."""
 
 CASES = [*CELLS, *MISSING, *MARKS, *WRONG, *NAMES]

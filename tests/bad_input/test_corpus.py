@@ -1,4 +1,4 @@
-"""Each case of bad input: exit 2, one line that is short, no traceback, nothing left behind."""
+"""Each case of bad input: exit status 2, one short line, no traceback, no new files."""
 
 from __future__ import annotations
 
@@ -14,38 +14,34 @@ from tests.bad_input import binaries, commands, studies, tables
 from tests.bad_input.case import READ, REFUSED, Case
 from tests.bad_input.judge import judge
 
+OK = (READ,)
 CASES = [*tables.CASES, *binaries.CASES, *studies.CASES, *commands.CASES]
-
-
-WHOLE = [
-    *(
-        Case(form, ("look", "FILE"), f"a.{form}", write, ends=(READ,))
-        for form, write in binaries.FORMATS.items()
-    ),
-    Case("study", ("check", "FILE"), "a.toml", studies.control, ends=(READ,)),
-    Case("table", tables.LOOK, "a.csv", tables.rows, ends=(READ,)),
+CONTROLS = [
+    *(Case(form, ("look", "FILE"), f"a.{form}", write, "", OK) for form, write in binaries.FORMATS.items()),
+    Case("study", ("check", "FILE"), "a.toml", studies.control, "", OK),
+    Case("table", tables.LOOK, "a.csv", tables.rows, "", OK),
 ]
-"""The negative control: the same files and studies without their faults."""
+"""The same files and studies without their faults."""
 
 
-@pytest.mark.parametrize("cases", [*(CASES[i : i + 40] for i in range(0, len(CASES), 40)), WHOLE])
-def test_bad_input(cases: Sequence[Case], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Forty cases a test, of which all failures are listed."""
+@pytest.mark.parametrize("cases", [*(CASES[i : i + 40] for i in range(0, len(CASES), 40)), CONTROLS])
+def test_bad_input_is_refused_in_one_line(cases: Sequence[Case], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each test has forty cases and lists all that fail."""
     monkeypatch.setattr(contents, "LARGEST_FILE", 2**26)
     failures = []
     for case in cases:
         try:
-            judge(case.arguments, case.file, case.write, ends=case.ends, said=case.said)
+            judge(case.arguments, case.file, case.write, statuses=case.statuses, line=case.line)
         except AssertionError as failure:
             failures.append(f"{case.name}: {failure}")
     assert not failures, "\n".join(failures)
 
 
 @pytest.mark.parametrize("command", ["look", "check"])
-def test_a_file_that_may_not_be_read(
+def test_a_file_without_permission_is_refused(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As another user where the tests run as one who may read everything."""
+    """Root may read every file, so that the command then runs as another user."""
     tmp_path.chmod(0o777)
     root = os.geteuid() == 0
     path = tmp_path / "a.csv"
@@ -60,7 +56,7 @@ def test_a_file_that_may_not_be_read(
     finally:
         if root:
             os.seteuid(0)
-    said = capsys.readouterr().err
+    error = capsys.readouterr().err
     assert status == REFUSED
-    assert "cannot be read" in said
-    assert "permission denied" in said.lower()
+    assert "cannot be read" in error
+    assert "permission denied" in error.lower()

@@ -1,10 +1,9 @@
 # ruff: noqa: E501
-"""The commands: one line for each error, an exit status that means something, and nothing half-written."""
+"""The commands: one line for each error, the exit status, and no incomplete files."""
 
 from __future__ import annotations
 
 import csv
-import math
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +16,7 @@ import bayesdamp
 from bayesdamp.cli import main
 from bayesdamp.cli.runs import compilation_notice
 from bayesdamp.types import InputError, Refusal
+from tests.records.tables import write_table
 from tests.studies import study_text
 
 RECORD = "viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003"
@@ -27,20 +27,13 @@ SET = [*LAW, "--set", "stiffness=20,gravity=1,theta0=0.3", "--set", "spring_angl
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty one."""
+    """An empty working directory."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("BAYESDAMP_DEBUG", raising=False)
     return tmp_path
 
 
-def study_module(monkeypatch: pytest.MonkeyPatch, run_study: Callable[..., int]) -> None:
-    """Put a function that does as the test says in place of the pipeline's."""
-    monkeypatch.setattr("bayesdamp.cli.runs.run_study", run_study)
-    monkeypatch.setattr(
-        "bayesdamp.cli.commands.check.task_names", lambda study: ["signal/one", "posterior/one/nuts"]
-    )
-
-
+RUN_STUDY = "bayesdamp.cli.runs.run_study"
 SIMULATE = ["simulate", "--out", "x.csv", "--damping"]
 WRONG = (
     (["check", "option.toml"], "did you mean 'variant'?"),
@@ -60,7 +53,7 @@ WRONG = (
     (["compare", "nothing.csv"], "nothing.csv: the file is empty; export the record again"),
     (["simulate", "--out", "bad.toml/x.csv", "--damping", "viscous=0.05", *SET], "--out bad.toml/x.csv: cannot be written"),
 )  # fmt: skip
-"""More commands that are typed wrongly are in tests/bad_input; these are the lines that say what would be right."""
+"""Wrong commands whose line says what is valid; tests/bad_input has more."""
 
 
 @pytest.mark.parametrize(("arguments", "expected"), WRONG)
@@ -76,65 +69,64 @@ def test_wrong_input_is_one_line_exit_status_2_and_nothing_written(
     assert sorted(folder.rglob("*")) == before
 
 
-def test_a_study_returns_the_pipeline_s_status(
+def test_a_study_has_the_options_and_the_exit_status_of_its_run(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = {}
+    arguments = {}
 
     def run_study(study, out, **options) -> int:  # type: ignore[no-untyped-def]
-        asked.update(options, name=study.name, out=out)
+        arguments.update(options, name=study.name, out=out)
         out.mkdir(parents=True)
         (out / "report.html").write_text("")
         (out / "run.json").write_text('{"name": "small", "signals": {}}')
         return 3
 
-    study_module(monkeypatch, run_study)
+    monkeypatch.setattr(RUN_STUDY, run_study)
     (folder / "study.toml").write_text(STUDY)
-    where = "tcp://127.0.0.1:1"
-    assert main(["study", "study.toml", "--workers", "2", "--fresh", "--scheduler", where]) == 3
-    assert asked["out"] == Path("reports/small")
-    assert (asked["name"], asked["workers"], asked["fresh"], asked["scheduler"]) == ("small", 2, True, where)
+    expected = {"workers": 2, "fresh": True, "scheduler": "tcp://127.0.0.1:1", "name": "small"}
+    assert main(["study", "study.toml", "--workers", "2", "--fresh", "--scheduler", "tcp://127.0.0.1:1"]) == 3
+    assert arguments["out"] == Path("reports/small")
+    assert expected.items() <= arguments.items()
     assert capsys.readouterr().out.strip() == "reports/small/report.html"
 
 
-def test_what_stops_a_study_is_one_line(
+INTERNAL = "internal error: RuntimeError: a b (please report it; BAYESDAMP_DEBUG=1 shows where)"
+FULL = "the disk is full; make room there, then run the same command again"
+
+
+def test_an_error_that_stops_a_study_is_one_line(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "study.toml").write_text(STUDY)
-    full = "the disk is full; make room there, then run the same command again"
     for error, status, expected in (
         (KeyboardInterrupt(), 130, "interrupted; the same command resumes"),
-        (
-            RuntimeError("a\nb"),
-            1,
-            "internal error: RuntimeError: a b (please report it; BAYESDAMP_DEBUG=1 shows where)",
-        ),
-        (OSError(28, "No space left on device"), 2, full),
+        (RuntimeError("a\nb"), 1, INTERNAL),
+        (OSError(28, "No space left on device"), 2, FULL),
         (InputError("rig.csv: no\nnumbers"), 2, "rig.csv: no numbers"),
         (Refusal("no peak"), 2, "no peak"),
     ):
-        study_module(monkeypatch, Mock(side_effect=error))
+        monkeypatch.setattr(RUN_STUDY, Mock(side_effect=error))
         assert main(["study", "study.toml"]) == status
         (line,) = capsys.readouterr().err.splitlines()
         assert expected in line
     monkeypatch.setenv("BAYESDAMP_DEBUG", "1")
-    study_module(monkeypatch, Mock(side_effect=ZeroDivisionError))
+    monkeypatch.setattr(RUN_STUDY, Mock(side_effect=ZeroDivisionError))
     assert main(["study", "study.toml"]) == 1
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_a_command_that_is_told_to_end_is_interrupted(
+def test_a_signal_to_end_interrupts_a_command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Also where it starts no processes."""
+    """Also a command that starts no processes."""
 
-    def told(**_: object) -> int:
+    def command(**_: object) -> int:
         assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL, "it would end the tests"
         signal.raise_signal(signal.SIGTERM)
         return 0
 
-    monkeypatch.setattr("bayesdamp.cli.app.build_parser", lambda _: told)
-    before = signal.signal(signal.SIGTERM, signal.SIG_DFL)  # who runs the tests may have them ignore it
+    monkeypatch.setattr("bayesdamp.cli.app.build_parser", lambda _: command)
+    before = signal.signal(signal.SIGTERM, signal.SIG_DFL)  # the tests may run with the signal ignored
     try:
         assert main(["study", "study.toml"]) == 130
     finally:
@@ -142,10 +134,9 @@ def test_a_command_that_is_told_to_end_is_interrupted(
     assert capsys.readouterr().err == "interrupted; the same command resumes the run\n"
 
 
-def test_check_lists_what_a_study_asks_for_and_writes_nothing(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_check_lists_the_parts_of_a_study_and_writes_nothing(
+    folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    study_module(monkeypatch, lambda *_, **__: 1)
     (folder / "study.toml").write_text(STUDY)
     assert main(["check", "study.toml"]) == 0
     out = capsys.readouterr().out
@@ -157,10 +148,9 @@ def test_check_lists_what_a_study_asks_for_and_writes_nothing(
 def test_check_reads_the_records_as_the_run_would(
     folder: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., str]
 ) -> None:
-    rows = [f"{0.02 * i},{0.3 * math.exp(-0.001 * i) * math.cos(0.1 * i)}" for i in range(600)]
-    (folder / "rig.csv").write_text("\n".join(["t,phi", *rows]))
-    of_file = STUDY.partition("simulate =")
-    measured = f'{of_file[0]}file = "rig.csv"\nangle = "phi"\n[estimators]\nuse = []\n'
+    i = np.arange(600.0)
+    write_table(folder / "rig.csv", "t,phi", 0.02 * i, 0.3 * np.exp(-0.001 * i) * np.cos(0.1 * i))
+    measured = STUDY.partition("simulate =")[0] + 'file = "rig.csv"\nangle = "phi"\n[estimators]\nuse = []\n'
     (folder / "study.toml").write_text(measured)
     assert main(["check", "study.toml"]) == 0
     capsys.readouterr()
@@ -172,8 +162,8 @@ def test_check_reads_the_records_as_the_run_would(
 
 
 def test_simulate_writes_a_record_that_reads_back(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The noise is the difference from a record without: its sd is within a tenth (200 samples: a false alarm once in
-    twenty seeds; the seed is fixed) of 1 % of the amplitude, 0.25 rad about the equilibrium."""
+    """The noise is the difference from a record without noise. Its sd is within a tenth (201 samples: one false alarm in
+    twenty seeds) of 1 % of the amplitude, 0.25 rad about the equilibrium."""
     simulate = ["simulate", "--damping", "viscous=0.05", *SET, "--samples", "201"]
     assert main([*simulate, "--out", "a.csv"]) == 0
     assert capsys.readouterr() == (
@@ -194,23 +184,23 @@ def test_simulate_writes_a_record_that_reads_back(folder: Path, capsys: pytest.C
     assert (folder / "a.csv").read_bytes() != (folder / "c.csv").read_bytes()
 
 
-def test_what_is_not_said_of_a_simulation_is_taken_and_said(
+def test_a_simulation_prints_the_defaults_that_it_uses(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its frequency is that of the stiffness: sqrt(40)/2π; with a cubic of 40 the first swings are some per cent
-    faster. The control says all, and nothing is said of it. What is said can be typed and is the same record."""
+    """With them as options the record is the same. The frequency is sqrt(40)/2π; with a cubic stiffness of 40 the first
+    swings are a few per cent faster. Control: a command with all options prints none."""
     duffing = ["--restoring", "duffing", "--damping", "coulomb=0.1"]
-    for words, said, frequency in (
+    for words, defaults, frequency in (
         ([], "--damping viscous=0.1 --set stiffness=40,theta0=0.3", 1.0066),
         (duffing, "--set stiffness=40,cubic=40,theta0=0.3", 1.03),
         (["--set", "stiffness=90,theta0=0.1", "--damping", "viscous=0.2"], "", 1.5099),
     ):
         assert main(["simulate", "--out", "a.csv", "--noise-sd", "0", *words]) == 0
-        assert capsys.readouterr().err == (f"defaults used: {said}\n" if said else "")
+        assert capsys.readouterr().err == (f"defaults used: {defaults}\n" if defaults else "")
         t, y = np.loadtxt(folder / "a.csv", delimiter=",", skiprows=2).T
         crossings = t[:-1][np.diff(np.sign(y)) < 0]
         assert 1 / np.mean(np.diff(crossings[:6])) == pytest.approx(frequency, rel=0.015)
-        assert main(["simulate", "--out", "b.csv", "--noise-sd", "0", *words, *said.split()]) == 0
+        assert main(["simulate", "--out", "b.csv", "--noise-sd", "0", *words, *defaults.split()]) == 0
         capsys.readouterr()
         assert (folder / "a.csv").read_bytes() == (folder / "b.csv").read_bytes()
 
@@ -220,8 +210,8 @@ def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == f"bayesdamp {bayesdamp.__version__}\n"
 
 
-def test_the_first_command_says_that_it_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The control has a compiled program."""
+def test_the_first_command_prints_that_it_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Control: a folder with a compiled program."""
     monkeypatch.setenv("BAYESDAMP_CACHE", str(tmp_path))
     assert compilation_notice().startswith("compiling")
     (tmp_path / "kernels").mkdir()

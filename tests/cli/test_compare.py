@@ -1,4 +1,4 @@
-"""`bayesdamp compare`: what it makes of files and options, before anything is computed."""
+"""`bayesdamp compare`: its study, its options and its folder, before anything is computed."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import subprocess
 import sys
 from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -27,22 +28,23 @@ def write(path: Path, columns: int = 2) -> Path:
     return write_table(path, ",".join(("t", "angle", "other")[:columns]), *(t, y, other)[:columns])
 
 
-def test_the_study_has_every_damping_under_every_law_and_all_is_free(tmp_path) -> None:
-    study = comparison([{"file": str(write(tmp_path / "a.csv")), "time": "t", "angle": "angle"}])
+def signal_of(path: Path) -> dict[str, str]:
+    """Return the keys of a signal in this file, which is written if it does not exist."""
+    return {"file": str(path if path.exists() else write(path)), "time": "t", "angle": "angle"}
+
+
+def test_the_study_has_every_damping_under_every_law_with_free_parameters(tmp_path) -> None:
+    signal = signal_of(tmp_path / "a.csv")
+    study = comparison([signal])
     spec = study.signals[0]
     assert len(study.compare(spec)) == 7 * len(laws_for("rad")) == 28
     assert not spec.system.known
-    assert study.evidence.methods == (
-        "laplace",
-        "importance",
-        "bridge",
-    )  # the best two have draws for the last
+    assert study.evidence.methods == ("laplace", "importance", "bridge")
     assert study.evidence.referee == "auto"
     assert all(not system.known for system in spec.alternatives)
     assert "pendulum" in laws_for("deg")
     assert set(laws_for("mm")) == {"linear", "duffing"}
-    again = comparison([{"file": str(tmp_path / "a.csv"), "time": "t", "angle": "angle"}] * 2)
-    assert len({s.name for s in again.signals}) == 2
+    assert len({s.name for s in comparison([signal] * 2).signals}) == 2
 
 
 def test_a_record_keeps_the_letters_of_its_file(tmp_path) -> None:
@@ -58,7 +60,7 @@ def test_a_record_keeps_the_letters_of_its_file(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "line"),
     [
         ("", "has 3 columns"),
         ("--angle 2 --rate -3", "--rate: is -3; it must be a number of samples per second"),
@@ -73,50 +75,44 @@ def test_a_record_keeps_the_letters_of_its_file(tmp_path) -> None:
         ("--angle 2 --time 1 --noise pink", "unknown noise model"),
     ],
 )
-def test_a_wrong_option_is_one_line_and_nothing_is_written(tmp_path, refused, options, said) -> None:
+def test_a_wrong_option_is_one_line_and_nothing_is_written(tmp_path, refused, options, line) -> None:
     file = write(tmp_path / "b.csv", columns=3)
-    assert said in refused("compare", str(file), *options.split(), "--out", str(tmp_path / "out"))
+    assert line in refused("compare", str(file), *options.split(), "--out", str(tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 
-def test_one_bad_file_of_several_is_named_and_the_others_are_answered(tmp_path, capsys, monkeypatch) -> None:
-    """Negative control: without the bad one nothing has failed."""
+def test_one_bad_file_of_several_is_named_and_the_others_are_compared(tmp_path, capsys, monkeypatch) -> None:
+    """Control: without the bad file nothing fails."""
     good, bad = [write(tmp_path / name) for name in ("a.csv", "c.csv")], tmp_path / "b.csv"
     lines = good[0].read_text().splitlines()
     bad.write_text("\n".join([*lines[:100], "1.98,nan", *lines[101:]]))
-    asked_for = []
-
-    def run(study, folder, **_) -> int:
-        asked_for.append([signal.name for signal in study.signals])
-        return 0
-
-    monkeypatch.setattr("bayesdamp.cli.runs.run_study", run)
+    run_study = Mock(return_value=0)
+    monkeypatch.setattr("bayesdamp.cli.runs.run_study", run_study)
     monkeypatch.setattr("bayesdamp.cli.runs.print_conclusion", lambda *_: None)
     words = [*map(str, (good[0], bad, good[1])), "--quick", "--workers", "1", "--out", str(tmp_path / "out")]
     assert main(["compare", *words]) == 3
-    said = capsys.readouterr().err.splitlines()
-    assert said[-1].startswith("failed: b.csv: line 101: the value is nan")
-    assert sum("b.csv" in line for line in said) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1].startswith("failed: b.csv: line 101: the value is nan")
+    assert sum("b.csv" in line for line in lines) == 1
     assert main(["compare", *(word for word in words if word != str(bad))]) == 0
-    assert asked_for == [["a", "c"], ["a", "c"]]
+    studies = [call.args[0] for call in run_study.call_args_list]
+    assert [[signal.name for signal in study.signals] for study in studies] == [["a", "c"], ["a", "c"]]
     assert "failed" not in capsys.readouterr().err
 
 
-def test_two_questions_share_no_folder_that_nobody_chose(tmp_path, monkeypatch) -> None:
+def test_different_comparisons_have_different_default_folders(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    asked_for = [{"file": str(write(tmp_path / "a.csv")), "time": "t", "angle": "angle"}]
-    first, other = comparison(asked_for), comparison(asked_for, damping=["viscous", "coulomb"])
+    signals = [signal_of(tmp_path / "a.csv")]
+    first, other = comparison(signals), comparison(signals, damping=["viscous", "coulomb"])
     assert choose_folder(first) == choose_folder(other) == Path("reports/a")
     write_json(Path("reports/a/run.json"), {"asked": record_question(first, Path("reports/a"))})
     assert choose_folder(first) == Path("reports/a")
     assert choose_folder(other) == Path("reports/a-2")
     write_json(Path("reports/a-2/run.json"), {"name": "of an older version"})
     assert choose_folder(other) == Path("reports/a-3")
-    elsewhere = tmp_path / "elsewhere" / "a.csv"
-    elsewhere.parent.mkdir()
-    assert choose_folder(
-        comparison([{"file": str(write(elsewhere)), "time": "t", "angle": "angle"}])
-    ) == Path("reports/a-3")
+    (tmp_path / "elsewhere").mkdir()
+    same_name = comparison([signal_of(tmp_path / "elsewhere" / "a.csv")])
+    assert choose_folder(same_name) == Path("reports/a-3")
 
 
 CLOSED = """
@@ -131,34 +127,34 @@ Path(sys.argv[1]).write_text("went on", encoding="utf-8")
 
 
 def test_a_closed_output_does_not_end_the_run(tmp_path) -> None:
-    """As `bayesdamp compare rig.csv | head -1` closes it."""
-    with subprocess.Popen(
-        [sys.executable, "-c", CLOSED, str(tmp_path / "out")], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as child:
+    """`bayesdamp compare rig.csv | head -1` closes it."""
+    command, pipe = [sys.executable, "-c", CLOSED, str(tmp_path / "out")], subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe) as child:
         child.stdout.close()
-        _, said = child.communicate(timeout=60)
-    assert (child.returncode, said) == (0, b"")
+        _, error = child.communicate(timeout=60)
+    assert (child.returncode, error) == (0, b"")
     assert (tmp_path / "out").read_text(encoding="utf-8") == "went on"
 
 
-def test_a_record_without_noise_gets_some_and_says_so(tmp_path) -> None:
-    """A thousandth of its amplitude (300 samples: within 20 % but for one seed in a million). Negative control: one
-    with noise stays as it is."""
+def test_noise_is_added_to_a_record_without_noise(tmp_path) -> None:
+    """A thousandth of the amplitude, within 20 % (300 samples: one false alarm in a million seeds). Control: a record
+    with noise is not changed."""
     clean = write(tmp_path / "clean.csv")
     t, y = np.loadtxt(clean, delimiter=",", skiprows=1).T
     y = y + 0.001 * np.random.default_rng(1).standard_normal(y.size)
     write_table(tmp_path / "noisy.csv", "t,angle", t, y)
-    found = {}
+    results = {}
     for name in ("clean", "noisy"):
-        study = comparison([{"file": str(tmp_path / f"{name}.csv"), "time": "t", "angle": "angle"}])
-        store, cell = Store(tmp_path / "out"), f"signal/{name}/0"
+        study = comparison([signal_of(tmp_path / f"{name}.csv")])
+        store, task = Store(tmp_path / "out"), f"signal/{name}/0"
         record = StudyRecord(study, study.signals[0], 0, store)
-        compute_and_store(store, cell, record.key, partial(compute_signal, record))
-        found[name] = store.read(cell)
-    told = {n: c.meta["provenance"]["warnings"] for n, c in found.items()}
-    assert all(c.meta["noisy"] for c in found.values())
-    assert told["noisy"] == []
-    assert "has no noise" in told["clean"][0]
-    size = np.abs(found["clean"].arrays["y"]).max()
-    added = found["clean"].arrays["y"] - 0.3 * np.exp(-0.1 * t) * np.cos(4 * t)[: t.size]
-    assert np.std(added - added.mean()) == pytest.approx(1e-3 * size, rel=0.2)
+        compute_and_store(store, task, record.key, partial(compute_signal, record))
+        results[name] = store.read(task)
+    warnings = {name: result.meta["provenance"]["warnings"] for name, result in results.items()}
+    assert all(result.meta["noisy"] for result in results.values())
+    assert warnings["noisy"] == []
+    assert "has no noise" in warnings["clean"][0]
+    y = results["clean"].arrays["y"]
+    assert np.std(y - 0.3 * np.exp(-0.1 * t) * np.cos(4 * t)) == pytest.approx(
+        1e-3 * np.abs(y).max(), rel=0.2
+    )

@@ -1,4 +1,4 @@
-"""A disk that takes nothing more: one line that names what was to be written, and nothing half-written."""
+"""A full disk: one line that names the file, and no incomplete files."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from bayesdamp.cli import main
 
 COMPARE = ("compare", "ok.csv", "--quick", "--quiet", "--workers", "1", "--out", "run")
 SMALL = 1000
-"""Bytes of a file that the disk still takes, such as a failed cell."""
+"""Bytes of a file for which there is still room, such as the result of a failed task."""
 
 
-def filled(monkeypatch: pytest.MonkeyPatch, code: int = errno.ENOSPC, times: int = 99) -> None:
-    """Let files that are not small be refused, so many times."""
+def fill_disk(monkeypatch: pytest.MonkeyPatch, code: int = errno.ENOSPC, times: int = 99) -> None:
+    """Let writing of files that are not small fail with an error code, for a number of times."""
     synced: Callable[[int], None] = os.fsync
     left = [times]
 
@@ -30,39 +30,40 @@ def filled(monkeypatch: pytest.MonkeyPatch, code: int = errno.ENOSPC, times: int
     monkeypatch.setattr(os, "fsync", fsync)
 
 
-def test_nothing_is_left_of_a_file(
+FULL = "the disk is full; make room there, then run the same command again"
+
+
+def test_no_incomplete_file_is_left(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for words, named in (
+    """Control: the same command with room on the disk."""
+    for words, name in (
         (("init", "ok.csv"), "ok.toml"),
         (("simulate", "--duration", "8", "--out", "new/deeper/a.csv"), "new/deeper/a.csv"),
         (("look", "ok.csv", "--html", "page/a.html"), "page/a.html"),
     ):
         before = {path for path in folder.rglob("*") if path.is_file()}
         with monkeypatch.context() as full:
-            filled(full)
+            fill_disk(full)
             assert main(words) == 2
-        said = "the disk is full; make room there, then run the same command again"
-        assert capsys.readouterr().err == f"{named}: {said}\n"
+        assert capsys.readouterr().err == f"{name}: {FULL}\n"
         assert {path for path in folder.rglob("*") if path.is_file()} == before
-        assert main(words) == 0  # the control: the same command, with room
-        assert (folder / named).is_file()
+        assert main(words) == 0
+        assert (folder / name).is_file()
         capsys.readouterr()
 
 
-def test_a_cell_that_finds_no_room_is_no_failed_one(
+def test_a_result_that_cannot_be_written_is_not_a_failed_task(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """Control: an input/output error is a failure of the task."""
     with monkeypatch.context() as full:
-        filled(full)
+        fill_disk(full)
         for _ in range(2):
             assert main(COMPARE) == 2
-            said = capsys.readouterr()
-            assert said.out == ""
-            assert said.err.startswith("run/cells/signal/ok/0.npz: the disk is full; make room")
-            assert said.err.count("\n") == 1
+            assert capsys.readouterr() == ("", f"run/cells/signal/ok/0.npz: {FULL}\n")
     assert not [path for path in (folder / "run" / "cells").rglob("*") if path.is_file()]
-    with monkeypatch.context() as broken:  # the control: another fault is the task's own
-        filled(broken, errno.EIO, 1)
+    with monkeypatch.context() as broken:
+        fill_disk(broken, errno.EIO, 1)
         assert main(COMPARE) == 3
     assert "failed: OSError" in capsys.readouterr().out

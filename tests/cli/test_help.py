@@ -1,4 +1,4 @@
-"""Every command's help has an example that its own options would take, and no option stands outside a group."""
+"""The help of every command has a valid example, and groups its options."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def test_help_has_an_example(name: str, capsys: pytest.CaptureFixture[str]) -> N
     assert loaded.make_context(name, words[1:])  # raises on what it does not know
 
 
-def test_options_stand_in_groups() -> None:
+def test_options_are_in_groups() -> None:
     for name in ("compare", "look", "init", "study"):
         options = [p for p in LOADED[name].params if p.param_type_name == "option" and p.name != "help"]
-        loose = [p.name for p in options if getattr(p, "rich_help_panel", None) is None]
-        assert set(loose) <= {"html"}, name
+        ungrouped = {p.name for p in options if getattr(p, "rich_help_panel", None) is None}
+        assert ungrouped <= {"html"}, name

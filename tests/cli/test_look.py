@@ -1,4 +1,4 @@
-"""`bayesdamp look` and `bayesdamp init`, and what `compare` and a study make of a file with several records."""
+"""`bayesdamp look` and `bayesdamp init`, and files with several records in `compare` and in a study."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import bayesdamp
 import bayesdamp as bd
 from bayesdamp.cli import main
 from bayesdamp.cli.commands.compare import early_lines
@@ -26,17 +25,17 @@ Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 NOISE = np.random.default_rng(4).normal(0, 0.01, T.size)
 
 
-def said_by_look(path: Path, capsys: pytest.CaptureFixture[str], *options: str) -> str:
-    """Return what `look` prints, in one line."""
+def output_of_look(path: Path, capsys: pytest.CaptureFixture[str], *options: str) -> str:
+    """Return the output of `look` in one line."""
     assert main(["look", str(path), *options]) == 0
     return " ".join(capsys.readouterr().out.split())
 
 
-def runs(path: Path, unit: str = "deg") -> Path:
-    """Three runs, of which the second is none: nothing was let go."""
+def runs(path: Path) -> Path:
+    """Write three runs; the second is only noise."""
     names, columns = [], []
     for i, y in ((1, 40 * Y), (2, NOISE), (3, 30 * Y)):
-        names += [f"Time (s) Run #{i}", f"Angle, left ({unit}) Run #{i}", f"Supply (V) Run #{i}"]
+        names += [f"Time (s) Run #{i}", f"Angle, left (deg) Run #{i}", f"Supply (V) Run #{i}"]
         columns += [T, y, np.full(T.size, 5.0)]
     rows = [";".join(f"{x:.6f}".replace(".", ",") for x in row) for row in zip(*columns, strict=True)]
     path.write_text("\n".join([";".join(names), *rows]), encoding="utf-8-sig")
@@ -47,22 +46,22 @@ def test_look_shows_columns_units_clock_and_the_free_decay(tmp_path, capsys) -> 
     file = runs(tmp_path / "rig.csv")
     page = tmp_path / "page.html"
     assert main(["look", str(file), "--html", str(page)]) == 0
-    shown = capsys.readouterr().out
-    flat = " ".join(shown.split())
-    assert "rig.csv: text" in shown
+    printed = capsys.readouterr().out
+    flat = " ".join(printed.split())
+    assert "rig.csv: text" in printed
     assert "run 1, Angle, left (deg): column 'Angle, left (deg) Run #1' as angle in deg" in flat
     assert "No free decay" in flat
     assert "11.5 cycles of 1.047 s" in flat or "11.4 cycles of 1.047 s" in flat
     assert "'Supply (V) Run #1' (--angle NAME uses another column)" in flat
-    assert sum(0x2800 < ord(c) < 0x2900 for c in shown) > 100
+    assert sum(0x2800 < ord(c) < 0x2900 for c in printed) > 100
     text = page.read_text(encoding="utf-8")
     assert text.count("data:image/svg") == 3
-    assert not re.search(r"https?://(?!www\.w3|purl|creativecommons)", text), "it loads nothing"
+    assert not re.search(r"https?://(?!www\.w3|purl|creativecommons)", text), "the page must load nothing"
     assert main(["look", str(file), "--runs", "3"]) == 0
     assert "run 3" not in capsys.readouterr().out.replace("Run #3", "")  # a single record needs no label
 
 
-def test_look_shows_the_columns_where_none_can_be_chosen(tmp_path, capsys) -> None:
+def test_look_shows_the_columns_if_none_can_be_chosen(tmp_path, capsys) -> None:
     write_table(tmp_path / "a.csv", "millis,left,right", 1e3 * T, Y, np.cos(5 * T) * np.exp(-0.2 * T))
     assert main(["look", str(tmp_path / "a.csv")]) == 2
     out, error = capsys.readouterr()
@@ -74,44 +73,49 @@ def test_look_shows_the_columns_where_none_can_be_chosen(tmp_path, capsys) -> No
     assert "is a folder and is not replaced; give a regular file" in capsys.readouterr().err
 
 
-def test_look_says_where_there_are_no_samples(tmp_path, capsys) -> None:
-    """Negative control: of a record without a hole it says nothing of that kind."""
-    for name, kept in (("whole", T >= 0), ("hole", (T < 4) | (T > 5))):
-        path = write_table(tmp_path / f"{name}.csv", "t (s),angle (rad)", T[kept], (Y + 0.1 * NOISE)[kept])
-        said = said_by_look(path, capsys)
-        assert ("No samples for 1.04 s from 3.98 s on; the fit bridges the gap." in said) is (name == "hole")
+def test_look_reports_a_gap_in_the_samples(tmp_path, capsys) -> None:
+    """Control: a record without a gap."""
+    for name, recorded in (("whole", T >= 0), ("gap", (T < 4) | (T > 5))):
+        y = Y + 0.1 * NOISE
+        path = write_table(tmp_path / f"{name}.csv", "t (s),angle (rad)", T[recorded], y[recorded])
+        printed = output_of_look(path, capsys)
+        assert ("No samples for 1.04 s from 3.98 s on; the fit bridges the gap." in printed) is (
+            name == "gap"
+        )
 
 
-def test_times_in_an_unlikely_unit_are_asked_about_and_not_computed_with(tmp_path) -> None:
-    """What else is asked about is in tests/records/test_findings.py."""
+def test_times_in_an_unlikely_unit_are_refused_unless_the_unit_is_given(tmp_path) -> None:
+    """Other doubts are in tests/records/test_findings.py."""
     path = write_table(tmp_path / "a.csv", "t,angle", 1e6 * T, Y)
     with pytest.raises(InputError, match=r"are they in us\? \(--time-unit us, or s if they are in s\)"):
         select_records([path], ReadingOptions())
     with pytest.raises(InputError, match=r"time_unit="):
-        bayesdamp.read(path)
+        bd.read(path)
     with pytest.raises(InputError, match=r"\(signal.time_unit, signal.rate\)$"), in_keys():
         read_thinned(Recording(file=path.name, path=path, angle=2, time=1))
     assert select_records([path], ReadingOptions(time_unit="s")).records
-    assert bayesdamp.read(path, time_unit="s").raw[0].t is not None
+    assert bd.read(path, time_unit="s").raw[0].t is not None
     assert read_thinned(Recording(file=path.name, path=path, angle=2, time=1, time_unit="s")).t is not None
 
 
-def test_a_fast_or_slow_record_whose_unit_is_said_is_answered(tmp_path) -> None:
-    """A resonator, a tide: the same motion, in other units of time."""
+def test_the_frequency_of_a_fast_or_slow_record_is_printed(tmp_path) -> None:
+    """The same motion with the periods of a resonator and of a tide; the unit of the times is given."""
     for period in (1e-9, 44712.0):
         t = period / 40 * np.arange(600)
-        y = 0.3 * np.exp(-0.1 * t / period) * np.cos(2 * np.pi * t / period)
-        found = select_records(
-            [write_table(tmp_path / "a.csv", "t (s),x (m)", t, y)], ReadingOptions()
-        ).records
-        (said,) = early_lines(found, ReadingOptions())
-        frequency, half, power = re.findall(r"at \(?([\d.]+) ± ([\d.]+)\)?(?: × 10(\S+))? Hz", said)[0]
+        path = write_table(
+            tmp_path / "a.csv",
+            "t (s),x (m)",
+            t,
+            0.3 * np.exp(-0.1 * t / period) * np.cos(2 * np.pi * t / period),
+        )
+        (line,) = early_lines(select_records([path], ReadingOptions()).records, ReadingOptions())
+        frequency, half, power = re.findall(r"at \(?([\d.]+) ± ([\d.]+)\)?(?: × 10(\S+))? Hz", line)[0]
         tens = 10.0 ** int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
         assert 0 < float(half) * tens < 1e-3 / period
         assert float(frequency) * tens == pytest.approx(1 / period, rel=1e-3)
 
 
-def test_stamps_since_an_epoch_count_from_the_first_sample_and_every_release_is_listed(tmp_path) -> None:
+def test_times_since_an_epoch_count_from_the_first_sample_and_other_releases_are_listed(tmp_path) -> None:
     t = np.arange(1600) / 20
     y = np.exp(-0.05 * (t % 40)) * np.cos(3 * (t % 40)) + 1e-3 * np.sin(77 * t)
     stamps = write_table(tmp_path / "a.csv", "stamp (s),x (mm)", np.round(1700000000.25 + t, 2), y)
@@ -127,7 +131,7 @@ def test_stamps_since_an_epoch_count_from_the_first_sample_and_every_release_is_
     assert float(re.findall(r"\(([\d.]+) to", early_lines(later, ReadingOptions(start=41.0))[0])[0]) >= 41
 
 
-def test_a_name_with_marks_of_html_stays_text(tmp_path) -> None:
+def test_html_in_names_is_shown_as_text(tmp_path) -> None:
     write_table(tmp_path / "<i>.csv", "t,<b>x</b>", T, Y)
     assert main(["look", str(tmp_path / "<i>.csv"), "--html", str(tmp_path / "a.html")]) == 0
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
@@ -137,13 +141,13 @@ def test_a_name_with_marks_of_html_stays_text(tmp_path) -> None:
     assert "<i>" not in page
 
 
-def test_init_writes_a_study_that_checks_and_reads(tmp_path, capsys) -> None:
+def test_init_writes_a_study_that_passes_check(tmp_path, capsys) -> None:
     file = runs(tmp_path / "my rig.csv")
     out = tmp_path / "my rig.toml"
     assert main(["init", str(file)]) == 0
-    shown, said = capsys.readouterr()
-    assert "run 2, Angle, left (deg) is left out" in said
-    assert f"bayesdamp check '{out}'" in shown  # as it is typed: the name has a blank
+    printed, notes = capsys.readouterr()
+    assert "run 2, Angle, left (deg) is left out" in notes
+    assert f"bayesdamp check '{out}'" in printed  # quoted, because the name has a blank
     assert "bayesdamp study 'my rig.toml'" in out.read_text(encoding="utf-8")
     study = load_study(out)
     assert [s.specimen for s in study.signals] == ["my_rig"] * 2
@@ -158,19 +162,17 @@ def test_init_writes_a_study_that_checks_and_reads(tmp_path, capsys) -> None:
     assert out.read_bytes() == before
 
 
-def test_what_init_writes_is_what_compare_asks(tmp_path) -> None:
-    file = runs(tmp_path / "rig.csv")
+def test_init_writes_the_study_of_compare(tmp_path) -> None:
+    file, options = runs(tmp_path / "rig.csv"), ReadingOptions(runs="1,3")
     assert main(["init", str(file), "--runs", "1,3"]) == 0
-    found = select_records([file], ReadingOptions(runs="1,3")).records
-    asked = comparison(study_signals(found, ReadingOptions(runs="1,3")))
-    written_ = load_study(tmp_path / "rig.toml")
-    ours, theirs = asked.resolved(), written_.resolved()
-    for signal in (*ours["signals"], *theirs["signals"]):
+    compared = comparison(study_signals(select_records([file], options).records, options)).resolved()
+    written = load_study(tmp_path / "rig.toml").resolved()
+    for signal in (*compared["signals"], *written["signals"]):
         signal["source"].pop("file")
-    assert ours == theirs
+    assert compared == written
 
 
-def test_a_file_of_which_no_record_is_a_decay(tmp_path, capsys) -> None:
+def test_a_file_without_a_free_decay_is_refused(tmp_path, capsys) -> None:
     names = ",".join(f"{name} Run #{i}" for i in (1, 2) for name in ("t (s)", "x (m)"))
     write_table(tmp_path / "a.csv", names, T, NOISE, T, NOISE)
     assert main(["compare", str(tmp_path / "a.csv"), "--out", str(tmp_path / "out")]) == 2
@@ -186,7 +188,7 @@ STUDY = study_text(
 )
 
 
-def test_a_study_names_run_and_channel(tmp_path) -> None:
+def test_a_study_selects_a_run_and_a_channel(tmp_path) -> None:
     runs(tmp_path / "rig.csv")
     for keys in ('run = 3\nchannel = "Angle, left (deg)"', 'run = "3"\nchannel = "angle, LEFT"', "run = 3"):
         (tmp_path / "a.toml").write_text(STUDY + keys, encoding="utf-8")
@@ -196,7 +198,7 @@ def test_a_study_names_run_and_channel(tmp_path) -> None:
 
 
 def levels(path: Path, head: str) -> Path:
-    """An amplitude that falls from 2 s on by 1 dB/s, to 30 s, in dB or as it is."""
+    """Write 30 s of an amplitude that falls by 1 dB/s from 2 s on, in dB or as a linear quantity."""
     t = np.arange(0.0, 30.0, 0.05)
     fall = -1.0 * np.maximum(t - 2.0, 0.0) + np.where(t < 2.0, 3.0, 0.0)
     values = fall if "dB" in head else 10.0 ** (fall / 20)
@@ -204,26 +206,28 @@ def levels(path: Path, head: str) -> Path:
 
 
 def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:
-    """As compare takes it: where the unit says dB, or where it is asked for. The control is asked for as what it is
-    not, an oscillation, and says what would be right."""
+    """An envelope has a unit in dB, or --quantity envelope. Control: without both a hint is printed."""
     level = levels(tmp_path / "a.csv", "Power (dBm)")
-    said = said_by_look(level, capsys)
-    assert "an envelope in dBm: 600 readings from 0 to 29.95 s" in said
-    assert "The decay starts at 2" in said
-    assert "the level falls by 2" in said
-    assert "--frequency HZ" in said
-    plain = levels(tmp_path / "b.csv", "magnitude")
-    asked = said_by_look(plain, capsys, "--quantity", "envelope", "--start", "5")
-    assert "The decay starts at 5 s, as specified" in asked
-    assert "use --quantity envelope" in said_by_look(plain, capsys)
+    printed = output_of_look(level, capsys)
+    for text in (
+        "an envelope in dBm: 600 readings from 0 to 29.95 s",
+        "The decay starts at 2",
+        "the level falls by 2",
+    ):
+        assert text in printed
+    assert "--frequency HZ" in printed
+    linear = levels(tmp_path / "b.csv", "magnitude")
+    printed = output_of_look(linear, capsys, "--quantity", "envelope", "--start", "5")
+    assert "The decay starts at 5 s, as specified" in printed
+    assert "use --quantity envelope" in output_of_look(linear, capsys)
     assert main(["look", str(level), "--html", str(tmp_path / "a.html")]) == 0
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "<h2>an envelope in dBm</h2>" in page
     assert "<img" in page
 
 
-def test_one_command_answers_all_that_a_file_leaves_open(tmp_path, capsys, monkeypatch) -> None:
-    """Columns, times and unit at once where it is refused; unit and unit of times where it is doubted."""
+def test_one_command_with_all_missing_options_is_suggested(tmp_path, capsys, monkeypatch) -> None:
+    """Columns, times and unit of a file that is refused; unit and unit of times of one with doubts."""
     monkeypatch.chdir(tmp_path)
     other = 12 * np.cos(5 * T) * np.exp(-0.2 * T)
     write_table(Path("a.csv"), "the left,right", 40 * Y, other)
@@ -235,5 +239,7 @@ def test_one_command_answers_all_that_a_file_leaves_open(tmp_path, capsys, monke
     words = shlex.split(command.replace("HZ", "50"))[2:]
     assert main(["look", *words]) == 0
     assert "in one command" not in capsys.readouterr().out
-    said = said_by_look(write_table(Path("b.csv"), "t,x", 1e6 * T, 40 * Y), capsys)
-    assert "in one command (check its values): bayesdamp compare b.csv --unit counts --time-unit us" in said
+    printed = output_of_look(write_table(Path("b.csv"), "t,x", 1e6 * T, 40 * Y), capsys)
+    assert (
+        "in one command (check its values): bayesdamp compare b.csv --unit counts --time-unit us" in printed
+    )

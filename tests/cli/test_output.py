@@ -1,4 +1,4 @@
-"""Where the output goes nowhere: full, closed by its reader, or not there at all."""
+"""An output that is full, closed by its reader, or missing."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import errno
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -22,39 +21,34 @@ FULL = Path("/dev/full")
 @pytest.mark.skipif(not FULL.exists(), reason="Linux's full device")
 def test_a_full_disk_behind_the_output_is_named():
     with FULL.open("w") as full:
-        done = subprocess.run(HELP, stdout=full, stderr=subprocess.PIPE, text=True)
-    assert done.returncode == 2
-    assert done.stderr == "the output: the disk is full; make room there, then run the same command again\n"
+        process = subprocess.run(HELP, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert process.returncode == 2
+    assert (
+        process.stderr == "the output: the disk is full; make room there, then run the same command again\n"
+    )
 
 
-@pytest.fixture
-def closed() -> Iterator[int]:
-    """A pipe that nobody reads."""
-    read, write = os.pipe()
+def test_a_reader_that_closes_the_output_is_not_an_error():
+    read, closed = os.pipe()
     os.close(read)
-    yield write
-    os.close(write)
-
-
-def test_a_reader_that_has_seen_enough_is_no_mistake(closed: int):
     for words in (("--help",), ("completion", "bash")):
-        done = subprocess.run((*HELP[:-1], *words), stdout=closed, stderr=subprocess.PIPE, text=True)
-        assert (done.returncode, done.stderr) == (141, "")
+        process = subprocess.run((*HELP[:-1], *words), stdout=closed, stderr=subprocess.PIPE, text=True)
+        assert (process.returncode, process.stderr) == (141, "")
     for words in (("--nope",), ("--help",)):
-        done = subprocess.run((*HELP[:-1], *words), stdout=closed, stderr=closed)
-        assert done.returncode in (141, WRONG_INPUT)
+        process = subprocess.run((*HELP[:-1], *words), stdout=closed, stderr=closed)
+        assert process.returncode in (141, WRONG_INPUT)
+    os.close(closed)
 
 
-def test_a_pipe_that_is_closed_elsewhere_is_a_fault(monkeypatch: pytest.MonkeyPatch, capsys):
-    """Negative control: of a pipe that is none of the outputs it is not known why it is closed."""
-
+def test_another_closed_pipe_is_an_internal_error(monkeypatch: pytest.MonkeyPatch, capsys):
+    """Control of the test above: this pipe is not an output of the command."""
     broken = Mock(side_effect=BrokenPipeError(errno.EPIPE, "Broken pipe"))
     monkeypatch.setattr(app, "build_parser", lambda _: broken)
     assert app.main(["doctor"]) == 1
     assert "internal error: BrokenPipeError" in capsys.readouterr().err
 
 
-def test_without_an_output_a_command_does_what_it_does():
-    """As of a service or a timer that has none. The shell closes it."""
-    done = subprocess.run(("sh", "-c", 'exec "$@" >&-', "sh", *HELP), stderr=subprocess.PIPE, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
+def test_a_command_works_without_an_output():
+    """Services and timers may have none; here the shell closes it."""
+    process = subprocess.run(("sh", "-c", 'exec "$@" >&-', "sh", *HELP), stderr=subprocess.PIPE, text=True)
+    assert (process.returncode, process.stderr) == (0, "")

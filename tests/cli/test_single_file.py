@@ -1,4 +1,4 @@
-"""What a command writes beside a run's folder replaces nothing that it did not make."""
+"""Commands that write a single file replace only files that they have written themselves."""
 
 from __future__ import annotations
 
@@ -15,57 +15,49 @@ WRITING = {
     "mine.html": ("look", "ok.csv", "--html"),
     "mine.md": ("claims", "--out"),
 }
-"""The name of a file, and the command that writes one of its kind."""
+"""The name of a file, and a command that writes such a file."""
+SIMILAR = f"<!doctype html><style></style><p>{GENERATOR}\n# Mine\n\nMade by `bayesdamp claims`. So he said.\n"
+CONTENTS = (b"precious\n", b"", b"\xff\x00", SIMILAR.encode(), b"t,x\n0,0.3\n# simulated by bayesdamp\n")
 
 
-def test_a_file_of_the_user_s_stays(
-    folder: Path,
-    refused: Callable[..., str],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+@pytest.mark.parametrize("name", WRITING)
+def test_a_user_s_file_is_not_replaced(
+    folder: Path, refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    monkeypatch.setattr("bayesdamp.cli.commands.claims.CLAIMS", ())  # which take seconds to measure
-    like = (
-        f"<!doctype html><style></style><p>{GENERATOR}\n# Mine\n\nMade by `bayesdamp claims`. So he said.\n"
+    """Controls: a new name, and a file that the same command has written."""
+    monkeypatch.setattr("bayesdamp.cli.commands.claims.CLAIMS", ())  # the claims take seconds to compute
+    words, line = (
+        WRITING[name],
+        "already exists and was not made by bayesdamp; give another name, or remove it",
     )
-    for name, words in WRITING.items():
-        for content in (
-            b"precious\n",
-            b"",
-            b"\xff\x00",
-            like.encode(),
-            b"t,x\n0,0.3\n# simulated by bayesdamp\n",
-        ):
-            (folder / name).write_bytes(content)
-            what = "already exists and was not made by bayesdamp; give another name, or remove it"
-            assert refused(*words, name) == f"{words[-1]} {name}: {what}"
-            assert (folder / name).read_bytes() == content
-        (folder / name).unlink()  # the control: a new name, and then what the command itself wrote
-        for _ in range(2):
-            assert main([*words, name]) == 0
-            capsys.readouterr()
-        made = (folder / name).read_bytes()
-        for other, command in WRITING.items():  # of another kind
-            if other != name:
-                refused(*command, name)
-        assert (folder / name).read_bytes() == made
+    for content in CONTENTS:
+        (folder / name).write_bytes(content)
+        assert refused(*words, name) == f"{words[-1]} {name}: {line}"
+        assert (folder / name).read_bytes() == content
+    (folder / name).unlink()
+    assert [main([*words, name]) for _ in range(2)] == [0, 0]
+    written = (folder / name).read_bytes()
+    for command in (command for other, command in WRITING.items() if other != name):
+        assert main([*command, name]) == 2
+    assert (folder / name).read_bytes() == written
 
 
-def test_what_a_command_reads_it_does_not_replace(
+def test_a_command_does_not_replace_its_input(
     folder: Path, refused: Callable[..., str], capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """Neither a user's file nor a page that the same command has written. Control: another name."""
     before = (folder / "ok.csv").read_bytes()
     assert "is an input of this command" in refused("look", "ok.csv", "--html", "./ok.csv")
     assert main(["look", "ok.csv", "--html", "ok.html"]) == 0
     capsys.readouterr()
-    drawn = (folder / "ok.html").read_bytes()  # of the right kind, and yet
+    page = (folder / "ok.html").read_bytes()
     assert "is an input of this command" in refused("look", "ok.html", "--html", "ok.html")
-    assert "is an input" not in refused("look", "none.csv", "--html", "other.html")  # the control
+    assert "is an input" not in refused("look", "none.csv", "--html", "other.html")
     assert (folder / "ok.csv").read_bytes() == before
-    assert (folder / "ok.html").read_bytes() == drawn
+    assert (folder / "ok.html").read_bytes() == page
 
 
-def test_a_file_that_comes_up_meanwhile_stays(
+def test_a_file_that_appears_during_the_command_is_not_replaced(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def slow(*_: object) -> str:

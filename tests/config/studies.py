@@ -1,4 +1,4 @@
-"""Study files of a few lines, and the one line of what is wrong in one."""
+"""Study files of a few lines, and the error message of a wrong one."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def write(folder: Path, text: str) -> Path:
 
 
 def fault(folder: Path, text: str) -> str:
-    """The one line of the error, without the file's name."""
+    """Return the line of the error that the study causes, without the file's name."""
     path = write(folder, text)
     with pytest.raises(InputError) as caught:
         load_study(path)

@@ -1,4 +1,4 @@
-"""The estimators that a study names: options, variants, repeats; and that the others are not imported."""
+"""The estimators that a study names: variants, their options, and numbers of repeats."""
 
 from __future__ import annotations
 
@@ -11,13 +11,6 @@ from bayesdamp.types import InputError
 from tests.config.studies import GOOD, VARIANT, write
 
 
-def test_options_of_an_estimator_are_checked_when_asked_for(tmp_path: Path) -> None:
-    study = load_study(write(tmp_path, GOOD + "[estimators.least_squares]\nvarant = 3\n"))
-    with pytest.raises(InputError, match=r"study\.toml: .*varant.*did you mean 'variant'"):
-        study.estimator_options("least_squares")
-    assert study.estimator_options("envelope") is not None
-
-
 def test_an_estimator_runs_under_a_second_name_with_other_options(tmp_path: Path) -> None:
     study = load_study(write(tmp_path, GOOD + VARIANT))
     assert study.estimators.use == ("sindy", "by_sign")
@@ -26,13 +19,13 @@ def test_an_estimator_runs_under_a_second_name_with_other_options(tmp_path: Path
     assert switches == ["tanh", "sign"]
 
 
-def test_a_variant_s_wrong_option_is_told_under_its_own_name(tmp_path: Path) -> None:
+def test_a_variant_s_wrong_option_is_reported_under_its_own_name(tmp_path: Path) -> None:
     study = load_study(write(tmp_path, GOOD + VARIANT.replace('"sign"', '"sgn"')))
     with pytest.raises(InputError, match=r"\[estimators\.by_sign\] switch = 'sgn'"):
         study.estimator_options("by_sign")
 
 
-def test_a_method_runs_on_so_many_repeats_at_most(tmp_path: Path) -> None:
+def test_the_number_of_repeats_of_an_estimator_can_be_limited(tmp_path: Path) -> None:
     text = GOOD + '[estimators]\nuse = ["envelope", "least_squares"]\nrepeats = { envelope = 2 }\n'
     use = load_study(write(tmp_path, text)).estimators
     assert [use.on(r) for r in (0, 1, 2)] == [("envelope", "least_squares")] * 2 + [("least_squares",)]

@@ -1,4 +1,4 @@
-"""A run.json given back asks the same again, and says so where it cannot."""
+"""A run.json is read as the study of its run, or refused with the reason; shipped studies have names."""
 
 from __future__ import annotations
 
@@ -39,52 +39,48 @@ def study(tmp_path: Path) -> Path:
     return path
 
 
-def remembered(study: Path, out: Path) -> Path:
-    """A run.json with what it says of its question, without the run."""
+@pytest.fixture
+def run_json(study: Path, tmp_path: Path) -> Path:
+    """The run.json of the study, without the run's other files."""
     loaded = load_study(study)
     inputs = provenance({"rig.csv": study.with_name("rig.csv")})["inputs"]
-    out.mkdir()
-    known = {"name": loaded.name, "study": loaded.resolved(), "inputs": inputs}
-    path = out / "run.json"
-    path.write_text(json.dumps({**known, "asked": record_question(loaded, out)}), encoding="utf-8")
+    path = tmp_path / "out" / "run.json"
+    path.parent.mkdir()
+    content = {"name": loaded.name, "study": loaded.resolved(), "inputs": inputs}
+    path.write_text(json.dumps({**content, "asked": record_question(loaded, path.parent)}), encoding="utf-8")
     return path
 
 
-def test_it_is_the_same_question(study: Path, tmp_path: Path) -> None:
-    again = load_study(remembered(study, tmp_path / "out"))
-    assert again.resolved() == load_study(study).resolved()
+def test_a_run_json_is_read_as_its_study(study: Path, run_json: Path) -> None:
+    """Also if the record is now in the folder of the run."""
+    assert load_study(run_json).resolved() == load_study(study).resolved()
+    file = run_json.with_name("rig.csv")
+    shutil.move(study.with_name("rig.csv"), file)
+    assert load_study(run_json).signals[1].source.path == file  # type: ignore[union-attr]
 
 
-def test_the_files_may_have_moved_beside_it(study: Path, tmp_path: Path) -> None:
-    path = remembered(study, tmp_path / "out")
-    shutil.move(study.with_name("rig.csv"), tmp_path / "out" / "rig.csv")
-    assert load_study(path).signals[1].source.path == tmp_path / "out" / "rig.csv"  # type: ignore[union-attr]
-
-
-def test_another_file_is_refused(study: Path, tmp_path: Path) -> None:
-    path = remembered(study, tmp_path / "out")
+def test_a_changed_or_missing_input_file_is_refused(study: Path, run_json: Path) -> None:
     study.with_name("rig.csv").write_text("0,1\n1,2\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"run\.json: rig\.csv has changed since the run"):
-        load_study(path)
+        load_study(run_json)
     study.with_name("rig.csv").unlink()
     with pytest.raises(InputError, match=r"the input file rig\.csv of the run is missing"):
-        load_study(path)
+        load_study(run_json)
 
 
-def test_a_missing_plugin_is_told(study: Path, tmp_path: Path) -> None:
-    path = remembered(study, tmp_path / "out")
-    run = json.loads(path.read_text(encoding="utf-8"))
+def test_a_missing_plug_in_is_named(run_json: Path) -> None:
+    run = json.loads(run_json.read_text(encoding="utf-8"))
     run["study"]["plugins"] = [{"file": "mine.py", "sha256": "0"}]
-    path.write_text(json.dumps(run), encoding="utf-8")
+    run_json.write_text(json.dumps(run), encoding="utf-8")
     with pytest.raises(InputError, match=r"plug-in mine\.py"):
-        load_study(path)
+        load_study(run_json)
 
 
-def test_shipped_studies_go_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shipped_studies_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert {"quickstart", "paper"} <= {path.stem for path in shipped_folder().glob("*.toml")}
-    for given in ("quickstart", "quickstart.toml"):
-        assert load_study(study_file(Path(given))).name == "quickstart"
+    for name in ("quickstart", "quickstart.toml"):
+        assert load_study(study_file(Path(name))).name == "quickstart"
     Path("quickstart.toml").write_text(STUDY, encoding="utf-8")
     assert study_file(Path("quickstart.toml")) == Path("quickstart.toml")
     with pytest.raises(InputError, match="quickstart"):

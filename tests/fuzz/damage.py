@@ -1,4 +1,4 @@
-"""Ways in which a file is damaged: a few edits of its bytes, which Hypothesis draws and makes fewer."""
+"""Damage of files: a few random edits of their bytes, which Hypothesis draws and shrinks."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ WORDS = (
     b"\xc2\xb5", b"\xef\xbb\xbf", b"\x1b[31m",
     b"\x00" * 8, b"\xff" * 8, b"\xff\xff\xff\x7f", b"\x00\x00\x00\x80", b"../", b"true",
 )  # fmt: skip
-"""What breaks readers of text and of lengths."""
+"""Bytes that readers of text and of lengths may not expect."""
 
 
 @dataclass(frozen=True)
 class Edit:
-    """at, span: place and length as parts of the file and in bytes; kind: what is done there; word: what is written."""
+    """An edit of `span` bytes at a fraction `at` of the file; `word` is what some kinds write."""
 
     kind: str
     at: float
@@ -27,7 +27,7 @@ class Edit:
     word: bytes
 
     def of(self, whole: bytes) -> bytes:
-        """The file with this edit."""
+        """Return the file with this edit."""
         a = int(self.at * len(whole))
         b = min(a + self.span, len(whole))
         pieces = {
@@ -53,7 +53,7 @@ DAMAGES = st.lists(EDITS, min_size=1, max_size=MOST_EDITS)
 
 
 def damaged(whole: bytes, edits: list[Edit]) -> bytes:
-    """The file with all edits, one after another."""
+    """Return the file with all edits, one after another."""
     for edit in edits:
         whole = edit.of(whole)
     return whole

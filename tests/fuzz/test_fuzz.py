@@ -1,4 +1,4 @@
-"""Damaged files, studies and command lines without end: `make fuzz`; a few of each in every run of the tests."""
+"""Damaged files, studies and command lines: many with `make fuzz`, a few of each in every run of the tests."""
 
 from __future__ import annotations
 
@@ -44,26 +44,26 @@ TEXT = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\0"
 
 
 def whole(form: str) -> bytes:
-    """A faultless file of a format."""
+    """Return the bytes of a file without a fault."""
     return TEXTS[form] if form in TEXTS else binaries.whole(form)
 
 
 @pytest.mark.parametrize("form", FORMS)
 @FEW
 @given(edits=DAMAGES)
-def test_damaged_records(form: str, edits: list[Edit]) -> None:
+def test_a_damaged_record_is_read_or_refused_in_one_line(form: str, edits: list[Edit]) -> None:
     judge(("look", "FILE"), f"a.{form}", raw(damaged(whole(form), edits)))
 
 
 @FEW
 @given(edits=DAMAGES)
-def test_damaged_studies(edits: list[Edit]) -> None:
+def test_a_damaged_study_is_valid_or_refused_in_one_line(edits: list[Edit]) -> None:
     judge(("check", "FILE"), "a.toml", raw(damaged(GOOD.encode(), edits)))
 
 
 @FEW
 @given(given=st.lists(st.tuples(st.sampled_from(OPTIONS), WORDS_OF_OPTIONS | TEXT), min_size=1, max_size=4))
-def test_any_options(given: list[tuple[str, str]]) -> None:
+def test_any_options_are_valid_or_refused_in_one_line(given: list[tuple[str, str]]) -> None:
     judge(("look", "FILE", *(f"{option}={value}" for option, value in given)), write=raw(whole("logger.csv")))
 
 
@@ -75,23 +75,23 @@ def test_any_options(given: list[tuple[str, str]]) -> None:
     word=st.sampled_from([w.decode("latin-1") for w in WORDS if b"\0" not in w]) | st.integers().map(str),
     option=st.sampled_from(("--duration", "--samples", "--noise", "--seed", "--set")),
 )
-def test_any_simulation(damping: str, word: str, option: str) -> None:
+def test_any_simulation_is_written_or_refused_in_one_line(damping: str, word: str, option: str) -> None:
     fixed = ("--restoring", "linear", "--set", "stiffness=20,rest_angle=0", "--samples", "300")
     judge(
         ("simulate", "--out", "b.csv", "--damping", damping, *fixed, f"{option}={word}"),
-        made=("b.csv", "b.json", "b.csv.json"),
+        may_write=("b.csv", "b.json", "b.csv.json"),
     )
 
 
-def test_faultless_files_are_read() -> None:
-    """Negative control: damage that hits nothing. Faultless binary files are read in tests/bad_input."""
+def test_files_without_a_fault_are_read() -> None:
+    """Control: an edit without an effect. Binary files without a fault are read in tests/bad_input."""
     for form in TEXTS:
-        nothing = damaged(whole(form), [Edit("remove", 1.0, 5, b"")])
-        judge(("look", "FILE"), f"a.{form}", raw(nothing), ends=(0,))
+        content = damaged(whole(form), [Edit("remove", 1.0, 5, b"")])
+        judge(("look", "FILE"), f"a.{form}", raw(content), statuses=(0,))
 
 
-def test_a_command_that_fails_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Negative control: an exit status or a page of words that is not owed."""
+def test_a_command_with_a_wrong_exit_status_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Control of all tests that use `judge`."""
     monkeypatch.setattr("tests.bad_input.judge.main", lambda _: 1)
     with pytest.raises(AssertionError, match="exit 1"):
         judge(("look", "FILE"), write=raw(whole("csv")))

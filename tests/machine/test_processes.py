@@ -1,4 +1,4 @@
-"""Processes that share a run's work: they begin early, and none is left when the run is killed."""
+"""Worker processes of a run: their environment, and their end when the run is killed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def alive(pid: int) -> bool:
     return Path(f"/proc/{pid}").exists()
 
 
-def test_the_environment_is_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_have_one_thread_and_the_environment_is_not_changed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
     before = dict(os.environ)
     with processes(1) as pool:
@@ -38,7 +38,7 @@ def test_the_environment_is_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
     assert dict(os.environ) == before
 
 
-def test_a_run_that_is_killed_leaves_no_process_and_no_complaint(tmp_path: Path) -> None:
+def test_a_run_that_is_killed_leaves_no_process(tmp_path: Path) -> None:
     (tmp_path / "run.py").write_text(SCRIPT, encoding="utf-8")
     pipe = subprocess.PIPE
     run = subprocess.Popen([sys.executable, str(tmp_path / "run.py")], stdout=pipe, stderr=pipe, text=True)
@@ -46,19 +46,19 @@ def test_a_run_that_is_killed_leaves_no_process_and_no_complaint(tmp_path: Path)
     assert workers
     assert all(map(alive, workers))
     run.send_signal(signal.SIGTERM)
-    _, said = run.communicate(timeout=60)
+    _, error = run.communicate(timeout=60)
     deadline = time.monotonic() + 30
     while any(map(alive, workers)):
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    assert "KeyboardInterrupt" in said
-    assert "leaked" not in said
+    assert "KeyboardInterrupt" in error
+    assert "leaked" not in error
 
 
-def test_what_is_told_to_end_is_interrupted() -> None:
-    """Negative controls: who was told to ignore it goes on; afterwards it ends a process as before."""
+def test_a_signal_to_end_becomes_an_interrupt() -> None:
+    """Controls: a signal that is ignored has no effect; afterwards the handler is that of before."""
     for number in (signal.SIGTERM, signal.SIGHUP):
-        before = signal.signal(number, signal.SIG_DFL)  # who runs the tests may have them ignore it
+        before = signal.signal(number, signal.SIG_DFL)  # the tests may run with the signal ignored
         try:
             with pytest.raises(KeyboardInterrupt), kill_as_interrupt():
                 signal.raise_signal(number)

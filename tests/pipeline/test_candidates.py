@@ -1,4 +1,4 @@
-"""Several restoring laws in one study: a candidate is a damping sum under a law."""
+"""Several restoring laws in one study: a candidate is a damping model under a law."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from types import SimpleNamespace
 from typing import cast
 
@@ -24,6 +25,7 @@ from bayesdamp.types import Evidence, Refusal
 from tests.interface.problems import not_refused
 from tests.studies import ESTIMATED, WEIGHED, study_text, write_study
 
+LAWS = ("linear", "duffing")
 TWO_LAWS = study_text(
     ESTIMATED,
     'models = { compare = ["viscous", "coulomb"], restoring = ["linear", "duffing"] }',
@@ -34,63 +36,58 @@ TWO_LAWS = study_text(
 )
 
 
-def test_every_damping_meets_every_law_with_what_is_known_of_that_law(tmp_path) -> None:
-    study = write_study(tmp_path, TWO_LAWS)
-    spec = study.signals[0]
-    assert study.compare(spec) == (
-        "viscous@linear", "viscous@duffing", "coulomb@linear", "coulomb@duffing",
-    )  # fmt: skip
-    assert spec.under("duffing").known["cubic"] == 1.0
-    assert "cubic" not in spec.under("linear").known
-    assert spec.under("duffing").known["stiffness"] == 20.0
-
-
-def test_a_wrong_law_is_one_line(tmp_path) -> None:
-    """The negative control: in metres, of which both laws may be."""
-    both, metres = '["linear", "duffing"]', TWO_LAWS.replace("samples = 300", 'samples = 300, unit = "m"')
+def test_a_wrong_law_is_refused_in_one_line(tmp_path) -> None:
+    """Control: a record in metres, which both laws allow."""
+    laws, metres = '["linear", "duffing"]', TWO_LAWS.replace("samples = 300", 'samples = 300, unit = "m"')
+    pendulum = metres.replace(", cubic = 1.0", "").replace('"duffing"', '"pendulum"')
     wrong = {
-        "did you mean 'duffing'": TWO_LAWS.replace(both, '["linear", "dufing"]'),
-        "cubic": TWO_LAWS.replace(both, '["linear", "pendulum"]'),
-        "a translation, but the restoring law pendulum needs an angle": metres.replace(
-            ", cubic = 1.0", ""
-        ).replace('"duffing"', '"pendulum"'),
+        "did you mean 'duffing'": TWO_LAWS.replace(laws, '["linear", "dufing"]'),
+        "cubic": TWO_LAWS.replace(laws, '["linear", "pendulum"]'),
+        "a translation, but the restoring law pendulum needs an angle": pendulum,
     }
-    assert not_refused((partial(write_study, tmp_path, text), said) for said, text in wrong.items()) == []
+    assert not_refused((partial(write_study, tmp_path, text), line) for line, text in wrong.items()) == []
     assert write_study(tmp_path, metres)
 
 
-def test_tables_say_which_law_and_the_report_tells_them_apart(tmp_path) -> None:
+def test_every_damping_is_fitted_under_every_law_with_its_own_known_parameters(tmp_path) -> None:
     study = write_study(tmp_path, TWO_LAWS)
+    spec = study.signals[0]
+    known = {law: (spec.under(law).known["stiffness"], spec.under(law).known.get("cubic")) for law in LAWS}
+    assert known == {"linear": (20.0, None), "duffing": (20.0, 1.0)}
     assert run_study(study, tmp_path / "out", workers=1) == 0
     rows = read_table(tmp_path / "out" / "estimates.csv")
-    found = {(r["model"], r["restoring"], r["parameter"]) for r in rows}
-    assert ("viscous", "linear", "zeta") in found
-    assert ("viscous", "duffing", "zeta") in found
-    assert ("viscous", "duffing", "rest_angle") in found
-    for r in rows:  # another law's own parameters have no truth; the damping has
+    parameters = {(r["model"], r["restoring"], r["parameter"]) for r in rows}
+    assert {p[:2] for p in parameters} == set(product(("viscous", "coulomb"), LAWS))
+    assert {("viscous", "duffing", "zeta"), ("viscous", "duffing", "rest_angle")} <= parameters
+    for r in rows:  # parameters of a law that the record does not have are without a truth
         other = r["restoring"] == "duffing" and r["parameter"] in ("stiffness", "rest_angle", "cubic")
         assert math.isnan(r["truth"]) == other, r
-    about = json.loads((tmp_path / "out" / "run.json").read_text())["signals"]["swing"]
-    assert about["restoring"] == ["linear", "duffing"]
+    signal = json.loads((tmp_path / "out" / "run.json").read_text())["signals"]["swing"]
+    assert signal["restoring"] == ["linear", "duffing"]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "viscous (Duffing)" in page
     assert "viscous (linear)" in page
 
 
-def test_a_candidate_that_cannot_be_weighed_leaves_the_others_theirs(tmp_path, monkeypatch) -> None:
-    """Odds of e² among the two that were weighed, one pruned with nothing; a method that is still to come to a
-    candidate gives nobody a share (negative control)."""
+def test_probabilities_are_shared_by_the_candidates_with_evidence(tmp_path, monkeypatch) -> None:
+    """The two candidates with evidence have odds of e², a pruned one has 0, and one that failed has none. Control: a
+    method that is not yet computed for a candidate gives no probabilities."""
     study, nan = write_study(tmp_path, TWO_LAWS), math.nan
     names = study.compare(study.signals[0])
 
-    def of(method: str, *logs: float) -> dict[str, Evidence]:
-        said = ["ok" if math.isfinite(log) else "the posterior has no curvature at its mode" for log in logs]
-        weighed = {n: Evidence(n, method, log, 0.01, outcome=o) for n, log, o in zip(names, logs, said)}
-        return weighed | {names[3]: Evidence(names[3], method, outcome="pruned: far behind")}
+    def evidence_of(method: str, *logs: float) -> dict[str, Evidence]:
+        outcomes = [
+            "ok" if math.isfinite(log) else "the posterior has no curvature at its mode" for log in logs
+        ]
+        evidence = {n: Evidence(n, method, log, 0.01, outcome=o) for n, log, o in zip(names, logs, outcomes)}
+        return evidence | {names[3]: Evidence(names[3], method, outcome="pruned: far behind")}
 
-    found = {"importance": of("importance", -5.0, -7.0, nan), "bridge": of("bridge", -5.0, nan, nan)}
-    found["bridge"][names[1]] = Evidence(names[1], "bridge", outcome="no draws")
-    monkeypatch.setattr(tables, "evidence_by_method", lambda *_: found)
+    methods = {
+        "importance": evidence_of("importance", -5.0, -7.0, nan),
+        "bridge": evidence_of("bridge", -5.0, nan, nan),
+    }
+    methods["bridge"][names[1]] = Evidence(names[1], "bridge", outcome="no draws")
+    monkeypatch.setattr(tables, "evidence_by_method", lambda *_: methods)
     rows = list(tables._evidence(study, Store(tmp_path / "run")))
     shares = {(r["method"], r["model"], r["restoring"]): r["probability"] for r in rows}
     first = 1 / (1 + math.exp(-2.0))
@@ -102,7 +99,7 @@ def test_a_candidate_that_cannot_be_weighed_leaves_the_others_theirs(tmp_path, m
 
 
 def test_a_pruned_candidate_is_not_sampled(tmp_path) -> None:
-    """A record of viscous damping: drag alone is hopeless. A candidate just at the limit is pruned too."""
+    """On a record with viscous damping, quadratic damping is far behind. A candidate at the limit is pruned too."""
     text = study_text(
         ESTIMATED,
         'models = { compare = ["viscous", "quadratic", "viscous+quadratic"], prune = 50.0 }',
@@ -114,7 +111,7 @@ def test_a_pruned_candidate_is_not_sampled(tmp_path) -> None:
     store = Store(out)
     sampled = {n for n in store.names() if n.startswith("posterior/")}
     assert sampled == {f"posterior/rig/0/{m}/laplace" for m in ("viscous", "viscous+quadratic")}
-    one, two = (
+    best, second = (
         EvidenceContent.of(store.read(f"evidence/rig/0/{m}/laplace")).evidence.log_evidence
         for m in ("viscous", "viscous+quadratic")
     )
@@ -123,9 +120,9 @@ def test_a_pruned_candidate_is_not_sampled(tmp_path) -> None:
         other = replace(study, models=replace(study.models, prune=prune))
         return CandidateSelection(other, study.signals[0], 0, store).outcomes_after_laplace()
 
-    assert outcomes(one - two)["viscous"] == ""
-    assert status_of(outcomes(one - two)["viscous+quadratic"]) is Status.PRUNED
-    assert set(outcomes(None).values()) == {""}, "a study without a limit keeps what another has pruned"
+    assert outcomes(best - second)["viscous"] == ""
+    assert status_of(outcomes(best - second)["viscous+quadratic"]) is Status.PRUNED
+    assert set(outcomes(None).values()) == {""}
 
 
 def test_a_candidate_that_the_answer_left_out_as_far_behind_is_pruned() -> None:

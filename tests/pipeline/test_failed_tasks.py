@@ -1,8 +1,6 @@
-"""A task that fails says why; what depends on it says which one failed; and the report goes on."""
+"""A task that fails says why, tasks that depend on it name it, and the other tasks and the report are made."""
 
 from __future__ import annotations
-
-import pytest
 
 from bayesdamp.pipeline import records
 from bayesdamp.pipeline.run import run_study
@@ -20,35 +18,29 @@ STUDY = study_text(
 ) + signal_text("bad", SIMULATE)
 
 
-@pytest.fixture
-def study(tmp_path, monkeypatch):
+def test_tasks_that_depend_on_a_failed_record_name_it_and_are_computed_later(tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("BAYESDAMP_DEBUG", raising=False)
-    return write_study(tmp_path, STUDY)
-
-
-def test_a_failed_record(study, tmp_path, monkeypatch, capsys):
-    whole = records.simulate_source
+    study, simulate = write_study(tmp_path, STUDY), records.simulate_source
 
     def failing(source, restoring, truth, name, rng):
         if name == "bad":
             raise ArithmeticError("made to fail")
-        return whole(source, restoring, truth, name, rng)
+        return simulate(source, restoring, truth, name, rng)
 
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
         patch.setattr(records, "simulate_source", failing)
         assert run_study(study, out, workers=1) == 3
-    said = capsys.readouterr().err.replace("\n", " ")
-    assert "signal/bad/0: failed: ArithmeticError: made to fail" in said
-    assert "bad/0/viscous" not in said  # one failure, one line
+    printed = capsys.readouterr().err.replace("\n", " ")
+    assert "signal/bad/0: failed: ArithmeticError: made to fail" in printed
+    assert "bad/0/viscous" not in printed  # one failure, one line
     store = Store(out)
-    below = [n for n in store.names() if n.split("/")[1] == "bad" and n != "signal/bad/0"]
-    assert len(below) >= 4
-    for name in below:
+    dependent = [n for n in store.names() if n.split("/")[1] == "bad" and n != "signal/bad/0"]
+    assert len(dependent) >= 4
+    for name in dependent:
         assert store.read(name).outcome == "not computed: signal/bad/0 failed: ArithmeticError: made to fail"
     rows = read_table(out / "estimates.csv")
     assert {r["outcome"] for r in rows if r["signal"] == "good"} == {"ok"}
     assert "made to fail" in (out / "report.html").read_text(encoding="utf-8")
-    # once it can be computed, it is, with all that depends on it
     assert run_study(study, out, workers=1) == 0
     assert {store.read(n).outcome for n in store.names()} == {"ok"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -30,7 +30,8 @@ STUDY = study_text(
 
 
 @lru_cache
-def ran(deviation: str = "none") -> tuple[Study, StudyCandidate]:
+def finished(deviation: str = "none") -> tuple[Study, StudyCandidate]:
+    """Run the study, and return it with its candidate."""
     folder = Path(mkdtemp())
     study = write_study(folder, STUDY.replace('deviation = "none"', f'deviation = "{deviation}"'))
     assert run_study(study, folder / "out", workers=1, quiet=True) == 0
@@ -39,53 +40,52 @@ def ran(deviation: str = "none") -> tuple[Study, StudyCandidate]:
 
 @pytest.mark.parametrize("deviation", ["none", "law"])
 def test_the_evidence_and_the_draws_are_those_of_the_interface(deviation: str) -> None:
-    """Negative controls: another seed gives other draws, and exact laws have another evidence."""
-    study, branch = ran(deviation)
-    weighed = branch.store.read(f"evidence/{branch.path}/laplace").meta["evidence"]
-    assert bd.evidence(branch.fit, "laplace").log_evidence == weighed["log_evidence"]
-    name = f"posterior/{branch.path}/laplace"
-    drawn, seed = branch.store.read(name).arrays["draws"], task_seed(study, name) % 2**31
-    rows = read_table(branch.store.folder / "posteriors.csv")
+    """Controls: another seed gives other draws, and exact laws have another evidence."""
+    study, candidate = finished(deviation)
+    evidence = candidate.store.read(f"evidence/{candidate.path}/laplace").meta["evidence"]["log_evidence"]
+    assert bd.evidence(candidate.fit, "laplace").log_evidence == evidence
+    name = f"posterior/{candidate.path}/laplace"
+    draws, seed = candidate.store.read(name).arrays["draws"], task_seed(study, name) % 2**31
+    rows = read_table(candidate.store.folder / "posteriors.csv")
     row = next(r for r in rows if (r["sampler"], r["parameter"]) == ("laplace", "zeta"))
     assert row["deviation"] == deviation
-    settings = {"chains": 2, "warmup": 10, "draws": 50}
-    np.testing.assert_array_equal(bd.sample(branch.fit, "laplace", **settings, seed=seed).draws, drawn)
-    assert not np.array_equal(bd.sample(branch.fit, "laplace", **settings, seed=seed + 1).draws, drawn)
+    sample = partial(bd.sample, candidate.fit, "laplace", chains=2, warmup=10, draws=50)
+    np.testing.assert_array_equal(sample(seed=seed).draws, draws)
+    assert not np.array_equal(sample(seed=seed + 1).draws, draws)
     if deviation == "law":
         assert row["sd_noise"] ** 2 + row["sd_law"] ** 2 == pytest.approx(row["sd"] ** 2)
-        assert bd.evidence(ran()[1].fit, "laplace").log_evidence != pytest.approx(
-            weighed["log_evidence"], abs=0.1
-        )
+        exact = bd.evidence(finished()[1].fit, "laplace").log_evidence
+        assert exact != pytest.approx(evidence, abs=0.1)
 
 
-def test_a_model_has_what_the_study_states() -> None:
-    """A prior of each kind, the default one of ε, and known values. The model alone gives the same target."""
-    _, branch = ran()
-    model = branch.specify("none")
+def test_a_candidate_s_model_has_the_priors_and_known_values_of_the_study() -> None:
+    """A fit of this model alone has the same priors, also the default prior of ε."""
+    _, candidate = finished()
+    model = candidate.specify("none")
     assert model.known == {"stiffness": 20.0, "rest_angle": 0.0}
     assert model.priors["mu_c"] == bd.HalfNormal(0.02)
     assert model.priors["omega0"] == bd.Normal(0.0, 0.5)
-    alone = bd.fit(branch.record.signal, model).priors
-    assert alone == branch.fit.priors
-    assert set(alone) == {"zeta", "mu_c", "theta0", "omega0", "epsilon", "noise_sd"}
-    assert set(branch.specify("law").priors) == {"mu_c", "omega0"}
+    priors = bd.fit(candidate.record.signal, model).priors
+    assert priors == candidate.fit.priors
+    assert set(priors) == {"zeta", "mu_c", "theta0", "omega0", "epsilon", "noise_sd"}
+    assert set(candidate.specify("law").priors) == {"mu_c", "omega0"}
 
 
 DUFFING = STUDY.replace('"linear"', '"duffing"').replace("stiffness = 20.0", "stiffness = 20.0, cubic = 1.0")
 
 
 @pytest.mark.parametrize(
-    ("study_of", "damping", "key", "parameter"),
+    ("text", "damping", "key", "parameter"),
     [
         (STUDY, "viscous+stribeck", "static_excess", "static_excess"),
         (DUFFING, "viscous+cubic", "cubic", "mu_3"),
     ],
 )
-def test_a_prior_reaches_the_parameter_that_it_is_of(tmp_path, study_of, damping, key, parameter) -> None:
-    """A spring's cubic, which is known here, is not the damping's."""
-    study = write_study(tmp_path, study_of.replace(MODEL, damping).replace("coulomb =", f"{key} ="))
-    model = StudyCandidate(study, study.signals[0], 0, damping, ran()[1].store).specify("none")
+def test_a_prior_is_that_of_the_parameter_that_its_key_names(tmp_path, text, damping, key, parameter) -> None:
+    """The cubic stiffness, which is known here, is not the coefficient of cubic damping."""
+    study = write_study(tmp_path, text.replace(MODEL, damping).replace("coulomb =", f"{key} ="))
+    model = StudyCandidate(study, study.signals[0], 0, damping, finished()[1].store).specify("none")
     assert model.priors[parameter] == bd.HalfNormal(0.02)
-    assert parameter not in ran()[1].specify("none").priors  # control: a model without the term
+    assert parameter not in finished()[1].specify("none").priors  # control: a model without the term
     assert model.known.get("cubic") == (1.0 if key == "cubic" else None)
     assert "cubic" not in model.priors

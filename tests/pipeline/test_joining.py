@@ -1,4 +1,4 @@
-"""What the joint fit of a specimen says: of hand-made normal likelihoods, and in words."""
+"""The joint fit of a specimen's records, from normal likelihoods: its numbers and its sentence."""
 
 from __future__ import annotations
 
@@ -11,18 +11,14 @@ import pytest
 
 from bayesdamp.inference.deviation.specimen import compare_runs
 from bayesdamp.outcomes import Status, status_of
-from bayesdamp.pipeline.specimens import (
-    Specimen,
-    coefficients_of,
-    compute_joint,
-)
+from bayesdamp.pipeline.specimens import Specimen, coefficients_of, compute_joint
 from bayesdamp.report.sections.specimens import joint_sentence
 from bayesdamp.store import TaskResult
 from bayesdamp.types import Refusal
 from tests.verdict.test_specimen import C, V, weighed_run
 
 
-class Joined(Specimen):
+class StoredSpecimen(Specimen):
     """A specimen whose records have these answers."""
 
     deviation = "law"  # type: ignore[assignment]
@@ -41,50 +37,47 @@ class Joined(Specimen):
 
 def test_probabilities_and_spread_are_those_of_the_verdict() -> None:
     runs = [weighed_run(0.05, 0.001), weighed_run(0.052, 0.001)]
-    product = compute_joint(Joined(*runs))
-    content, arrays = product.content, product.arrays
-    whole = compare_runs(runs, seed=3)
-    assert {c: r.probability for c, r in content.candidates.items()} == {
-        "viscous": whole.probability[V], "coulomb": whole.probability[C]
-    }  # fmt: skip
-    assert content.spread == whole.spread()
+    joint, expected = compute_joint(StoredSpecimen(*runs)), compare_runs(runs, seed=3)
+    content, repeats = joint.content, expected.repeats[V]
+    probabilities = {name: candidate.probability for name, candidate in content.candidates.items()}
+    assert probabilities == {"viscous": expected.probability[V], "coulomb": expected.probability[C]}
+    assert content.spread == expected.spread()
     assert content.best == "viscous"
-    row = content.candidates["viscous"].summary["zeta"]
-    assert row["mean"] == pytest.approx(np.mean(whole.repeats[V].draws))
-    assert coefficients_of(arrays, "viscous")["zeta"] == pytest.approx(whole.repeats[V].draws[:, 0])
-    assert arrays["viscous/spread"] == pytest.approx(whole.repeats[V].spreads)
+    assert content.candidates["viscous"].summary["zeta"]["mean"] == pytest.approx(np.mean(repeats.draws))
+    assert coefficients_of(joint.arrays, "viscous")["zeta"] == pytest.approx(repeats.draws[:, 0])
+    assert joint.arrays["viscous/spread"] == pytest.approx(repeats.spreads)
 
 
 @pytest.mark.parametrize(
-    ("places", "sd", "differ", "agree", "said"),
+    ("ratios", "sd", "differ", "agree", "sentence"),
     [
         ((0.05, 0.05, 0.05, 0.05), 2e-5, False, True, "the records agree with one damping"),
         ((0.05, 0.052), 0.002, False, False, "the records are compatible with one damping"),
         ((0.05, 0.08), 0.001, True, False, "the records differ in the size of their damping"),
     ],
 )
-def test_whether_records_agree(
-    places: tuple[float, ...], sd: float, differ: bool, agree: bool, said: str
+def test_records_agree_or_differ_according_to_their_ratios(
+    ratios: tuple[float, ...], sd: float, differ: bool, agree: bool, sentence: str
 ) -> None:
     """Each row is the control of the others."""
-    content = compute_joint(Joined(*(weighed_run(p, sd) for p in places))).content
+    content = compute_joint(StoredSpecimen(*(weighed_run(ratio, sd) for ratio in ratios))).content
     assert (content.differ, content.agree) == (differ, agree)
-    sentence = joint_sentence(SimpleNamespace(fits=[]), TaskResult("joint/rig", "", content.meta()))  # type: ignore[arg-type]
-    assert said in sentence
+    result = TaskResult("joint/rig", "", content.meta())
+    assert sentence in joint_sentence(SimpleNamespace(fits=[]), result)  # type: ignore[arg-type]
 
 
-def test_a_candidate_that_a_record_lacks_has_evidence_and_no_coefficients() -> None:
+def test_a_candidate_that_one_record_lacks_has_evidence_but_no_coefficients() -> None:
     runs = [weighed_run(0.05, 0.001), weighed_run(0.05, 0.001, others=())]
     del runs[1].runs[C]  # type: ignore[attr-defined]
-    product = compute_joint(Joined(*runs, candidates=("viscous", "coulomb", "quadratic")))
-    content, arrays = product.content, product.arrays
-    assert content.candidates["coulomb"].log_evidence is not None
-    assert not content.candidates["coulomb"].summary
-    assert status_of(content.candidates["coulomb"].outcome) is Status.PRUNED
-    assert content.candidates["quadratic"].log_evidence is None
-    assert not coefficients_of(arrays, "coulomb")
+    joint = compute_joint(StoredSpecimen(*runs, candidates=("viscous", "coulomb", "quadratic")))
+    coulomb = joint.content.candidates["coulomb"]
+    assert coulomb.log_evidence is not None
+    assert not coulomb.summary
+    assert status_of(coulomb.outcome) is Status.PRUNED
+    assert joint.content.candidates["quadratic"].log_evidence is None
+    assert not coefficients_of(joint.arrays, "coulomb")
 
 
-def test_one_answer_is_not_enough() -> None:
+def test_a_single_record_has_no_joint_fit() -> None:
     with pytest.raises(Refusal, match="fewer than two"):
-        compute_joint(Joined(weighed_run(0.05, 0.001)))
+        compute_joint(StoredSpecimen(weighed_run(0.05, 0.001)))

@@ -1,4 +1,4 @@
-"""What a run reads again, and after which task another one comes."""
+"""When a run reads a file again, and the order of its tasks."""
 
 from __future__ import annotations
 
@@ -17,21 +17,16 @@ from bayesdamp.pipeline.records import read_free_decay
 def test_a_file_that_is_replaced_with_the_same_time_stamp_is_read_again(tmp_path: Path) -> None:
     """Control: the same file is not read a second time."""
     t, file = np.arange(400) / 40, tmp_path / "rig.csv"
-    recording = Recording(file=file.name, path=file)
-
-    def read(size: float) -> tuple[float, object]:
-        new = tmp_path / "new.csv"
-        np.savetxt(
-            new, np.column_stack([t, size * np.exp(-0.05 * t) * np.cos(6 * t)]), delimiter=",", fmt="%.6f"
-        )
-        os.utime(new, (1e9, 1e9))
-        new.replace(file)
-        signal = read_free_decay(recording, "rig")[1]
-        return float(np.max(signal.y)), signal
-
-    (first, _), (second, signal) = read(0.2), read(0.3)
-    assert second == pytest.approx(1.5 * first, rel=1e-3)
-    assert read_free_decay(recording, "rig")[1] is signal
+    recording, signals = Recording(file=file.name, path=file), []
+    for size in (0.2, 0.3):
+        path, y = tmp_path / "new.csv", size * np.exp(-0.05 * t) * np.cos(6 * t)
+        np.savetxt(path, np.column_stack([t, y]), delimiter=",", fmt="%.6f")  # both files have the same size
+        os.utime(path, (1e9, 1e9))
+        path.replace(file)
+        signals.append(read_free_decay(recording, "rig")[1])
+    first, second = signals
+    assert np.max(second.y) == pytest.approx(1.5 * np.max(first.y), rel=1e-3)
+    assert read_free_decay(recording, "rig")[1] is second
 
 
 def test_evidence_that_needs_draws_comes_after_the_samplers(monkeypatch: pytest.MonkeyPatch) -> None:

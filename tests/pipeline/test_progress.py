@@ -1,4 +1,4 @@
-"""Progress: the step in words, a bar on a terminal, plain lines where there is none."""
+"""Progress: plain lines without a terminal, and descriptions of the stages."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from bayesdamp.pipeline.jobs import Job
 from tests.studies import COMPARED, WEIGHED, study_text, write_study
 
 
-def test_plain_lines_where_there_is_no_terminal() -> None:
+def test_without_a_terminal_long_stages_are_plain_lines() -> None:
     out = io.StringIO()
     with p.progress_bar(Console(file=out)) as bar:
-        shown = p.Progress(bar)
-        shown.begin("reading 1 record", [Job("a", 0, task_group="read")])
-        shown.advance()
-        shown.begin("estimating", [Job("a", 0, "viscous")] * 100)
+        progress = p.Progress(bar)
+        progress.begin("reading 1 record", [Job("a", 0, task_group="read")])
+        progress.advance()
+        progress.begin("estimating", [Job("a", 0, "viscous")] * 100)
         for _ in range(40):
-            shown.advance()
+            progress.advance()
     assert out.getvalue().splitlines() == ["estimating"]
 
 

@@ -1,4 +1,4 @@
-"""Which stored evidence counts in a run whose folder contains results of an earlier one."""
+"""Which stored evidence counts if the folder of a run contains results of an earlier run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SIMULATED = "viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003"
 
 
 def stored(folder: Path, referee: str) -> tuple[Study, Store]:
-    """A study whose two methods agree, and a folder with these and with the referee of an earlier run."""
+    """Return a study whose two methods agree, and a folder that also has the referee's result of an earlier run."""
     settings = WEIGHED.replace("'laplace'", "'importance', 'bridge'").replace("never", referee)
     study = write_study(folder, study_text(COMPARED, settings, simulate=SIMULATED))
     store = Store(folder / "out")
@@ -30,13 +30,15 @@ def stored(folder: Path, referee: str) -> tuple[Study, Store]:
 
 
 @pytest.mark.parametrize(("referee", "counts"), [("never", False), ("auto", True)])
-def test_the_referee_of_an_earlier_run_does_not_count(tmp_path: Path, referee: str, counts: bool) -> None:
+def test_the_referee_s_earlier_result_counts_only_if_the_study_has_a_referee(
+    tmp_path: Path, referee: str, counts: bool
+) -> None:
     study, store = stored(tmp_path, referee)
     evidences = list_evidence(StudyRecord(study, study.signals[0], 0, store), "viscous")
     assert [e.method for e in evidences] == ["importance", "bridge", *["nested"] * counts]
 
 
-def test_the_referee_of_an_earlier_run_does_not_call_the_referee(tmp_path: Path) -> None:
+def test_the_referee_is_not_used_because_of_its_own_earlier_result(tmp_path: Path) -> None:
     study, store = stored(tmp_path, "auto")
     candidate = StudyCandidate(study, study.signals[0], 0, "viscous", store)
     assert compute_evidence(candidate, "nested", 0).content == EvidenceContent()

@@ -1,4 +1,4 @@
-"""A study from Python: typed results and tables."""
+"""A study that is run from Python: typed results and tables."""
 
 from __future__ import annotations
 
@@ -43,28 +43,31 @@ def test_tables_are_the_files(run: bd.Run) -> None:
 
 
 def test_typed_results_are_the_tables(run: bd.Run) -> None:
-    found = run.candidate("bench", "viscous")
-    assert (found.restoring, found.repeat, found.outcome) == ("linear", 0, "ok")
-    rows = run.posteriors
-    rows = rows[rows.sampler == "nuts"]
-    mean = rows[(rows.model == "viscous") & (rows.parameter == "zeta")]["mean"].item()
-    draws = found.posteriors["nuts"]
-    assert draws.draws[..., draws.names.index("zeta")].mean() == pytest.approx(mean)
-    assert draws.log_likelihood.shape == draws.draws.shape[:2]
-    assert np.all(np.isfinite(draws.log_likelihood))
-    rows = run.evidence
-    row = rows[(rows.model == "viscous") & (rows.method == "importance")]
-    assert found.evidence["importance"].log_evidence == row["log_evidence"].item()
-    assert [e.stage for e in found.estimates["koopman"]] == ["initial", "refined"]
-    assert abs(found.values["zeta"] - 0.05) < 4 * found.sd["zeta"]
+    candidate = run.candidate("bench", "viscous")
+    assert (candidate.restoring, candidate.repeat, candidate.outcome) == ("linear", 0, "ok")
+    row = run.posteriors.query("sampler == 'nuts' and model == 'viscous' and parameter == 'zeta'")
+    post = candidate.posteriors["nuts"]
+    assert post.draws[..., post.names.index("zeta")].mean() == pytest.approx(row["mean"].item())
+    assert post.log_likelihood.shape == post.draws.shape[:2]
+    assert np.all(np.isfinite(post.log_likelihood))
+    row = run.evidence.query("model == 'viscous' and method == 'importance'")
+    assert candidate.evidence["importance"].log_evidence == row["log_evidence"].item()
+    assert [e.stage for e in candidate.estimates["koopman"]] == ["initial", "refined"]
+    assert abs(candidate.values["zeta"] - 0.05) < 4 * candidate.sd["zeta"]
     assert {(c.record, c.damping) for c in run.candidates} == {("bench", "viscous"), ("bench", "quadratic")}
-    assert "zeta" in repr(found)
+    assert "zeta" in repr(candidate)
     assert "bench/0" in repr(run)
 
 
-def test_read_again(run: bd.Run, tmp_path: Path) -> None:
+def test_a_saved_run_is_loaded_with_its_results(run: bd.Run, tmp_path: Path) -> None:
+    """Without the files of draws, their log likelihoods are unknown."""
     copy = bd.load(run.save(tmp_path / "copy"))
     assert copy.candidate("bench", "viscous").values == run.candidate("bench", "viscous").values
+    for path in copy.folder.rglob("*.nc"):
+        path.unlink()
+    post = bd.load(copy.folder).candidate("bench", "viscous").posteriors["nuts"]
+    assert post.log_likelihood.shape == post.draws.shape[:2]
+    assert np.all(np.isnan(post.log_likelihood))
     with pytest.raises(bd.InputError, match="give a new folder"):
         run.save(tmp_path / "copy")
     os.mkfifo(copy.folder / "pipe")
@@ -74,7 +77,7 @@ def test_read_again(run: bd.Run, tmp_path: Path) -> None:
         bd.Run.load(tmp_path)
 
 
-def test_misuse_is_one_line_and_nothing_is_written(run: bd.Run, tmp_path: Path) -> None:
+def test_misuse_is_refused_in_one_line_and_nothing_is_written(run: bd.Run, tmp_path: Path) -> None:
     out = tmp_path / "new"
     wrong: list[tuple[Callable[[], object], str]] = [
         (lambda: bd.run_study({**STUDY, "sampler": {}}, out), "study: sampler: unknown key"),
@@ -90,12 +93,3 @@ def test_misuse_is_one_line_and_nothing_is_written(run: bd.Run, tmp_path: Path) 
     ]
     assert not_refused(wrong) == []
     assert not out.exists()
-
-
-def test_likelihoods_are_unknown_if_the_file_of_draws_is_missing(run: bd.Run, tmp_path: Path) -> None:
-    copy = run.save(tmp_path / "copy")
-    for path in copy.rglob("*.nc"):
-        path.unlink()
-    posterior = bd.load(copy).candidate("bench", "viscous").posteriors["nuts"]
-    assert posterior.log_likelihood.shape == posterior.draws.shape[:2]
-    assert np.all(np.isnan(posterior.log_likelihood))

@@ -1,9 +1,10 @@
-"""A second study in a folder: the report and the tables show nothing of the first."""
+"""A second study in the same folder: its tables and report contain nothing of the first study."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.report.results.run import RunFolder
@@ -15,29 +16,28 @@ STUDY = study_text(
 )
 
 
-def modes(run: RunFolder) -> set[str]:
-    return {cell.name.split("/")[3] for cell in run.task_results("mode")}
+def modes(out: Path) -> set[str]:
+    return {result.name.split("/")[3] for result in RunFolder(out).task_results("mode")}
 
 
-def test_the_first_question_does_not_show(tmp_path, monkeypatch):
+def test_results_of_an_earlier_study_are_kept_but_not_shown(tmp_path, monkeypatch):
     monkeypatch.setattr("bayesdamp.report.render.render", lambda *_: None)
     out = tmp_path / "out"
     assert run_study(write_study(tmp_path, STUDY), out, workers=1) == 0
-    assert modes(RunFolder(out)) == {"viscous", "quadratic"}
+    assert modes(out) == {"viscous", "quadratic"}
     first = Store(out).names()
     other = write_study(tmp_path, STUDY.replace('"viscous", "quadratic"', '"viscous"'))
     assert run_study(other, out, workers=1) == 0
-    assert Store(out).names() == first  # they are there still, and do not show
-    assert modes(RunFolder(out)) == {"viscous"}
+    assert Store(out).names() == first
+    assert modes(out) == {"viscous"}
     assert not any("quadratic" in n for n in json.loads((out / "run.json").read_text())["seconds"])
     assert {r["model"] for r in read_table(out / "fits.csv")} == {"viscous"}
-    # what the first had computed is not computed again
-    hidden = [n for n in first if "quadratic" in n]
-    stamps = {n: (out / "cells" / f"{n}.npz").stat().st_mtime_ns for n in hidden}
+    # The first study again: its results are not computed a second time.
+    files = [out / "cells" / f"{n}.npz" for n in first if "quadratic" in n]
+    stamps = [file.stat().st_mtime_ns for file in files]
     assert run_study(write_study(tmp_path, STUDY), out, workers=1) == 0
-    assert {n: (out / "cells" / f"{n}.npz").stat().st_mtime_ns for n in hidden} == stamps
-    assert modes(RunFolder(out)) == {"viscous", "quadratic"}
-    # Nor does a cell of the same name under another key, as of a fit to another record.
-    cell = Store(out).read("mode/rig/0/quadratic")
-    Store(out).write(replace(cell, key="another"))
-    assert modes(RunFolder(out)) == {"viscous"}
+    assert [file.stat().st_mtime_ns for file in files] == stamps
+    assert modes(out) == {"viscous", "quadratic"}
+    # A result of the same name with another key, such as a fit to another record, is not shown.
+    Store(out).write(replace(Store(out).read("mode/rig/0/quadratic"), key="another"))
+    assert modes(out) == {"viscous"}

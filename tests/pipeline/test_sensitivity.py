@@ -1,4 +1,4 @@
-"""What the evidence is over parts of a record and under other noise, beside the answer."""
+"""The evidence for parts of a record and under other noise models."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def evidence_of(store: Store, name: str) -> float:
     return meta.get("evidence", meta)["log_evidence"]
 
 
-def test_parts_of_the_record_are_weighed(run):
-    """The first half as importance sampling weighs it, to a tenth of a nat. Negative control: the other model's."""
+def test_the_evidence_of_parts_of_the_record_is_that_of_importance_sampling(run):
+    """That of the first half to a tenth of a nat. Control: that of the other model."""
     _, store = run
     halves: dict[str, list[float]] = {}
     for model in ("viscous", "quadratic"):
@@ -50,18 +50,18 @@ def test_parts_of_the_record_are_weighed(run):
     assert abs(halves["viscous"][0] - halves["quadratic"][1]) > 0.3
 
 
-def test_each_noise_is_weighed(run):
-    """As importance sampling does under each. Negative control: the two noises are not one."""
+def test_the_evidence_under_each_noise_model_is_that_of_importance_sampling(run):
+    """Control: the evidences under the two noise models differ."""
     study, store = run
     for model in ("viscous", "quadratic"):
-        branch = StudyCandidate(study, study.signals[0], 0, model, store)
-        cell = store.read(f"sensitivity/noisy/0/{model}/noises")
-        assert cell.meta["chosen"] == "gaussian"
-        for noise, found in cell.meta["evidence"].items():
-            target = branch.case.target(noise)
-            start = store.read(f"mode/noisy/0/{model}").meta["values"]
-            mode = find_mode(target, {Seed("start"): start}, noise_level=branch.record.features.roughness)
-            other = EVIDENCES.get("importance").evidence(model, target, mode, 7)
-            assert found["log_evidence"] == pytest.approx(other.log_evidence, abs=0.15)
-        by_noise = cell.meta["evidence"]
-        assert abs(by_noise["gaussian"]["log_evidence"] - by_noise["student_t"]["log_evidence"]) > 0.3
+        candidate = StudyCandidate(study, study.signals[0], 0, model, store)
+        noises = store.read(f"sensitivity/noisy/0/{model}/noises").meta
+        assert noises["chosen"] == "gaussian"
+        logs = {noise: evidence["log_evidence"] for noise, evidence in noises["evidence"].items()}
+        start = store.read(f"mode/noisy/0/{model}").meta["values"]
+        for noise, log in logs.items():
+            target = candidate.case.target(noise)
+            mode = find_mode(target, {Seed("start"): start}, noise_level=candidate.record.features.roughness)
+            expected = EVIDENCES.get("importance").evidence(model, target, mode, 7)
+            assert log == pytest.approx(expected.log_evidence, abs=0.15)
+        assert abs(logs["gaussian"] - logs["student_t"]) > 0.3

@@ -1,4 +1,4 @@
-"""Fast answers and the online filter in a study: their rows, their refusals, their figure."""
+"""Laplace's approximation, the Kalman filter and a sampler that refuses, in a study."""
 
 from __future__ import annotations
 
@@ -27,37 +27,35 @@ class Refusing(Sampler):
     name = "refusing"
 
     def sample(self, target, mode, settings):
-        raise Refusal("it does not want to")
+        raise Refusal("it does not support this record")
 
 
-@pytest.fixture
-def refusing():
+def test_approximations_have_rows_and_a_refusal_its_reason(tmp_path):
+    """The truth is within four posterior sds: one false alarm in 16,000 seeds."""
     SAMPLERS.add("refusing", Refusing())
-    yield
-    SAMPLERS.remove("refusing")
-
-
-def test_rows_refusals_and_the_running_estimate(tmp_path, refusing):
-    assert run_study(write_study(tmp_path, STUDY), tmp_path / "out", workers=1) == 0
+    try:
+        assert run_study(write_study(tmp_path, STUDY), tmp_path / "out", workers=1) == 0
+    finally:
+        SAMPLERS.remove("refusing")
     rows = read_table(tmp_path / "out" / "posteriors.csv")
     for sampler in ("laplace", "kalman"):
-        found = {r["parameter"]: r for r in rows if r["sampler"] == sampler and r["model"] == "viscous"}
-        zeta = found["zeta"]
-        # four posterior sds: a false alarm once in 16,000 seeds
+        parameters = {r["parameter"]: r for r in rows if r["sampler"] == sampler and r["model"] == "viscous"}
+        zeta = parameters["zeta"]
         assert abs(zeta["mean"] - 0.05) < 4 * zeta["sd"]
         assert zeta["q2.5"] == pytest.approx(zeta["mean"] - 1.96 * zeta["sd"], abs=0.4 * zeta["sd"])
         assert zeta["q97.5"] == pytest.approx(zeta["mean"] + 1.96 * zeta["sd"], abs=0.4 * zeta["sd"])
         assert (zeta["outcome"], zeta["divergences"]) == ("ok", 0)
         assert zeta["ess_bulk"] > 1000
         assert math.isnan(zeta["rhat"])
-        assert abs(found["half_life"]["median"] - math.log(2) / zeta["median"]) < 1e-6
-        assert abs(found["viscous_coefficient"]["mean"] - 1.4 * zeta["mean"]) < 1e-12
-        assert (found["viscous_coefficient"]["unit"], found["energy_lost"]["unit"]) == ("N m s", "J")
-    refused = [r for r in rows if r["sampler"] == "refusing"]
-    assert [r["outcome"] for r in refused] == ["it does not want to"]
-    cell = Store(tmp_path / "out").read("posterior/noisy/0/viscous/kalman")
-    assert cell.arrays["curve/log_decrement"].shape == (3, cell.arrays["amplitudes"].size)
-    assert cell.arrays["running/restarted/mean"].shape == (200, 1)
+        coefficient = parameters["viscous_coefficient"]
+        assert abs(parameters["half_life"]["median"] - math.log(2) / zeta["median"]) < 1e-6
+        assert abs(coefficient["mean"] - 1.4 * zeta["mean"]) < 1e-12
+        assert (coefficient["unit"], parameters["energy_lost"]["unit"]) == ("N m s", "J")
+    outcomes = [r["outcome"] for r in rows if r["sampler"] == "refusing"]
+    assert outcomes == ["it does not support this record"]
+    arrays = Store(tmp_path / "out").read("posterior/noisy/0/viscous/kalman").arrays
+    assert arrays["curve/log_decrement"].shape == (3, arrays["amplitudes"].size)
+    assert arrays["running/restarted/mean"].shape == (200, 1)
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert 'id="running"' in report
     assert (tmp_path / "out" / "figures" / "running-noisy-viscous.svg").exists()

@@ -1,4 +1,4 @@
-"""The noise of a study's records: chosen once for all dampings, or refused in a sentence."""
+"""The noise model of a study's records: chosen once for all damping models, or refused with a reason."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bayesdamp.pipeline.jobs import task_names
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import ModeContent
@@ -27,14 +26,14 @@ def study(folder, noise):
     return write_study(folder, STUDY.replace("NOISE", noise))
 
 
-def test_one_noise_is_chosen_and_shown(tmp_path):
-    made = study(tmp_path, '["quantised", "student_t", "gaussian"]')
-    assert "answer/noisy/0" in task_names(made)
-    assert run_study(made, tmp_path / "out", workers=1) == 0
+def test_one_noise_model_is_chosen_and_shown(tmp_path):
+    assert (
+        run_study(study(tmp_path, '["quantised", "student_t", "gaussian"]'), tmp_path / "out", workers=1) == 0
+    )
     store = Store(tmp_path / "out")
-    found = store.read("answer/noisy/0")
-    assert found.meta["noise"] == "gaussian"
-    assert [one["name"] for one in found.meta["noises"]] == ["student_t", "gaussian"]
+    answer = store.read("answer/noisy/0").meta
+    assert answer["noise"] == "gaussian"
+    assert [noise["name"] for noise in answer["noises"]] == ["student_t", "gaussian"]
     assert read_table(tmp_path / "out" / "fits.csv")[0]["verdict"] == "fits"
     searches = ModeContent.of(store.read("mode/noisy/0/viscous")).climbs
     assert [c.seed for c in searches] == [
@@ -45,24 +44,23 @@ def test_one_noise_is_chosen_and_shown(tmp_path):
         Seed("prior 2", drawn=True),
     ]
     assert all(c.mode == 0 for c in searches[:3])
-    assert "noise_dof" not in store.read("mode/noisy/0/viscous").meta["sd"], "it has the answer's noise"
+    assert "noise_dof" not in store.read("mode/noisy/0/viscous").meta["sd"]  # it has the answer's noise model
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert 'id="noise"' in report
     assert "The answer uses the noise model" in report
     assert 'id="seeds"' in report
 
 
-def test_a_noise_that_is_none_for_the_record_is_refused(tmp_path):
-    made = study(tmp_path, '"quantised"')
-    assert run_study(made, tmp_path / "out", workers=1) == 0
+def test_a_noise_model_that_does_not_suit_the_record_is_refused(tmp_path):
+    assert run_study(study(tmp_path, '"quantised"'), tmp_path / "out", workers=1) == 0
     (row,) = (r for r in read_table(tmp_path / "out" / "posteriors.csv") if r["sampler"] != "smc")
     assert "recording step" in row["outcome"]
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "The answer uses the noise model" not in report, "there was no choice"
+    assert "The answer uses the noise model" not in report
     assert 'id="noise"' not in report
 
 
-def test_auto_is_every_noise(tmp_path):
+def test_auto_means_every_noise_model(tmp_path):
     assert study(tmp_path, '"auto"').noises == ("correlated", "gaussian", "quantised", "student_t")
 
 
@@ -79,9 +77,8 @@ FRICTION = study_text(
 )
 
 
-def test_friction_that_nobody_gave_is_the_answers(tmp_path):
-    """A record of a precise encoder, friction that turns over within 0.2 % of the peak velocity: its width is that of
-    all candidates, and shown."""
+def test_the_inferred_width_of_friction_is_used_for_all_candidates(tmp_path):
+    """The record is that of a precise encoder; the sign of the friction changes within 0.2 % of the peak velocity."""
     t, peak = np.linspace(0.0, 10.0, 500), 0.5 * np.sqrt(20.0)
     x = solve_ivp(
         lambda _, s: [s[1], -20.0 * s[0] - 0.04 * s[1] - 0.3 * np.tanh(s[1] / (0.002 * peak))],
@@ -91,10 +88,10 @@ def test_friction_that_nobody_gave_is_the_answers(tmp_path):
     np.savetxt(tmp_path / "sharp.csv", np.column_stack([t, x]), delimiter=",", header="t,x", comments="")
     out = tmp_path / "out"
     assert run_study(write_study(tmp_path, FRICTION), out, workers=1) == 0
-    chosen = Store(out).read("answer/sharp/0").meta
-    assert chosen["epsilon"] == pytest.approx(0.002 * peak, rel=1.6)
+    width = Store(out).read("answer/sharp/0").meta["epsilon"]
+    assert width == pytest.approx(0.002 * peak, rel=1.6)
     for model in ("coulomb", "viscous+coulomb"):
-        assert Store(out).read(f"mode/sharp/0/{model}").meta["known"]["epsilon"] == chosen["epsilon"]
+        assert Store(out).read(f"mode/sharp/0/{model}").meta["known"]["epsilon"] == width
     mode = Store(out).read("mode/sharp/0/viscous+coulomb").meta
     assert mode["values"]["mu_c"] == pytest.approx(0.3, abs=0.003)
     assert mode["verdict"] == "fits"

@@ -1,4 +1,4 @@
-"""Several records in one study: repeats joined, specimens summarised, in tables, report and terminal."""
+"""Several records in one study: joint fits of repeats, and the population of specimens."""
 
 from __future__ import annotations
 
@@ -18,40 +18,29 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> Path:
-    """Run once. Not to be changed by a test."""
+    """Run the study once; tests must not change its folder."""
     folder = tmp_path_factory.mktemp("many")
     assert run_study(load_study(write(folder)), folder / "out", workers=1) == 0
     return folder / "out"
 
 
-def rows(run: Path, **wanted) -> list[dict]:
-    return [r for r in read_table(run / "specimens.csv") if all(r[k] == v for k, v in wanted.items())]
-
-
-def joint(run: Path, specimen: str) -> JointContent:
-    return JointContent.of(Store(run).read(f"joint/{specimen}"))
-
-
-def test_records_that_differ_are_said_to_differ(run):
-    assert joint(run, "b").differ
-    assert joint(run, "b").no_spread < -20
-    # Negative control of each other: those of a are compatible.
-    assert not joint(run, "a").differ
-    assert joint(run, "a").no_spread > 0
+def test_records_that_differ_are_told_from_records_that_agree(run):
+    a, b = (JointContent.of(Store(run).read(f"joint/{specimen}")) for specimen in "ab")
+    assert (a.differ, b.differ) == (False, True)
+    assert a.no_spread > 0
+    assert b.no_spread < -20
 
 
 def test_the_population_has_a_row_for_mean_spread_and_each_specimen(run):
-    found = [r for r in read_table(run / "population.csv") if r["over"] == "specimens"]
-    assert [(r["what"], r["of"]) for r in found] == [
-        ("mean", ""), ("spread", ""), ("own value", "a"), ("own value", "b"), ("own value", "c")
-    ]  # fmt: skip
-    mean, spread = found[:2]
+    population = read_table(run / "population.csv")
+    assert {r["over"] for r in population} == {"repeats of a", "repeats of b", "specimens"}
+    mean, spread, *own = (r for r in population if r["over"] == "specimens")
+    assert (mean["what"], spread["what"]) == ("mean", "spread")
+    assert [(r["what"], r["of"]) for r in own] == [("own value", specimen) for specimen in "abc"]
     assert mean["q2.5"] < 0.0575 < mean["q97.5"]
     assert spread["q2.5"] > 0.002
     assert "only 3" in mean["outcome"]
-    assert mean["prior_scale"] == pytest.approx(
-        LOCATION_SCALE * max(r["mean"] for r in rows(run, record="") if r["parameter"] == "zeta"), rel=1e-6
-    )
-    assert {r["over"] for r in read_table(run / "population.csv")} == {
-        "repeats of a", "repeats of b", "specimens"
-    }  # fmt: skip
+    specimens = [
+        r for r in read_table(run / "specimens.csv") if (r["record"], r["parameter"]) == ("", "zeta")
+    ]
+    assert mean["prior_scale"] == pytest.approx(LOCATION_SCALE * max(r["mean"] for r in specimens), rel=1e-6)

@@ -1,4 +1,4 @@
-"""A study with two methods for the evidence, a referee, and what the answer depends on."""
+"""A study with two methods for the evidence, a referee, and the sensitivity of the answer."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TEXT = SMALL.replace("[[signal]]", f"{EVIDENCE}\n[[signal]]")
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> Path:
-    """Run once, with a coarse referee: only its wiring is looked at. Not to be changed by a test."""
+    """Run once, with few live points of nested sampling; tests must not change the folder."""
     folder = tmp_path_factory.mktemp("weighing")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(nested, "LIVE_POINTS", 100)
@@ -32,36 +32,32 @@ def run(tmp_path_factory) -> Path:
     return folder / "out"
 
 
-def test_every_method_has_its_rows_and_one_counts(run):
-    rows = read_table(run / "evidence.csv")
-    assert {r["method"] for r in rows} == {"importance", "bridge", "nested", "combined", "smc"}
-    logs = {(r["model"], r["method"]): r for r in rows}
+def test_every_method_has_rows_and_the_referee_counts(run):
+    rows = {(r["model"], r["method"]): r for r in read_table(run / "evidence.csv")}
+    assert {method for _, method in rows} == {"importance", "bridge", "nested", "combined", "smc"}
     for model in ("viscous", "quadratic"):
-        assert logs[model, "combined"]["log_evidence"] == logs[model, "nested"]["log_evidence"]
-        assert logs[model, "combined"]["diagnostic"].startswith("by nested sampling")
-        apart = logs[model, "importance"]["log_evidence"] - logs[model, "bridge"]["log_evidence"]
-        assert abs(apart) < 0.05
-    assert logs["viscous", "combined"]["probability"] > 0.99
+        logs = {m: rows[model, m]["log_evidence"] for m in ("importance", "bridge", "nested", "combined")}
+        assert logs["combined"] == logs["nested"]
+        assert rows[model, "combined"]["diagnostic"].startswith("by nested sampling")
+        assert abs(logs["importance"] - logs["bridge"]) < 0.05
+    assert rows["viscous", "combined"]["probability"] > 0.99
 
 
-def test_where_they_agree_nobody_is_called(run, tmp_path):
-    """The same cells under `auto`: the referee's cell says that it was not called, and the mean counts."""
-    assert not any(
-        "nested" in c for c in task_names(write_study(tmp_path, TEXT.replace('"always"', '"never"')))
-    )
+def test_if_the_methods_agree_the_referee_is_not_used(run, tmp_path):
+    """The same results with `auto`: the mean of both methods counts."""
+    never = write_study(tmp_path, TEXT.replace('"always"', '"never"'))
+    assert not any("nested" in name for name in task_names(never))
     study = write_study(tmp_path, TEXT.replace('"always"', '"auto"'))
     assert "evidence/noisy/0/viscous/nested" in task_names(study)
     shutil.copytree(run, tmp_path / "out")
     assert run_study(study, tmp_path / "out", workers=1) == 0
-    cell = Store(tmp_path / "out").read("evidence/noisy/0/viscous/nested")
-    assert cell.meta["evidence"] is None
-    rows = [r for r in read_table(tmp_path / "out" / "evidence.csv") if r["model"] == "viscous"]
-    rows = [r for r in rows if r["method"] != "smc"]
-    assert {r["method"] for r in rows} == {"importance", "bridge", "combined"}
-    assert rows[-1]["diagnostic"] == "importance and bridge agree"
+    assert Store(tmp_path / "out").read("evidence/noisy/0/viscous/nested").meta["evidence"] is None
+    rows = {r["method"]: r for r in read_table(tmp_path / "out" / "evidence.csv") if r["model"] == "viscous"}
+    assert set(rows) == {"importance", "bridge", "combined", "smc"}
+    assert rows["combined"]["diagnostic"] == "importance and bridge agree"
 
 
-def test_what_the_answer_depends_on_is_there(run):
+def test_the_sensitivity_of_the_answer_is_stored(run):
     store = Store(run)
     widths = store.read("sensitivity/noisy/0/viscous/widths")
     whole = store.read("evidence/noisy/0/viscous/importance").meta["evidence"]["log_evidence"]

@@ -1,4 +1,4 @@
-"""Tests of plug-ins: none stays for the next test."""
+"""Remove all plug-ins after each test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A user's own damping term: drag that grows with the third power of the velocity."""
+"""A user's damping term: drag that grows with the third power of the velocity."""
 
 from bayesdamp.physics.damping import DampingTerm
 

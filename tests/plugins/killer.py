@@ -1,4 +1,4 @@
-"""An estimator that takes its process with it, as one that asks for more memory than there is."""
+"""An estimator that kills its process, like one that needs more memory than the machine has."""
 
 import os
 import signal

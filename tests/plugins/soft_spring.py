@@ -1,4 +1,4 @@
-"""A user's own restoring law: a spring that gets softer as it is stretched."""
+"""A user's restoring law: a spring that becomes softer as it is stretched."""
 
 import math
 

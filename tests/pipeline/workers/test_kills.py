@@ -19,7 +19,7 @@ from tests.studies import SYSTEM, signal_text, study_text, tables_of
 KILLS = int(os.environ.get("KILLS", "50"))
 SEED = int(os.environ.get("KILLS_SEED", "5"))
 DAMAGED = 3
-"""Files of a kept result that are overwritten, emptied or cut off."""
+"""Number of stored results that are overwritten, emptied or cut off."""
 SIMULATE = "duration = 10.0, samples = 300, noise_sd = 0.003"
 STUDY = study_text(
     'estimators = { use = ["least_squares", "envelope"] }',
@@ -39,7 +39,7 @@ def command(folder: Path, workers: int, seed: int = 1) -> list[str]:
 
 @dataclass(frozen=True)
 class Undisturbed:
-    """tables: of a run that nothing happened to; seconds: that it took."""
+    """The tables and the duration (s) of a run without kills."""
 
     tables: dict[str, list[str]]
     seconds: float
@@ -54,27 +54,25 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
 
 
 def damage(out: Path, rng: np.random.Generator) -> bool:
-    """One kept result made unreadable. Gives whether there was one."""
-    kept = sorted(out.glob("cells/**/*.npz"))
-    if not kept:
+    """Damage one stored result; return whether one was stored."""
+    paths = sorted(out.glob("cells/**/*.npz"))
+    if not paths:
         return False
-    path = kept[rng.integers(len(kept))]
+    path = paths[rng.integers(len(paths))]
     whole = path.read_bytes()
     path.write_bytes((b"", whole[: len(whole) // 2], bytes(len(whole)))[rng.integers(3)])
     return True
 
 
 @pytest.mark.slow
-def test_killed_at_random_moments_it_gives_the_same_tables(undisturbed: Undisturbed, tmp_path: Path) -> None:
+def test_a_study_killed_at_random_moments_has_the_same_tables(
+    undisturbed: Undisturbed, tmp_path: Path
+) -> None:
     rng = np.random.default_rng(SEED)
     killed, whole, damaged = 0, 0, 0
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     while killed < KILLS or not whole:
-        run = subprocess.Popen(
-            command(tmp_path, int(rng.integers(1, 3))),
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
+        run = subprocess.Popen(command(tmp_path, int(rng.integers(1, 3))), start_new_session=True, **quiet)
         try:
             status = run.wait(timeout=float(rng.uniform(0, undisturbed.seconds)) if killed < KILLS else None)
         except subprocess.TimeoutExpired:
@@ -84,8 +82,7 @@ def test_killed_at_random_moments_it_gives_the_same_tables(undisturbed: Undistur
             damaged += damaged < DAMAGED and damage(tmp_path / "out", rng)
             continue
         assert status == 0
-        said = f"after {killed} kills and {damaged} damaged files"
-        assert tables_of(tmp_path / "out") == undisturbed.tables, said
+        assert tables_of(tmp_path / "out") == undisturbed.tables, f"{killed} kills, {damaged} damaged files"
         whole += 1
         shutil.rmtree(tmp_path / "out")
     assert damaged == min(DAMAGED, KILLS)
@@ -93,6 +90,6 @@ def test_killed_at_random_moments_it_gives_the_same_tables(undisturbed: Undistur
 
 @pytest.mark.slow
 def test_another_seed_gives_other_tables(undisturbed: Undisturbed, tmp_path: Path) -> None:
-    """Negative control."""
+    """Control of the test above."""
     assert subprocess.run(command(tmp_path, 2, seed=2), stdout=subprocess.DEVNULL).returncode == 0
     assert tables_of(tmp_path / "out") != undisturbed.tables
