@@ -103,7 +103,7 @@ PLACES = {
     "a path too long": "a/" * 5000, "a zero": "a\0b.csv", "not there": "none.csv", "not there, in a line": "no\nne.csv",
     "a process's memory": "/proc/self/mem", "colours": "\x1b[31mred.csv", "half a letter": "a\udcff.csv",
 }  # fmt: skip
-FOLDER = {"look": "", "check": "is a directory; give a study file"}
+FOLDER = {"look": "", "check": "is a directory; give"}
 PATHS = [
     case
     for command in ("look", "check")
