@@ -74,7 +74,6 @@ OTHERS = {
     "2,000 levels": f"version = 1\nx = {LEVELS}\n",
     "an integer of 5,000 digits": "version = 1\nseed = " + "9" * 5000 + "\n",
     "a key of 100,000 letters": "version = 1\n" + "k" * 100000 + " = 1\n",
-    "a file of 17 MiB": " " * (17 * 2**20),
     "an impossible date": "version = 1\nseed = 2024-02-30\n",
     "a table that is a list": "version = 1\n[signal]\n[[signal]]\n",
     "an escaping published file": 'published = "../../../etc/passwd"\n' + GOOD,
@@ -97,6 +96,7 @@ CASES = [
     *IN_TABLES, *_in_signals(), *_in_system(), *BEYOND, *FILES, *(study(text, name) for name, text in OTHERS.items()),
     Case("a study of random bytes", ("check", "FILE"), "a.toml", raw(bytes(range(256)) * 9), "text in UTF-8"),
     Case("a study that does not exist", ("check", "none.toml"), line="; give"),
+    study(" " * (17 * 2**20), "a study of 17 MiB", "it has more than 16 MiB"),
     Case("a study of blanks", ("check", "FILE"), "a.toml", raw(b"\n \n" * 99), "is empty"),
 ]  # fmt: skip
 

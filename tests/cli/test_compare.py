@@ -48,13 +48,13 @@ def test_the_study_has_every_damping_under_every_law_with_free_parameters(tmp_pa
 
 
 def test_a_record_keeps_the_letters_of_its_file(tmp_path) -> None:
-    files = [  # the second name has ü as two characters
+    files = [
         "ä.csv",
         "r 1 u\u0308.csv",
         "проба №2.csv",
         "v².csv",
         "-ö.csv",
-    ]
+    ]  # the second has ü as two characters
     study = comparison([{"file": str(write(tmp_path / file))} for file in files])
     assert [s.name for s in study.signals] == ["ä", "r_1_ü", "проба__2", "v²", "_-ö"]
 

@@ -88,17 +88,14 @@ def test_shipped_studies_are_found_by_name(tmp_path: Path, monkeypatch: pytest.M
     assert study_file(Path("other/quickstart.toml")) == Path("other/quickstart.toml")
 
 
-def test_inputs_are_those_of_one_folder(study: Path, tmp_path: Path) -> None:
+def test_inputs_are_those_of_one_folder(run_json: Path) -> None:
     """Each input is unchanged somewhere, but no folder contains both."""
-    out = tmp_path / "out"
-    path = remembered(study, out)
-    run = json.loads(path.read_text(encoding="utf-8"))
-    other = out / "other.csv"
+    run, other = json.loads(run_json.read_text(encoding="utf-8")), run_json.with_name("other.csv")
     other.write_text("1,2\n", encoding="utf-8")
     run["inputs"] |= provenance({"other.csv": other})["inputs"]
-    path.write_text(json.dumps(run), encoding="utf-8")
+    run_json.write_text(json.dumps(run), encoding="utf-8")
     with pytest.raises(InputError, match=r"the input file rig\.csv of the run is missing"):
-        load_study(path)
-    (out / "rig.csv").write_text("0,1\n1,2\n", encoding="utf-8")
+        load_study(run_json)
+    run_json.with_name("rig.csv").write_text("0,1\n1,2\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"rig\.csv has changed since the run"):
-        load_study(path)
+        load_study(run_json)
