@@ -151,10 +151,10 @@ class SectionRegistry(Registry[Section]):
         """Map the names of the package's sections to their modules."""
         return {name: f"{self.package}.{file}" for file, names in SHIPPED.items() for name in names}
 
-    def get(self, name: str) -> Section:
-        """Return the section with a name. Raises InputError with the nearest valid name."""
+    def get(self, name: str, where: str = "") -> Section:
+        """Return the section with a name. Raises InputError with the nearest valid name, after `where`."""
         if not self.ships(name):
-            return super().get(name)
+            return super().get(name, where)
         return next(s for s in import_module(self._modules[name]).PLUGINS if s.name == name)
 
 
