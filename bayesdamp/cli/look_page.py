@@ -42,7 +42,7 @@ def page_of(file: Path, contents: Contents, views: Sequence[RecordView]) -> str:
     for view in views:
         lines = items(view.lines) + items(view.doubts, "doubt")
         parts = (
-            "No free decay is found in it" if view.window is None else "Its free decay is blue, the rest grey"
+            "No free decay is found in it" if view.window is None else "The used part is blue, the rest grey"
         )
         caption = f"The record over time: {view.reading}. {parts}."
         drawing = Drawings(None).add(view.name, caption, partial(_figure, view))

@@ -173,7 +173,7 @@ def comparison_tables(
 
 
 def _as_name(label: str) -> str:
-    """Convert a label to a valid name (`as_name`). If it has more than 56 characters, its middle is left out."""
+    """Convert a label to a valid name (`as_name`). If it has more than 48 characters, its middle is left out."""
     name = as_name(label)
-    name = name if len(name) <= 56 else f"{name[:30]}-{name[-25:]}"
+    name = name if len(name) <= 48 else f"{name[:24]}-{name[-23:]}"
     return name if not name or re.match(r"\w", name) else f"_{name}"

@@ -145,12 +145,13 @@ def _read_question(path: Path) -> tuple[dict[str, Any], Path, dict[str, str]]:
         nowhere = (name for name in inputs if not any((f / name).is_file() for f in folders))
         missing = next(nowhere, next(name for name in inputs if not (path.parent / name).is_file()))
         raise StudyError("", f"the input file {missing} of the run is missing; put it next to run.json")
-    for name, digest in inputs.items():
-        if hashlib.sha256((complete[0] / name).read_bytes()).hexdigest() != digest:
-            raise StudyError(
-                "", f"{name} has changed since the run; put the file of the run next to run.json"
-            )
-    return tables, complete[0], plugins
+    changed = ""
+    for folder in complete:
+        digests = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in inputs}
+        changed = next((name for name, digest in inputs.items() if digests[name] != digest), "")
+        if not changed:
+            return tables, folder, plugins
+    raise StudyError("", f"{changed} has changed since the run; put the file of the run next to run.json")
 
 
 def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:

@@ -196,7 +196,9 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     problems = [] if best.converged else ["the trajectory fit did not converge"]
     zero = [name for name, value, unit in zip(osc.coefficients, best.x, units) if value < 1e-3 * unit]
     if zero:
-        problems.append(f"the best fit has {' and '.join(f'{name} = 0' for name in zero)}, its lower bound")
+        problems.append(
+            f"the best fit has {' and '.join(f'{name} = 0' for name in zero)}, which is the lower bound"
+        )
     if sentence := misfit(residual, signal, features):
         problems.append(sentence)
     values = {**dict(zip(names, map(float, best.x))), **held}
@@ -218,9 +220,6 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         problems.append(f"the record does not determine {doubted}, or only a combination of them")
     if held:
         stderr.pop("theta0", None)
-        problems.append(
-            f"the record determines only theta0 − {shift}; {shift} = {held[shift]:.3g} is assumed"
-        )
     trace = {"rms": np.concatenate([*traces, [rms]])}
     count, outcome = sum(map(len, traces)), "; ".join(problems) or OK
     return Estimate(first.estimator, "refined", values, stderr, trace, evaluations=count, outcome=outcome)

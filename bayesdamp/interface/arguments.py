@@ -224,7 +224,7 @@ def sums_and_laws(
     """
     sums, laws = _names("damping", damping), _names("restoring", restoring)
     for name in sums:
-        parse_model(name)
+        parse_model(name, "compare")
     for law in laws:
         LAWS.get(law, "compare")
     return sums, laws

@@ -345,10 +345,10 @@ def compare(
     else:
         units = tuple(Signal.of(s).own_unit.name for s in motions)
         bases = dict.fromkeys(UNITS[unit].base for unit in units)
-        if amplitudes is not None and len(bases) > 1:
-            raise InputError(
-                f"compare: amplitudes: the records are in {' and '.join(bases)}; remove it, or give records in one unit"
-            )
+        for option, is_given in {"amplitudes": amplitudes is not None, "repeats": repeats}.items():
+            if is_given and len(bases) > 1:
+                mixed = f"the records are in {' and '.join(bases)}"
+                raise InputError(f"compare: {option}: {mixed}; remove it, or give records in one unit")
         answers = tuple(
             answer(
                 s,

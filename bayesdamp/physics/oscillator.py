@@ -180,17 +180,13 @@ def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> floa
 
 
 def check_restoring(restoring: str, known: Mapping[str, float]) -> None:
-    """Raise InputError if a restoring law has no stable rest position with one of the known values.
+    """Raise InputError if a known value is not above 0 and the restoring law requires this (`RestoringLaw.positive`).
 
-    restoring: name of the law. known: known values by name; only those of parameters that the law declares as
-    `positive` are checked.
+    restoring: name of the law. known: known values by name.
     """
     for name in LAWS.get(restoring).positive:
         if name in known and not known[name] > 0:
-            raise InputError(
-                f"{name} = {known[name]:g}: with this value the law {restoring} has no stable equilibrium; it must be "
-                "above 0, or left out, so that it is inferred"
-            )
+            raise InputError(f"{name} = {known[name]:g}: it must be above 0 under the law {restoring}")
 
 
 def reference_of(system: System, features: FeatureValues) -> Reference:

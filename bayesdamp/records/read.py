@@ -245,9 +245,9 @@ def _complete_rows(value: Column, time: Column | None, content: Contents) -> tup
         if column.empty is not None:
             complete &= ~column.empty
     if not complete.any():
-        raise InputError(
-            "no row has entries in both the column of times and that of values; give columns of the same table"
-        )
+        both = "in both the column of times and that of values; give columns of the same table"
+        alone = "in the column of values; give another column"
+        raise InputError(f"no row has an entry {alone if time is None else both}")
     bad = np.flatnonzero(complete & ~np.all([np.isfinite(c.values) for _, c in columns], axis=0))
     if bad.size:
         row = int(bad[0])

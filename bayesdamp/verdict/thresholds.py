@@ -73,9 +73,6 @@ EXPONENT_MARGIN = 0.02
 HARDLY_FALLS = 0.7
 """If the last amplitude is more than this fraction of the first, a remark says that damping models are hard to
 distinguish."""
-LEAST_FALL = 0.05
-"""If the amplitude falls by less than this fraction of the first one, the fall in this remark is computed from the
-damping ratio if this is determined: noise changes the first and the last amplitude by up to some per cent."""
 FEW_READINGS = 20
 """With fewer readings than this, the noise of an envelope is hardly known: a remark says so, and no power law replaces
 the sums."""

@@ -113,7 +113,7 @@ def _size(v: Verdict) -> str:
     """Return the size of the damping in words: for an envelope Q or else the decay rate, with 95 % intervals.
 
     For another record, the text has the damping ratios at the first and at the last amplitude at which they are finite,
-    or one of them if these amplitudes are equal to two digits; if they are finite at no amplitude, it says that the
+    or only the first if these amplitudes are equal to two digits; if they are finite at no amplitude, it says that the
     size is not determined.
     """
     if v.quality_factor is not None:
@@ -122,16 +122,12 @@ def _size(v: Verdict) -> str:
     if v.rate is not None:
         size = with_interval(v.rate.value, v.rate.low, v.rate.high, f" {v.rate.unit}")
         return f"decay rate {by_ten(size)}{at_middle(v)}"
-    ratios = {
-        f"{compact(r.amplitude, 2)} {r.unit}": with_interval(r.value, r.low, r.high, " %", 100)
-        for r in reversed(v.damping_ratio)
-        if isfinite(r.value)
-    }
-    texts = [f"{size} at {amplitude}" for amplitude, size in reversed(ratios.items())]
-    if not texts:
+    ratios = [r for r in v.damping_ratio if isfinite(r.value)]
+    if not ratios:
         return "the size of the damping is not determined"
-    last = f", {texts[-1]}" if len(texts) > 1 else ""
-    return f"equivalent damping ratio {texts[0]}{last}"
+    ends = {f"{compact(r.amplitude, 2)} {r.unit}": r for r in (ratios[-1], ratios[0])}
+    texts = [f"{with_interval(r.value, r.low, r.high, ' %', 100)} at {at}" for at, r in ends.items()]
+    return f"equivalent damping ratio {', '.join(reversed(texts))}"
 
 
 def frequency_remark(v: Verdict, by_law: FrequencyAt) -> str:
@@ -416,10 +412,10 @@ def remarks(
         text = f"The midline drifts by {percentage(drift)} % of the first amplitude over the record."
         weighted.append((drift, text))
     fall = 1 - findings.amplitudes[1] / findings.amplitudes[0]
+    ratio = findings.ratios[len(findings.ratios) // 2] if findings.ratios else None
+    if ratio is not None and ratio.low > 0:  # more accurate than two amplitudes, which noise changes
+        fall = 1 - exp(-2 * pi * ratio.value * findings.cycles)
     if fall < 1 - thresholds.HARDLY_FALLS:
-        ratio = findings.ratios[len(findings.ratios) // 2] if findings.ratios else None
-        if fall < thresholds.LEAST_FALL and ratio is not None and ratio.low > 0:
-            fall = 1 - exp(-2 * pi * ratio.value * findings.cycles)
         by = f"falls by only {percentage(fall)} %" if fall > 0 else "does not fall"
         weighted.append((0.5, f"The amplitude {by}, so damping models are hard to distinguish."))
     if v.exponent is not None:

@@ -60,9 +60,9 @@ FAULTS = {
     "free": (swap("20.0", '"free"'), "signal[one].simulate: stiffness is missing; a simulation needs the true value"),
     "no rest": (swap("viscous", "stiffness = -20.0, viscous"), "signal[one].simulate: the law linear has no stable equilibrium within 10 of 0.3 rad; choose"),
     "no rest in metres": (swap("viscous", "stiffness = -20.0, viscous").replace("samples = 100", 'samples = 100, unit = "m"'), "linear has no stable equilibrium within 10 of 0.3 m; choose"),
-    "no known rest": (swap("20.0", "-20.0"), "signal[one].system: stiffness = -20: with this value the law linear has no stable equilibrium"),
-    "no spring": (swap("20.0", "0.0").replace('"linear"', '"horizontal_pendulum"').replace("rest_angle = 0.0", ""), "signal[one].system: stiffness = 0: with this value the law horizontal_pendulum has no"),
-    "no rest under another law": (swap('"linear"', '"duffing"').replace("20.0", "-20.0").replace("rest_angle = 0.0", "rest_angle = 0.0\ncubic = 50.0") + '[models]\nrestoring = ["pendulum"]\n', "signal[one].system: stiffness = -20: with this value the law pendulum has no"),
+    "no known rest": (swap("20.0", "-20.0"), "signal[one].system: stiffness = -20: it must be above 0 under the law linear"),
+    "no spring": (swap("20.0", "0.0").replace('"linear"', '"pendulum"'), "signal[one].system: stiffness = 0: it must be above 0 under the law pendulum"),
+    "no rest under another law": (swap('"linear"', '"duffing"').replace("20.0", "-20.0").replace("rest_angle = 0.0", "rest_angle = 0.0\ncubic = 50.0") + '[models]\nrestoring = ["pendulum"]\n', "signal[one].system: stiffness = -20: it must be above 0 under the law pendulum"),
     # a file
     "no file": (rig(old='"rig.csv"', new='"rg.csv"'), "signal[rig].file: 'rg.csv' does not exist; paths are relative to"),
     "two clocks": (rig("rate = 3\n"), "signal[rig].rate: is given together with time; give one of the two"),

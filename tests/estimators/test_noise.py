@@ -54,4 +54,4 @@ def test_a_refined_coefficient_is_not_negative_and_the_outcome_names_its_bound()
     first, refined = run("least_squares", *record, seed=1)
     assert first.values["mu_q"] < 0.0  # a regression without bounds
     assert refined.values["mu_q"] == 0.0
-    assert "the best fit has mu_q = 0, its lower bound" in refined.outcome
+    assert "the best fit has mu_q = 0, which is the lower bound" in refined.outcome

@@ -158,7 +158,7 @@ class _EnvelopeMatch:
         """Return ln A_simulated − ln A_observed at the used samples, (u,).
 
         Every value is 10 if the trajectory is unbounded. x: the unknowns, in the order of `names`, (k,). scale: factor
-        of the initial velocity and of the initial displacement from the record's midline.
+        of the initial velocity and of the initial displacement from the midline or equilibrium (see `parameters`).
         """
         self.evaluations += 1
         y = self.trajectories.record(self.parameters(x, scale))

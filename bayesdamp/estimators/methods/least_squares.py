@@ -24,7 +24,7 @@ from bayesdamp.estimators.shared import (
     solve,
 )
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.types import Estimate, Problem, Refusal, Signal
+from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
 
 ROUNDS = 50
 """Largest number of iterations of the iteratively reweighted variant."""
@@ -107,6 +107,8 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
         if others:
             values |= form.decode(x[terms:count])
             stderr |= _decoded_stderr(form.decode, x[terms:count], covariance[terms:count, terms:count])
+        if DERIVATIVES[signal.quantity] > 0 and "theta0" not in problem.system.known:
+            stderr.pop(osc.law.shift, None)  # a velocity or acceleration does not determine it
         values |= free_start(problem, smoothed.theta0, smoothed.omega0)
         return Estimate(self.name, "initial", values, stderr, evaluations=1)
 

@@ -27,10 +27,10 @@ from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, prepare_for_no
 from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.physics.kernel.averaged import AveragedSolver
-from bayesdamp.physics.oscillator import reference_of
+from bayesdamp.physics.oscillator import check_restoring
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
-from bayesdamp.types import Reference, Signal, System
+from bayesdamp.types import Reference, Signal
 
 NEAR = 10.0
 """For a record of very many cycles, motions are computed by averaging over cycles. That of a candidate (a damping sum
@@ -108,7 +108,7 @@ def compare_signal(
     with threadpool_limits(1, "blas"):
         data = prepare_for_noises(signal, noises, known_under[0], priors or {}, average=not start_known)
         for law, values in zip(laws, known_under, strict=True):
-            reference_of(System(law, values), data.features)  # refuses values without a stable rest position
+            check_restoring(law, values)
         comparison = compare(data)
         if data.averaged is not None and comparison.results:
             comparison = _correct_averages(comparison)

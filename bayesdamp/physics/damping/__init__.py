@@ -189,8 +189,10 @@ def median(prior: Prior) -> float:
     return float(prior.value(np.asarray(REFLECTED_MEDIAN if prior.reflected else 0.0)))
 
 
-def parse_model(name: str) -> tuple[str, ...]:
+def parse_model(name: str, where: str = "") -> tuple[str, ...]:
     """Split the name of a sum of damping terms, such as `viscous+coulomb`, into the names of its terms.
+
+    `where` begins the messages of errors.
 
     Raises
     ------
@@ -199,13 +201,15 @@ def parse_model(name: str) -> tuple[str, ...]:
     """
     terms = tuple(part.strip() for part in name.split("+"))
     if len(set(terms)) != len(terms) or not all(terms):
-        raise InputError(f"damping model {name!r} must be a sum of different terms, such as viscous+coulomb")
+        raise InputError(
+            f"damping model {name!r} must be a sum of different terms, such as viscous+coulomb", where
+        )
     owner: dict[str, str] = {}
     for term in terms:
-        for parameter in TERMS.get(term).inferred:
+        for parameter in TERMS.get(term, where).inferred:
             if parameter.name in owner:
                 both = f"{owner[parameter.name]} and {term} both have a parameter {parameter.name!r}"
-                raise InputError(f"damping model {name!r}: {both}; use only one of the two")
+                raise InputError(f"damping model {name!r}: {both}; use only one of the two", where)
             owner[parameter.name] = term
     return terms
 

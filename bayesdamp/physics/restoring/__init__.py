@@ -67,7 +67,7 @@ class RestoringLaw(ABC):
     shift: ClassVar[str] = ""
     """Name of the parameter that only shifts the force along θ, such as the rest angle; "" if there is none."""
     positive: ClassVar[tuple[str, ...]] = ()
-    """Names of the parameters that must be above 0, because the rest position is not stable otherwise."""
+    """Names of the parameters that must be above 0."""
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:

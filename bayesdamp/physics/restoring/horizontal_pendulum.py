@@ -22,7 +22,6 @@ class HorizontalPendulum(RestoringLaw):
     name = "horizontal_pendulum"
     formula = "k(θ − θs) − γ cos θ"
     parameters = ("stiffness", "gravity", "spring_angle")
-    positive = ("stiffness",)
 
     @staticmethod
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
@@ -36,11 +35,11 @@ class HorizontalPendulum(RestoringLaw):
         """Return an initial guess of the parameters; known parameters keep their values.
 
         An unknown γ is 0. At the equilibrium θ_e = `rest` (rad), k follows from ω² = F′(θ_e) = k + γ sin θ_e with ω =
-        `frequency` (rad/s), and θ_s from F(θ_e) = 0.
+        `frequency` (rad/s), and θ_s from F(θ_e) = 0; if k is known to be 0, θ_s has no effect.
         """
         gravity = known.get("gravity", 0.0)
         stiffness = known.get("stiffness", frequency**2 - gravity * math.sin(rest))
-        spring = rest - gravity * math.cos(rest) / stiffness
+        spring = rest - gravity * math.cos(rest) / stiffness if stiffness else rest
         return {"stiffness": stiffness, "gravity": gravity, "spring_angle": spring, **known}
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:

@@ -373,9 +373,10 @@ class RecordChecks:
                 if total > 0:
                     own = v.probability / total
                     answer = f"; the answer gives {fmt.probability(own)}"
-                    # A method that ranks another damping first has a check of its own below.
-                    agreeing = [p[named] for p in shares.values() if p[named] == max(p.values())]
-                    apart = max((abs(_log_odds(p) - _log_odds(own)) for p in agreeing), default=0.0)
+                    # If the evidence ranks another damping first, this has a check of its own below.
+                    p = shares.get(ranked.method, {})
+                    if p and p[named] == max(p.values()):
+                        apart = abs(_log_odds(p[named]) - _log_odds(own))
             contradicts = apart > CLEAR_NATS and not self.exact_only
             if contradicts:
                 answer = f"{answer}, and the log odds differ by {apart:.1f} nats"
