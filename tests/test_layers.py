@@ -147,6 +147,11 @@ def test_an_import_from_an_upper_layer_is_reported_and_another_is_not(
     assert len(backward(source, module)) == faults
 
 
+def test_a_module_without_a_layer_is_refused() -> None:
+    with pytest.raises(AssertionError, match="is in no layer"):
+        backward("import numpy", "bayesdamp.helpers")
+
+
 DOOR = "bayesdamp"
 """The package imports a public name when it is first requested, so its own imports are not counted."""
 
@@ -176,12 +181,14 @@ def test_neither_modules_nor_folders_import_each_other_in_a_circle() -> None:
 
 
 @pytest.mark.parametrize(
-    "texts",
+    ("modules", "texts"),
     [
-        ("from bayesdamp.b import x", "def f():\n    from bayesdamp import c", "import bayesdamp.a"),
-        ("if TYPE_CHECKING:\n    import bayesdamp.b", "import bayesdamp.a", ""),
+        ("abc", ("from bayesdamp.b import x", "def f():\n    from bayesdamp import c", "import bayesdamp.a")),
+        ("ab", ("if TYPE_CHECKING:\n    import bayesdamp.b", "import bayesdamp.a", "")),
     ],
 )
-def test_a_circle_is_reported(texts: tuple[str, str, str]) -> None:
-    with pytest.raises(CycleError):
-        TopologicalSorter(graph_of(dict(zip(("bayesdamp.a", "bayesdamp.b", "bayesdamp.c"), texts)))).prepare()
+def test_a_circle_is_reported_with_its_modules(modules: str, texts: tuple[str, str, str]) -> None:
+    sources = {f"bayesdamp.{name}": text for name, text in zip("abc", texts, strict=True)}
+    with pytest.raises(CycleError) as caught:
+        TopologicalSorter(graph_of(sources)).prepare()
+    assert set(caught.value.args[1]) == {f"bayesdamp.{name}" for name in modules}

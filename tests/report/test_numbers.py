@@ -6,6 +6,7 @@ import io
 import re
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from pkgutil import resolve_name
 from shutil import copytree
@@ -14,12 +15,13 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+import bayesdamp.formatting as fmt
 from bayesdamp.report.render import render
 from bayesdamp.report.terminal import VerdictPrinter
 from bayesdamp.verdict.types import load_verdicts
 from tests.report import stored as expected
 from tests.report.conftest import RunMaker, write_answers
-from tests.report.pages import Comparison, Tables
+from tests.report.pages import Comparison, Tables, numbers
 from tests.report.stored import MODEL, UNIT
 
 
@@ -116,6 +118,31 @@ def test_every_number_that_is_shown_is_the_stored_one(compared: Callable[[], Com
     assert len(c.compared) > 200
 
 
+def test_a_number_is_right_to_half_a_unit_of_its_last_digit() -> None:
+    """The rule of the comparison; control: half a unit and 1 % of it is wrong."""
+    for text, value, half in (
+        ("−0.0120", -0.012, 5e-5), ("5\u202f000", 5000, 0.5), ("(1.20 ± 0.30) × 10⁷", 1.2e7, 5e4),
+        ("85 ms", 0.085, 5e-4), ("0", 0, 0),
+    ):  # fmt: skip
+        number = numbers(text)[0]
+        assert number.is_right(value)
+        assert number.is_right(value + half)
+        assert not number.is_right(value + 1.01 * half + 1e-12), text
+    assert numbers("> 0.999")[0].is_right(0.9995)
+    assert not numbers("> 0.999")[0].is_right(0.9985)
+
+
+def exchange_errors(answer: Any) -> Any:
+    """Return an answer in which the errors from noise and from the law are exchanged."""
+
+    def exchange(rows: Any) -> Any:
+        return tuple(replace(r, sd_noise=r.sd_law, sd_law=r.sd_noise) for r in rows)
+
+    v = answer.verdict
+    changed = replace(v, damping_ratio=exchange(v.damping_ratio), coefficients=exchange(v.coefficients))
+    return replace(answer, verdict=changed)
+
+
 Change = Callable[[Callable[..., Any]], Callable[..., Any]]
 REPORT = "bayesdamp.report"
 SIZES = ("bayesdamp.formatting.with_interval", "bayesdamp.verdict.words.with_interval")
@@ -127,6 +154,15 @@ CONTROLS: dict[str, tuple[tuple[str, ...], Change, str]] = {
         (f"{REPORT}.sections.estimates._table",),
         lambda f: lambda *of: f(*of[:3], [{**r, "error_pct": r["error_pct"] / 2} for r in of[3]]),
         r"estimates, error.*: (least|largest|)"),
+    "noise and law exchanged": (
+        (f"{REPORT}.sections.answer.answer_of",), lambda f: lambda *place: exchange_errors(f(*place)),
+        r"(ratio|coefficient), sd from (noise|the law): "),
+    "probability of the rival": (
+        ("bayesdamp.verdict.words._answer",), lambda f: lambda v: f(replace(v, probability=v.rivals[0].probability)),
+        r".* answer: probability"),
+    "ends of Q exchanged": (
+        ("bayesdamp.verdict.parts.quality_of", f"{REPORT}.sections.answer.quality_of"),
+        lambda _: lambda r: fmt.with_interval(0.5 / r.value, 0.5 / r.low, 0.5 / r.high), r".*Q:? (low|high)"),
     "amplitudes in rad": (
         (f"{REPORT}.results.run.in_unit", f"{REPORT}.terminal.in_unit"), lambda _: lambda verdict, unit: verdict,
         r"(?!.*frequency at).*amplitude(: )?"),

@@ -217,3 +217,14 @@ def test_numbers_of_repeats_are_pooled_as_logarithms(frequency):
     without_likelihoods = specimen("x", [replace(item, likelihoods={}) for item in answers])
     assert (without_likelihoods.damping, without_likelihoods.decided) == ("", False)
     assert specimen("x", answers[:1]) is None
+
+
+def test_a_record_of_another_specimen_increases_the_spread():
+    """Its damping is 25 % larger. Control: the records of one specimen agree."""
+    answers = [analyse(ringdown({"viscous": 0.2}, seed)[0]) for seed in (1, 2, 3)]
+    other = analyse(ringdown({"viscous": 0.25}, 4)[0])
+    same, mixed = specimen("x", answers), specimen("x", [*answers, other])
+    assert same.standardised < 5
+    assert same.spread.value < 0.05
+    assert mixed.standardised > 10
+    assert mixed.spread.value > 0.05

@@ -5,29 +5,57 @@ from __future__ import annotations
 import csv
 import json
 import math
-from dataclasses import replace
+from dataclasses import astuple, fields, is_dataclass, replace
+from enum import StrEnum
 from pathlib import Path
+from types import NoneType
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import pytest
 
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import make_record
+from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.types import columns, load_verdicts, save_verdicts
 from tests.verdict.test_decide import HERTZ, verdict_of
 
 
-def test_an_envelope_and_a_motion_have_the_same_fields(tmp_path: Path) -> None:
+def type_faults(kind: Any, value: Any, place: str = "verdict") -> list[str]:
+    """Return where a JSON value differs from a type. A number that is not known is null."""
+    arguments = get_args(kind)
+    if value is None:
+        return [] if kind is float or NoneType in arguments else [f"{place}: null"]
+    if isinstance(value, list):
+        return [f for i, item in enumerate(value) for f in type_faults(arguments[0], item, f"{place}[{i}]")]
+    expected = arguments[0] if arguments else kind
+    if is_dataclass(expected):
+        names = {f.name for f in fields(expected)}
+        faults = [f"{place}.{name}: missing or unknown" for name in names ^ value.keys()]
+        hints = get_type_hints(expected)
+        for name in names & value.keys():
+            faults += type_faults(hints[name], value[name], f"{place}.{name}")
+        return faults
+    plain = {float: (int, float)}.get(expected, str if issubclass(expected, StrEnum) else expected)
+    is_right = isinstance(value, plain) and isinstance(value, bool) == (expected is bool)
+    return [] if is_right else [f"{place}: {value!r} is not of type {expected.__name__}"]
+
+
+@pytest.fixture(scope="module")
+def envelope() -> Verdict:
     t = 12.0 * np.arange(10.0)
     y = 3.0 * 0.5 ** (t / 12.0) * np.exp(0.02 * np.random.default_rng(2).standard_normal(t.size))
-    envelope = analyse(make_record("swing.csv", t, y, "mm", 2.0)).verdict
+    return analyse(make_record("swing.csv", t, y, "mm", 2.0)).verdict
+
+
+def test_an_envelope_and_a_motion_have_the_same_fields(envelope: Verdict, tmp_path: Path) -> None:
     motion = replace(verdict_of(frequency_at=HERTZ), unexplained_pct=math.nan)
     save_verdicts(tmp_path, [motion, envelope])
     content = json.loads((tmp_path / "verdict.json").read_text(), parse_constant=pytest.fail)
-    assert [v["schema"] for v in content] == [1, 1]
-    assert content[0].keys() == content[1].keys()
+    assert [v.pop("schema") for v in content] == [1, 1]
+    assert [type_faults(Verdict, v) for v in content] == [[], []]
     loaded = load_verdicts(tmp_path / "verdict.json")
-    assert [v.to_dict() for v in loaded] == [motion.to_dict(), envelope.to_dict()]
+    assert [repr(astuple(v)) for v in loaded] == [repr(astuple(v)) for v in (motion, envelope)]
     rows = list(csv.DictReader((tmp_path / "verdicts.csv").read_text().splitlines()))
     assert [row["quantity"] for row in rows] == ["angle", "envelope"]
     assert tuple(rows[0]) == columns()
@@ -36,3 +64,22 @@ def test_an_envelope_and_a_motion_have_the_same_fields(tmp_path: Path) -> None:
         assert [float(row[s.term]) for s in v.energy] == [s.probability for s in v.energy]
     assert float(rows[1]["quality_factor"]) == envelope.quality_factor.value
     assert (rows[0]["quality_factor"], rows[1]["restoring"]) == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"terms": {"viscous": 0.9}}, "verdict.terms: missing or unknown"),
+        ({"probability": "0.9"}, "verdict.probability: '0.9' is not of type float"),
+        ({"damping": None}, "verdict.damping: null"),
+        ({"rate": {"value": 0.1}}, "verdict.rate.low: missing or unknown"),
+    ],
+)
+def test_another_type_or_field_is_noticed(envelope: Verdict, change: dict[str, Any], fault: str) -> None:
+    """The negative control."""
+    assert fault in type_faults(Verdict, {**envelope.to_dict(), **change})
+
+
+def test_an_unknown_grade_is_refused(envelope: Verdict) -> None:
+    with pytest.raises(ValueError, match="'good' is not a valid Grade"):
+        Verdict.from_dict({**envelope.to_dict(), "grade": "good"})

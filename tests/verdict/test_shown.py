@@ -1,15 +1,20 @@
-"""A verdict on the terminal, in a table, and in a notebook."""
+"""A verdict on the terminal, in a table and in a notebook, and the arrays of its figures in the record's unit."""
 
 from __future__ import annotations
 
 import io
+import math
 from dataclasses import replace
 
+import numpy as np
+import pytest
 from rich.console import Console
 
 from bayesdamp.report.terminal import VerdictPrinter
+from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import DampingRatio, Grade
 from bayesdamp.verdict.types import Verdict
+from bayesdamp.verdict.units import LENGTH_ARRAYS, picture_in_unit
 
 SURE = Verdict("a", Grade.EXACT, True, "viscous", 0.99)
 
@@ -43,3 +48,15 @@ def test_the_sampled_sentence_is_printed_too() -> None:
     assert text.count("The first.") == text.count("The sampled.") == 1
     confirmed = text.index("Sampling (sequential Monte Carlo) confirms this result")
     assert confirmed < text.index("The sampled.")
+
+
+def test_lengths_and_energies_of_a_figure_are_in_the_unit_of_the_record() -> None:
+    """Energies per unit of inertia change with the square of the unit; damping ratios do not change."""
+    energies = ("work/viscous", "work/coulomb", "free/lost")
+    arrays = {name: np.array([0.5]) for name in (*LENGTH_ARRAYS, *energies, "free/ratio")}
+    per = 180 / math.pi
+    factors = dict.fromkeys(LENGTH_ARRAYS, per) | dict.fromkeys(energies, per**2) | {"free/ratio": 1.0}
+    converted = picture_in_unit(arrays, UNITS["deg"])
+    assert {n: x.item() for n, x in converted.items()} == pytest.approx(
+        {n: 0.5 * f for n, f in factors.items()}
+    )

@@ -103,10 +103,12 @@ def test_intervals_are_right_in_spite_of_a_second_mode() -> None:
     assert np.count_nonzero(5 * np.abs(scores) < 1.96) < 77
 
 
-def test_standard_errors_of_the_frequency_are_large_enough(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The mean square score of 20 records is below the 99.95 % point of a chi-square over its degrees of freedom.
+def test_standard_errors_of_frequency_and_damping_ratio_are_large_enough(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The mean square scores of 20 records are below the 99.95 % point of a chi-square over its degrees of freedom.
 
-    Negative control: with a quarter of the standard errors it is not. The damping is viscous, so that the frequency
+    Negative control: with a quarter of the standard errors they are not. The damping is viscous, so that the frequency
     needs no allowance for the damping.
     """
     monkeypatch.setattr("bayesdamp.records.oscillation.law_free.FREQUENCY_ERROR", 0.0)
@@ -117,10 +119,11 @@ def test_standard_errors_of_the_frequency_are_large_enough(monkeypatch: pytest.M
     for seed in range(20):
         noise = 1e-3 * np.random.default_rng([7, seed]).standard_normal(t.size)
         curves = amplitude_curves(Signal(t, motion + noise))
-        scores.append((curves.frequency - omega) / curves.frequency_sd)
-    mean_square, largest = np.mean(np.square(scores)), chi2.ppf(0.9995, 20) / 20
-    assert mean_square < largest
-    assert 16 * mean_square > largest
+        of_frequency = (curves.frequency - omega) / curves.frequency_sd
+        scores.append([of_frequency, (curves.ratio - zeta / omega) / curves.ratio_sd])
+    mean_squares, largest = np.mean(np.square(scores), axis=(0, 2)), chi2.ppf(0.9995, 20) / 20
+    assert np.all(mean_squares < largest)
+    assert np.all(16 * mean_squares > largest)
 
 
 def test_a_noisy_record_of_thousands_of_cycles_is_measured_where_its_cycles_can_be_counted(
