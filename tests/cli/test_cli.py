@@ -157,7 +157,9 @@ def test_check_reads_the_records_as_the_run_would(
     (folder / "study.toml").write_text(measured.replace('"phi"', '"psi"'))
     assert refused("check", "study.toml") == "rig.csv: unknown column 'psi'; did you mean 'phi'?"
     (folder / "study.toml").write_text(measured.replace("stiffness = 20.0", "stiffness = -20.0"))
-    assert "the law linear has no stable equilibrium" in refused("study", "study.toml", "--out", "out")
+    assert "stiffness = -20: it must be above 0 under the law linear" in refused(
+        "study", "study.toml", "--out", "out"
+    )
     assert not (folder / "out").exists()
 
 

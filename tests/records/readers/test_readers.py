@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import struct
 import sys
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +18,7 @@ from bayesdamp.records.opening import read_contents
 from bayesdamp.records.read import read_record, read_records
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
-from tests.bad_input.binaries import mat_bomb
+from tests.bad_input.binaries import mat
 from tests.records.readers.written import FORMATS, RATE, Z, cassy, excel, matlab_73, parquet, tdms, uff
 from tests.records.tables import T, Y
 
@@ -74,7 +76,10 @@ def test_cells_and_structs_of_matlab_are_runs(tmp_path: Path) -> None:
 
 def test_a_compressed_mat_file_is_not_unpacked_beyond_the_limit(tmp_path: Path, monkeypatch) -> None:
     """192 MiB of zeros in 200 KiB. It is read in this process because a child process would have the normal limit."""
-    mat_bomb(tmp_path / "a.mat")
+    mat(path := tmp_path / "a.mat")
+    pack = zlib.compressobj(9)
+    packed = b"".join([*(pack.compress(bytes(2**20)) for _ in range(192)), pack.flush()])
+    path.write_bytes(path.read_bytes()[:128] + struct.pack("<II", 15, len(packed)) + packed)
     monkeypatch.setattr(contents, "LARGEST_FILE", 2**26)
     with pytest.raises(InputError, match="GiB are not read"):
         read_contents(tmp_path / "a.mat", isolate=False)
