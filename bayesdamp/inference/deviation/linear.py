@@ -222,7 +222,7 @@ time."""
 
 
 LARGEST_INFORMATION = 1e11
-"""Largest diagonal element of the information matrix, relative to the prior's, up to which Cholesky factors and
+"""Largest information about a deviation at a knot, relative to the prior's, up to which Cholesky factors and
 differences of squares keep at least five digits (measured)."""
 SMALL = 12
 """Size of a triangular matrix up to which `_inverse` uses `numpy.linalg.inv` instead of blocks."""
@@ -505,11 +505,37 @@ class Normals:
 
 
 @dataclass(frozen=True)
+class _Principal:
+    """A linear model whose scores are replaced by their principal coordinates v, relative to a fit without deviations.
+
+    The scores are axes (at + v), where the matrix `axes`, (d, d), is orthogonal, and `at`, (d,), is the posterior mean
+    without deviations. In `model`, with the unknowns v, g and h, the information about v without deviations is
+    diagonal and the target is small, so that sums of their products keep their digits also where a record determines
+    some scores far better than others.
+    """
+
+    model: LinearModel
+    axes: np.ndarray
+    at: np.ndarray
+
+    @classmethod
+    def of(cls, model: LinearModel, variance: float) -> _Principal:
+        """Change the coordinates of a model. variance: variance of the noise, in the record's unit squared."""
+        d = model.positive.size
+        left, sizes, axes = np.linalg.svd(model.root[:, :d], full_matrices=False)
+        at = sizes * (left.T @ model.target) / (sizes**2 + variance)
+        root = np.concatenate([left * sizes, model.root[:, d:]], axis=1)
+        target = model.target - left @ (sizes * at)
+        return cls(replace(model, root=root, target=target), axes.T, at)
+
+
+@dataclass(frozen=True)
 class _Triangles:
     """Cholesky factors of the posterior's information matrix (inverse covariance) at c combinations of hyperparameters.
 
-    In coordinates w with the prior N(0, I) the log posterior is −wᵀ L Lᵀ w / 2 + bᵀ w + constant. lower: L, (c, K, K).
-    half: L⁻¹ b, (c, K). left: least value over w of |root u − target|² / noise variance + |w|², (c,), without
+    In coordinates w, which are the principal coordinates of the scores and independent coordinates of g and h with the
+    prior N(0, I), the log posterior is −wᵀ L Lᵀ w / 2 + bᵀ w + constant. lower: L, (c, K, K). half: L⁻¹ b, (c, K).
+    left: least value of |root u − target|² / noise variance + |scores|² + |w of g and h|², (c,), without
     `LinearModel.rest`.
     """
 
@@ -518,32 +544,32 @@ class _Triangles:
     left: np.ndarray
 
     @classmethod
-    def of(cls, model: LinearModel, grid: Grid, variance: np.ndarray) -> _Triangles:
+    def of(cls, principal: _Principal, grid: Grid, variance: np.ndarray) -> _Triangles:
         """Factorise the information matrix at each grid point (combination of hyperparameters).
 
-        Hyperparameters are the sizes and correlation lengths of the deviations. The unknowns are the standard normal
-        scores of the parameters, then the deviations g and h. variance: variance of the noise at each of c grid points,
-        (c,).
+        Hyperparameters are the sizes and correlation lengths of the deviations. variance: variance of the noise at each
+        of c grid points, (c,).
         """
-        d, total = model.positive.size, model.root.shape[1]
+        model, d, total = principal.model, principal.at.size, principal.model.root.shape[1]
         sd = np.sqrt(variance)[:, None]
         white = _whitened(model, grid)
         scales = np.concatenate([np.ones((grid.log_prior.size, d)), grid.scales], axis=1) / sd
         products = np.swapaxes(white, 1, 2) @ white
         information = products[grid.lengths] * scales[:, :, None] * scales[:, None, :]
         information[:, np.arange(total), np.arange(total)] += 1.0
-        squares = model.target @ model.target / variance
-        if information.diagonal(axis1=1, axis2=2).max() < LARGEST_INFORMATION:
+        about = np.concatenate([principal.at, np.zeros(total - d)])
+        squares = model.target @ model.target / variance + about @ about
+        if information.diagonal(axis1=1, axis2=2)[:, d:].max(initial=0.0) < LARGEST_INFORMATION:
             lower = np.linalg.cholesky(information)
-            half = (model.target @ white)[grid.lengths] * scales / sd
+            half = (model.target @ white)[grid.lengths] * scales / sd - about
             for i in range(total):  # forward substitution
                 half[:, i] -= np.einsum("ci,ci->c", lower[:, i, :i], half[:, :i])
                 half[:, i] /= lower[:, i, i]
             return cls(lower, half, squares - np.sum(half**2, axis=1))
-        # With hardly any noise the information matrix loses digits: minimise |white w − target|² + |w|² by QR.
+        # With hardly any noise the information matrix loses digits: minimise |white w − target|² + |w + about|² by QR.
         c = variance.size
         aim = np.broadcast_to((model.target / sd)[:, :, None], (c, model.target.size, 1))
-        prior = np.broadcast_to(np.eye(total, total + 1), (c, total, total + 1))
+        prior = np.broadcast_to(np.column_stack([np.eye(total), -about]), (c, total, total + 1))
         stacked = np.concatenate([white[grid.lengths] * scales[:, None, :], aim], axis=2)
         upper = np.asarray(np.linalg.qr(np.concatenate([stacked, prior], axis=1), mode="r"))
         upper = upper * np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
@@ -582,14 +608,18 @@ def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, sample
     """
     d = model.positive.size
     variance = np.broadcast_to(variance, grid.log_prior.size)
-    triangles = _Triangles.of(model, grid, variance)
+    principal = _Principal.of(model, float(np.min(variance)))
+    triangles = _Triangles.of(principal, grid, variance)
     lower, half = triangles.lower, triangles.half
     log = -0.5 * (triangles.left + model.rest / variance)
     log -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
     log += grid.log_prior - 0.5 * samples * np.log(2 * np.pi * variance)
     factors = np.swapaxes(_inverse(lower), 1, 2).copy()
+    factors[:, :d] = principal.axes @ factors[:, :d]
     factors[:, d:] = grid.factors @ factors[:, d:]
-    return Normals(log, (factors @ half[:, :, None])[:, :, 0], factors)
+    means = (factors @ half[:, :, None])[:, :, 0]
+    means[:, :d] += principal.axes @ principal.at
+    return Normals(log, means, factors)
 
 
 def score_normals(model: LinearModel, grid: Grid, variance: float, samples: float) -> Normals:
@@ -602,14 +632,14 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
     """
     d = model.positive.size
     n = (model.root.shape[1] - d) // 2
+    principal = _Principal.of(model, variance)
     # Sums of products of the model's columns, in the order g, h, scores, target.
-    white = np.roll(_whitened(model, grid), -d, axis=2)
-    target = np.broadcast_to(model.target[:, None], (len(white), model.target.size, 1))
+    white = np.roll(_whitened(principal.model, grid), -d, axis=2)
+    target = np.broadcast_to(principal.model.target[:, None], (len(white), model.target.size, 1))
     columns = np.concatenate([white, target], axis=2)
     products = np.swapaxes(columns, 1, 2) @ columns / variance
-    information = products.diagonal(axis1=1, axis2=2)[grid.lengths, :-1]
-    information[:, : 2 * n] *= grid.scales**2
-    if information.max() >= LARGEST_INFORMATION:
+    information = products.diagonal(axis1=1, axis2=2)[grid.lengths, : 2 * n] * grid.scales**2
+    if information.max(initial=0.0) >= LARGEST_INFORMATION:
         whole = normals(model, grid, variance, samples)
         return Normals(whole.log, whole.means[:, :d], whole.factors[:, :d])
     # Integrate h out.
@@ -630,11 +660,12 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
     # The posterior of the scores.
     lower = np.linalg.cholesky(np.eye(d) + left[:, :d, :d])
     factors = np.swapaxes(_inverse(lower), 1, 2)
-    half = (left[:, None, d, :d] @ factors)[:, 0]
+    half = ((left[:, d, :d] - principal.at)[:, None] @ factors)[:, 0]
     log_det = log_det + 2 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    squares = left[:, d, d] - np.sum(half**2, axis=1) + model.rest / variance
+    squares = left[:, d, d] + principal.at @ principal.at - np.sum(half**2, axis=1) + model.rest / variance
     log = grid.log_prior - 0.5 * (squares + log_det + samples * np.log(2 * np.pi * variance))
-    return Normals(log, (factors @ half[:, :, None])[:, :, 0], factors)
+    means = principal.at + (factors @ half[:, :, None])[:, :, 0]
+    return Normals(log, means @ principal.axes.T, principal.axes @ factors)
 
 
 def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: float) -> LinearPosterior:

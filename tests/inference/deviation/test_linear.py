@@ -99,12 +99,17 @@ def test_evidence_under_half_normal_priors_is_that_of_quadrature(shift: float, p
     assert abs(whole.log_evidence - truth) > 0.03
 
 
-def test_evidence_is_accurate_for_very_little_noise() -> None:
-    """Noise of 1e-8, against numbers of fifty digits."""
+@pytest.mark.parametrize(("deviating", "apart"), [(1.0, 1.0), (1e-5, 1e-6)])
+def test_evidence_is_accurate_for_very_little_noise(deviating: float, apart: float) -> None:
+    """Noise of 1e-8, against numbers of fifty digits; also if the deviations have little effect, and the record
+    determines the scores far better than their priors, but nearly only a combination of them."""
     sd, (columns, y) = 1e-8, problem(6, 2)
+    columns[:, 1] = columns[:, 0] + apart * columns[:, 1]
+    columns[:, 2:] *= deviating
     y = columns[:, :2] @ [0.7, -0.4] + sd * np.random.default_rng(1).standard_normal(N)
     grid = grid_of(KNOTS, coarse=True)
-    posterior = linear_posterior(condense(columns, y, np.zeros(2, bool)), grid, sd**2, N)
+    model = condense(columns, y, np.zeros(2, bool))
+    posterior = linear_posterior(model, grid, sd**2, N)
     assert np.all(np.isfinite(posterior.log_each))
     with mpmath.workdps(50):
         for i in (0, len(grid.log_prior) - 1):
@@ -115,3 +120,9 @@ def test_evidence_is_accurate_for_very_little_noise() -> None:
             squares = (record.T * mpmath.lu_solve(covariance, record))[0]
             truth = -(squares + mpmath.log(mpmath.det(covariance)) + N * mpmath.log(2 * mpmath.pi)) / 2
             assert posterior.log_each[i] == pytest.approx(float(truth) + grid.log_prior[i], abs=0.02)
+            both = normals(model, grid.only(np.array([i])), sd**2, N)
+            assert both.log[0] == pytest.approx(posterior.log_each[i], abs=0.02)
+            assert both.means[0, :2] == pytest.approx(posterior.means[i, :2], abs=1e-3)
+            solved = mpmath.lu_solve(covariance, record)
+            mean = [float(z) for z in scores.T * solved]
+            assert both.means[0, :2] == pytest.approx(mean, abs=1e-4)
