@@ -19,7 +19,7 @@ import scipy  # loads its modules when they are used
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.forces import by_kernel, frequency_over
+from bayesdamp.physics.forces import Force, by_kernel, on_arrays, slope_of
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.orbit import Orbit, orbit_about
 from bayesdamp.physics.restoring import LAWS
@@ -237,27 +237,33 @@ def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: flo
     return orbit if np.isfinite(orbit.energy) else None
 
 
-def natural_frequency(restoring: str, law: np.ndarray, rest: float, scale: float) -> float:
-    """Return the frequency √F′ of small oscillations about the equilibrium `rest`, in rad/s; 0 if F′ < 0.
+def restoring_of(restoring: str, law: np.ndarray) -> Force:
+    """Return the restoring force per unit of inertia for n draws of a law's parameters, (n, r).
 
-    F′ is the derivative of the restoring force per unit of inertia. rest: in rad or m. restoring: name of the law. law:
-    parameters of the restoring law, (r,), in the order of `RestoringLaw.parameters`. scale: a typical displacement in
-    rad or m; the difference quotient for F′ has the step 1e-5 `scale`.
+    The function maps positions in rad or m, (..., n), to forces of the same shape. restoring: name of the law.
     """
-    d = 1e-5 * scale
-    return frequency_over(by_kernel(LAWS.get(restoring).kernel, law), rest - d, rest + d)
+    kernel, parameters = on_arrays(LAWS.get(restoring).kernel), tuple(law.T)
+    return lambda x: kernel(x, parameters)
 
 
-def balanced_frequency(restoring: str, law: np.ndarray, rest: float, amplitude: float) -> float:
-    """Return the frequency at an amplitude (rad or m), in rad/s, by harmonic balance: from the force's first harmonic.
+def natural_frequency(force: Force, rest: np.ndarray, scale: float) -> np.ndarray:
+    """Return the frequencies √F′ of small oscillations about the equilibria `rest`, (n,), in rad/s; 0 if F′ < 0.
 
-    It is 0 if this harmonic does not pull back. restoring, law, rest: as in `natural_frequency`. It needs only 16
-    values of the force, and its change with the parameters of the law is accurate enough for the spread between draws
-    (N. M. Krylov and N. N. Bogoliubov, 1943).
+    F′ is the derivative of the restoring force. force: as `restoring_of` returns it. rest: in rad or m. scale: a
+    typical displacement in rad or m; the difference quotient for F′ has the step 1e-5 `scale`.
     """
-    force = by_kernel(LAWS.get(restoring).kernel, law)
-    pull = float(force(rest + amplitude * _COSINES) @ _COSINES)
-    return float(np.sqrt(max(2 * pull / (len(_COSINES) * amplitude), 0.0)))
+    return np.sqrt(np.maximum(slope_of(force, rest, 1e-5 * scale), 0.0))
+
+
+def balanced_frequency(force: Force, rest: np.ndarray, amplitude: float) -> np.ndarray:
+    """Return the frequencies at an amplitude in rad or m, (n,), in rad/s, by harmonic balance.
+
+    They follow from the first harmonic of the restoring force, and are 0 if it does not pull back. force, rest: as in
+    `natural_frequency`. It needs only 16 values of the force for each draw, and its change with the parameters of the
+    law is accurate enough for the spread between draws (N. M. Krylov and N. N. Bogoliubov, 1943).
+    """
+    pull = _COSINES @ force(rest + amplitude * _COSINES[:, None])
+    return np.sqrt(np.maximum(2 * pull / (len(_COSINES) * amplitude), 0.0))
 
 
 def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:

@@ -28,6 +28,7 @@ from bayesdamp.inference.deviation.draws import (
     quantity,
     ratio_at,
     ratio_over_law,
+    restoring_of,
     shares_of,
     time_fraction,
     unexplained_and_noise,
@@ -40,6 +41,7 @@ from bayesdamp.inference.deviation.free import FreeCurve, free_curve
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.tempered import TemperedDraws
 from bayesdamp.inference.diagnostics import moments_and_quantiles
+from bayesdamp.physics.forces import newton_many
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.types import NORMAL_95, SENSOR, Ratio, sum_probabilities
@@ -49,8 +51,9 @@ CURVE_AMPLITUDES = 12
 PROBABLE_RIVALS = 1e-3
 """Damping ratios are averaged over the rivals too if the rivals (sums with a form of damping that is not compared) are
 together more probable than this."""
-FREQUENCY_DRAWS = 800
-"""About this number of draws, of all candidates together, is used to compute a frequency (at most twice as many)."""
+NEWTON_STEPS = 6
+"""Number of steps of Newton's method from the equilibrium at the mode to that of a draw; each doubles the number of
+correct digits (conventional)."""
 UNDETERMINED_WIDTH = 0.7
 """A record does not determine a parameter if the 95 % interval of its posterior is wider than this fraction of the 95 %
 interval of its prior (conventional)."""
@@ -280,40 +283,38 @@ def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None)
     an orbit of this amplitude are left out; None if all are. The two parts of the sd are nan.
     """
     values = []
-    # Draws are ordered by grid point: take every `step`-th. One step for all candidates preserves their probabilities.
-    step = max(1, sum(len(d.h) for d in drawn) // FREQUENCY_DRAWS)
     for d in drawn:
-        name, h, scale = d.result.candidate.restoring, d.h[:, -1], 1.0
-        frequency, size = natural_frequency, d.result.data.amplitude
-        if amplitude is not None:
+        name, best = d.result.candidate.restoring, d.result.law[None]
+        force = restoring_of(name, d.law)
+        if amplitude is None:
+            h = d.h[:, -1]
+            own = natural_frequency(force, _equilibria(d.result, d.law), d.result.data.amplitude)
+        else:
             orbit = orbit_of(d.result, amplitude)
             if orbit is None:
                 continue
-            frequency, size, law = balanced_frequency, amplitude, d.result.law
-            # Correct the error of harmonic balance by that at the mode.
-            scale = (
-                2
-                * np.pi
-                / float(orbit.period)
-                / max(frequency(name, law, _rest_of_draw(d.result, law), size), 1e-300)
-            )
             h = at_fraction(d.h, time_fraction(d.result, amplitude))
-        for law, shift in zip(d.law[::step], h[::step], strict=True):
-            rest = _rest_of_draw(d.result, law)
-            values.append(scale * frequency(name, law, rest, size) * (1 + shift) / (2 * np.pi))
-    return quantity(np.array(values)) if values else None
+            own = balanced_frequency(force, _equilibria(d.result, d.law), amplitude)
+            # Correct the error of harmonic balance by that at the mode.
+            at_mode = balanced_frequency(restoring_of(name, best), _equilibria(d.result, best), amplitude)[0]
+            own = own * (2 * np.pi / float(orbit.period)) / max(at_mode, 1e-300)
+        values.append(own * (1 + h) / (2 * np.pi))
+    return quantity(np.concatenate(values)) if values else None
 
 
-def _rest_of_draw(result: CandidateResult, law: np.ndarray) -> float:
-    """Return the equilibrium in rad or m for one draw of a restoring law's parameters, (r,).
+def _equilibria(result: CandidateResult, law: np.ndarray) -> np.ndarray:
+    """Return the equilibria in rad or m, (n,), for n draws of the parameters of a candidate's restoring law, (n, r).
 
-    It is the draw's rest angle if the law has one, because a record of velocity or acceleration does not determine it;
-    else the equilibrium near the record's midline.
+    They are the draws' rest angles if the law has one, because a record of velocity or acceleration does not determine
+    it; else the equilibria near that of the mode.
     """
-    names = LAWS.get(result.candidate.restoring).parameters
+    name = result.candidate.restoring
+    names = LAWS.get(name).parameters
     if "rest_angle" in names:
-        return float(law[names.index("rest_angle")])
-    return result.data.rest_under(result.candidate.restoring, law)
+        return law[:, names.index("rest_angle")]
+    near = np.full(len(law), result.data.rest_under(name, result.law))
+    rest = newton_many(restoring_of(name, law), near, NEWTON_STEPS)
+    return np.where(np.isfinite(rest), rest, near)
 
 
 def _limits_of_absent_terms(
