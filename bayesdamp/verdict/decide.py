@@ -155,7 +155,6 @@ def decide(
             *([Bound("any other form", findings.other)] if approximate else []),
         ),
         deviation=interval_of(findings.deviation) if approximate else None,
-        unnamed=None if findings.unnamed is None else interval_of(findings.unnamed),
         unexplained_pct=100 * findings.unexplained,
         noise_pct=100 * findings.noise,
         midline_drift_pct=100 * findings.midline,
@@ -172,7 +171,7 @@ def decide(
     if instead is not None:  # the energy of each term follows from the law
         verdict = replace(verdict, energy=(), other_forms=())
     if contradicted:
-        verdict = replace(verdict, exponent=None, unnamed=None, coefficients=())
+        verdict = replace(verdict, exponent=None, coefficients=())
     if off and by_law is not None and instead is None:
         notes = [*notes, frequency_remark(verdict, by_law)]
     reservations = remarks(verdict, findings, same, notes, twins)

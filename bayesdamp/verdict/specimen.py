@@ -198,9 +198,9 @@ def common_verdict(
 
     One damping is named without reservation (`decided`) if its probability, the grade and possible twins allow it, as
     in `decide`; a twin is possible if it is possible in each record. The grade is that of the worst record; the
-    deviation and the unnamed fraction are each those with the largest upper limit of all records, and the unexplained
-    residual is the largest one. The energy fractions and the noise are medians over the records, the ends of the energy
-    intervals the least and the largest ones.
+    deviation is that with the largest upper limit of all records, and the unexplained residual is the largest one. The
+    energy fractions and the noise are medians over the records, the ends of the energy intervals the least and the
+    largest ones.
 
     Parameters
     ----------
@@ -244,8 +244,9 @@ def common_verdict(
             replace(r, probability=min(r.probability, thresholds.CAP)) for r in rivals_of(damping, others)
         ),
         energy=tuple(sorted(shares, key=lambda s: -s.share)),
-        deviation=_largest([v.deviation for v in own]),
-        unnamed=_largest([v.unnamed for v in own]),
+        deviation=max(
+            (v.deviation for v in own if v.deviation), key=lambda i: (i.high, i.value), default=None
+        ),
         unexplained_pct=max(v.unexplained_pct for v in own),
         noise_pct=float(np.median([v.noise_pct for v in own])),
         remarks=remarks,
@@ -345,8 +346,3 @@ def _ratios(
             rest = float(np.sqrt(max(float(np.std(draws)) ** 2 - noise**2, 0.0)))
             rows.append(DampingRatio(amplitude, unit, value, noise, rest, low, high))
     return tuple(specimen_rows), tuple(following_rows)
-
-
-def _largest(intervals: Sequence[Interval | None]) -> Interval | None:
-    """Return the interval with the largest upper limit; None if there is none."""
-    return max((i for i in intervals if i is not None), key=lambda i: (i.high, i.value), default=None)

@@ -110,8 +110,6 @@ class Verdict(CheckedMethods):
     over_law
         The damping divided by that of its law, at the amplitude where it surely deviates most; None where it surely
         deviates by more than `thresholds.DEVIATES` at no amplitude.
-    unnamed
-        Fraction of the energy that no sum of the compared terms explains, with its 95 % interval.
     unexplained_pct, noise_pct
         Rms of the unexplained residual, and of the noise of a sample, in % of the first amplitude.
     midline_drift_pct
@@ -170,7 +168,6 @@ class Verdict(CheckedMethods):
     power_law: float = NAN
     probability_exact: float = NAN
     deviation: Interval | None = None
-    unnamed: Interval | None = None
     spread: Interval | None = None
     unexplained_pct: float = NAN
     noise_pct: float = field(default=NAN, metadata={"label": "noise", "unit": "% of the first amplitude"})
@@ -296,7 +293,7 @@ _FULL = Verdict(
     frequency=_INTERVAL, frequency_at=FrequencyAt(NAN, "", NAN, NAN, NAN), exponent=_INTERVAL,
     damping_ratio=(_RATIO,) * _RATIOS, next_record=(_RATIO,) * _RATIOS, rate=_NUMBER, quality_factor=_NUMBER,
     energy=tuple(Share(term, NAN, NAN, NAN, NAN) for term in ("viscous", "coulomb", "quadratic")),
-    deviation=_INTERVAL, unnamed=_INTERVAL, spread=_INTERVAL, window=UsedWindow(NAN, NAN, NAN, ""),
+    deviation=_INTERVAL, spread=_INTERVAL, window=UsedWindow(NAN, NAN, NAN, ""),
 )  # fmt: skip
 """A verdict that has a value in every column of verdicts.csv; other terms have columns only where they occur."""
 

@@ -18,7 +18,6 @@ from bayesdamp.verdict.parts import (
     DampingRatio,
     FrequencyAt,
     Grade,
-    Interval,
     LawFreeAt,
     OverLaw,
     UsedWindow,
@@ -351,14 +350,14 @@ def test_the_narrower_frequency_at_the_same_amplitude_is_given(
 
 
 def test_numbers_are_passed_on_in_their_units() -> None:
-    given = {"unnamed": Quantity(0.1, 0.0, 0.2), "other_forms": {"power": 0.3}, "midline": -0.0123}
+    given = {"other_forms": {"power": 0.3}, "midline": -0.0123}
     window = UsedWindow(1.0, 41.0, 30.0, "after the release")
     verdict = verdict_of(**given, unit="m", window=window)
     assert (verdict.restoring, verdict.restoring_probability) == ("linear", 0.8)
     percentages = (verdict.unexplained_pct, verdict.noise_pct, verdict.midline_drift_pct)
     assert percentages == pytest.approx((0.1, 0.4, -1.23))
     assert [(r.damping, r.probability) for r in verdict.rivals] == [("power", 0.3), ("viscous+coulomb", 0.03)]
-    assert (verdict.unnamed, verdict.window) == (Interval(0.1, 0.0, 0.2), window)
+    assert verdict.window == window
     assert verdict.damping_ratio[0] == DampingRatio(0.3, "m", 0.0101, 1e-5, 1e-4, 0.0099, 0.0103)
     (zeta,) = verdict.coefficients
     assert (zeta.name, zeta.sd_noise, zeta.sd_law, zeta.unit) == ("zeta", 1e-4, 4e-4, "1/s")

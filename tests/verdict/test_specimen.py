@@ -65,7 +65,6 @@ def answered(
     ratio: float,
     logs: dict[Model, float | np.ndarray],
     grade: Grade = Grade.EXACT,
-    unnamed: Interval | None = None,
     sd: float = 0.001,
     others: tuple[OtherForm, ...] = (),
 ) -> RecordAnswer:
@@ -74,7 +73,7 @@ def answered(
     comparison = weighed_run(ratio, sd, logs, others)
     likeliest = max(comparison.log_evidence, key=lambda k: comparison.log_evidence[k])[0]
     verdict = Verdict(
-        name, grade, True, likeliest, 0.9, energy=shares, unnamed=unnamed,
+        name, grade, True, likeliest, 0.9, energy=shares,
         damping_ratio=(DampingRatio(0.2, "deg", ratio, 0, 0, 0, 0),),
         frequency=Interval(2.0, 1.9, 2.1, "Hz"), deviation=Interval(0.02 * len(name), 0.0, 0.1),
     )  # fmt: skip
@@ -236,12 +235,12 @@ def test_frequencies_of_records_are_pooled_and_a_specified_frequency_stays() -> 
 
 def test_a_specimen_has_the_worst_grade_and_the_largest_deviation_of_its_records() -> None:
     records = [
-        answered("a", 0.01, {V: 0.0}, unnamed=Interval(0.1, 0.0, 0.2)),
-        answered("bb", 0.01, {V: 0.0}, grade=Grade.DEVIATES, unnamed=Interval(0.3, 0.2, 0.4)),
+        answered("a", 0.01, {V: 0.0}),
+        answered("bb", 0.01, {V: 0.0}, grade=Grade.DEVIATES),
     ]
     verdict = specimen("rig", records)
     assert (verdict.grade, verdict.decided) == (Grade.DEVIATES, False)
-    assert (verdict.deviation, verdict.unnamed) == (Interval(0.04, 0.0, 0.1), Interval(0.3, 0.2, 0.4))
+    assert verdict.deviation == Interval(0.04, 0.0, 0.1)
     undetected = [replace(records[0].verdict, deviation=Interval(0.0, 0.0, high)) for high in (0.1, 0.2)]
     assert common_verdict("rig", undetected, {"viscous": 1.0}, {}).deviation == undetected[1].deviation
     shares = [("viscous", 0.6, 0.5, 0.7), ("quadratic", 0.4, 0.3, 0.5)]

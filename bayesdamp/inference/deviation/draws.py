@@ -14,7 +14,6 @@ from itertools import accumulate
 from typing import Self
 
 import numpy as np
-import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
@@ -42,9 +41,6 @@ records of `LEAST_CYCLE_MEANS` cycles, far fewer with more cycles."""
 LEAST_CYCLE_MEANS = 8
 """Least number of cycles for which `midline_drift` fits a straight line to the mean residuals of the cycles; with fewer
 the drift is taken as 0."""
-UNNAMED_DRAWS = 400
-"""Number of draws, from all candidates together, from which `unnamed_share` computes the fraction of the energy loss
-that no sum of the compared terms explains."""
 _COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi)
 """Displacements of a harmonic motion of amplitude 1 at 16 equidistant phases, for `balanced_frequency`."""
 
@@ -327,23 +323,20 @@ def unit_works(
     return solver.works(x, v, weight, further, active, epsilon)
 
 
-def ratios_per_unit(d: CandidateDraws, amplitude: float, every_term: bool = False) -> np.ndarray | None:
+def ratios_per_unit(d: CandidateDraws, amplitude: float) -> np.ndarray | None:
     """Return the equivalent damping ratio at an amplitude per unit of each coefficient, for each draw, (n, m).
 
     The equivalent damping ratio is the energy lost in a cycle of the undamped orbit, divided by 4π times the orbit's
     energy. Times the coefficients and summed over the m terms, the result is this ratio without deviations. The orbit
     is that under the restoring law at the candidate's mode, for all draws. The result is (1, m) if all draws have the
     same own parameters (those besides the coefficients, such as an exponent); None if no orbit has the amplitude (rad
-    or m). With `every_term`, terms that the candidate does not have are included if they have no own parameters; else
-    they get 0.
+    or m). Terms that the candidate does not have get 0.
     """
     solver = d.result.solver
     orbit = orbit_of(d.result, amplitude)
     if orbit is None:
         return None
-    simple = np.array([not TERMS.get(t).inferred for t in solver.terms])
-    active = d.result.fit.active | simple if every_term else d.result.fit.active
-    works = d.by_further(lambda rows: unit_works(orbit, solver, rows, active))
+    works = d.by_further(lambda rows: unit_works(orbit, solver, rows, d.result.fit.active))
     return works / (4 * np.pi * orbit.energy)
 
 
@@ -538,54 +531,6 @@ def _energies(result: CandidateResult, knots: int) -> np.ndarray:
     times = np.linspace(0, 1, knots) * result.data.end
     weight = np.ones(knots) if at.size < 2 else np.interp(times, at, sizes) ** 2
     return weight / weight.sum()
-
-
-def unnamed_share(drawn: Sequence[CandidateDraws], amplitudes: Sequence[float]) -> Quantity | None:
-    """Return median and 95 % interval of the fraction of the energy loss that no sum of compared terms explains.
-
-    The compared terms are those of the candidates, by default viscous, Coulomb and quadratic damping. For each of about
-    `UNNAMED_DRAWS` draws the damping ratio against amplitude, deviations included, is approximated by the nearest sum
-    of terms with coefficients ≥ 0. The fraction is the mean relative distance of the two curves, weighted by the energy
-    lost. Candidates without an orbit at one of the amplitudes, and draws that lose no energy, are left out; None if
-    nothing remains. amplitudes: falling, in rad or m.
-    """
-    total = sum(len(d.coefficients) for d in drawn)
-    counts = [max(1, round(UNNAMED_DRAWS * len(d.coefficients) / total)) for d in drawn]
-    each = zip(drawn, counts, strict=True)
-    shares = [share for d, count in each for share in _unexplained(d, amplitudes, count)]
-    return quantity(np.array(shares)) if shares else None
-
-
-def _unexplained(d: CandidateDraws, amplitudes: Sequence[float], count: int) -> list[float]:
-    """Return the fraction of the energy loss that no sum of compared terms explains, for about `count` of the draws.
-
-    The compared terms are those of the candidates. amplitudes: in rad or m. Draws that lose no energy are left out. The
-    result is empty if one of the amplitudes has no orbit. For the method see `unnamed_share`.
-    """
-    every = np.unique(np.linspace(0, len(d.coefficients) - 1, count).astype(int))
-    few = CandidateDraws(d.result, *(a[every] for a in (d.coefficients, d.further, d.law, d.g, d.h)))
-    unit, curve, energy = [], [], []
-    for a in amplitudes:
-        per_unit, orbit = ratios_per_unit(few, a, every_term=True), orbit_of(d.result, a)
-        if per_unit is None or orbit is None:
-            return []
-        share = time_fraction(d.result, a)
-        own = np.sum(few.coefficients * per_unit, axis=1)
-        unit.append(np.broadcast_to(per_unit, few.coefficients.shape))
-        curve.append(own * np.exp(at_fraction(few.g, share)) / (1 + at_fraction(few.h, share)))
-        energy.append(orbit.energy)
-    weight = np.abs(np.gradient(np.array(energy)))
-    weight /= weight.sum()
-    shares = []
-    for i in range(len(every)):
-        ratio = np.array([c[i] for c in curve])
-        if not np.all(ratio > 0):  # no energy is lost
-            continue
-        columns = np.array([u[i] for u in unit]) / ratio[:, None]
-        scale = np.maximum(np.abs(columns).max(axis=0), 1e-300)
-        nearest = scipy.optimize.nnls(np.sqrt(weight)[:, None] * columns / scale, np.sqrt(weight))[0]
-        shares.append(float(weight @ np.abs(1 - columns / scale @ nearest)))
-    return shares
 
 
 def midline_drift(result: CandidateResult) -> float:

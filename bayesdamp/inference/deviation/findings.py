@@ -33,7 +33,6 @@ from bayesdamp.inference.deviation.draws import (
     time_fraction,
     unexplained_and_noise,
     unit_works,
-    unnamed_share,
 )
 from bayesdamp.inference.deviation.exponent import LEAST_EXPONENT, MOST_EXPONENT
 from bayesdamp.inference.deviation.forms import bound_other_forms
@@ -115,9 +114,6 @@ class Findings:
         Number of cycles.
     free : FreeCurve, optional
         The damping curve without a law.
-    unnamed : Quantity, optional
-        Fraction of the dissipated energy that no sum of the compared terms with coefficients ≥ 0 explains; None under
-        exact laws.
     undetermined, inseparable : tuple
         Parameters of the most probable sum that the record does not determine, and pairs of parameters of which it
         determines only a combination.
@@ -157,7 +153,6 @@ class Findings:
     amplitudes: tuple[float, float]
     cycles: float
     free: FreeCurve | None = None
-    unnamed: Quantity | None = None
     undetermined: tuple[str, ...] = ()
     inseparable: tuple[tuple[str, str], ...] = ()
     exponents: tuple[float, ...] = ()
@@ -256,7 +251,6 @@ def compute_findings(
         amplitudes=(data.amplitude, data.final_amplitude),
         cycles=data.cycles,
         free=free_curve(comparison, best.candidate.restoring, curve, np.random.default_rng([seed, 2])),
-        unnamed=unnamed_share(drawn, along) if approximate else None,
         undetermined=undetermined,
         inseparable=inseparable,
         exponents=comparison.exponents,

@@ -9,7 +9,6 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.optimize import nnls
 
 from bayesdamp.inference.deviation.findings import Findings, compute_findings
 from bayesdamp.inference.deviation.quick import compare_signal
@@ -54,28 +53,3 @@ def test_the_band_contains_the_true_curve(kind: str) -> None:
     ratio = truth / (2 * math.pi * (W * free.amplitude) ** 2)
     assert np.mean((free.ratio[:, 1] <= ratio) & (ratio <= free.ratio[:, 2])) > 0.85
     assert np.all(np.diff(free.amplitude) < 0)
-
-
-def unexplained_share(kind: str, low: float) -> float:
-    """Return the part of the energy lost from A to `low` that the nearest sum of the paper's three terms does not
-    explain."""
-    a = np.linspace(A, low, 200)
-    loss = np.array([lost(kind, each) for each in a])
-    columns = np.column_stack([a, a**2, a**3]) / loss[:, None]
-    weight = a / a.sum()
-    fitted = nnls(np.sqrt(weight)[:, None] * columns, np.sqrt(weight))[0]
-    return float(weight @ np.abs(1 - columns @ fitted))
-
-
-def test_the_share_that_no_law_explains() -> None:
-    """It is 0 if a sum of terms is true, and for a dip it is the distance from the nearest sum."""
-    share = findings_on("friction and drag").unnamed
-    assert share.low < 0.005
-    assert share.high < 0.1
-    share, truth = (
-        findings_on("a dip").unnamed,
-        unexplained_share("a dip", findings_on("a dip").amplitudes[1]),
-    )
-    assert truth > 0.1
-    assert share.low < truth < share.high
-    assert not share.low < 1.5 * truth < share.high  # control
