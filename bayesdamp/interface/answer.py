@@ -27,7 +27,7 @@ from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.records.cleaning.window import other_decays
-from bayesdamp.records.oscillation.law_free import amplitude_curves, law_free
+from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.serial import join, split
 from bayesdamp.store.contents import (
     AnswerContent,
@@ -52,9 +52,11 @@ COMPARED = "comparison"
 CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
 """Names of the arrays of a damping curve that a verdict on several records needs: amplitudes, damping ratio with the
 ends of its 95 % interval, and mean and sd of the logarithm of the damping ratio divided by that without deviations."""
-BY_LAW = ("ratio", "low", "high", "free/")
-"""Prefixes of the names of the arrays of the damping curve, from damping laws and (free/) measured without one. If no
-law is the answer, all these are replaced by the arrays of `measured_curve`."""
+BY_LAW = ("ratio", "low", "high")
+"""Names of the arrays of the damping ratio that is averaged over damping laws; they are left out if no law is the
+answer."""
+CURVE_POINTS = 40
+"""Number of points of the damping curve that is measured without a law."""
 OF_LAW = (*BY_LAW, "fit", "residual", "exponent", "law/", "work/")
 """Prefixes of the names of all arrays that depend on a damping law; they are left out if the record contradicts every
 law."""
@@ -273,7 +275,8 @@ def answer(
     arrays = dict(picture(comparison, findings))
     if verdict.law_free:
         left_out = OF_LAW if verdict.contradicted else BY_LAW
-        arrays = {n: a for n, a in arrays.items() if not n.startswith(left_out)} | measured_curve(signal)
+        arrays = {n: a for n, a in arrays.items() if not n.startswith(left_out)}
+    arrays |= measured_curve(signal)
     if repeated:
         arrays |= _runs(comparison, findings)
     return _store(comparison, verdict, arrays)
@@ -344,15 +347,18 @@ def measure_without_law(signal: Signal, amplitudes: Sequence[float]) -> LawFreeA
 def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
     """Return the damping curve that is measured without a law, as the arrays `free/*` of a figure.
 
-    They contain, at increasing amplitudes `free/amplitude` in the signal's unit, the equivalent damping ratio
-    `free/ratio` and the energy lost in a cycle `free/lost` (unit²/s²), each with the ends `_low` and `_high` of its
-    95 % interval. The energy lost in a cycle, per unit of inertia, is that of a sinusoidal oscillation: 2π ζ ω² A²,
-    with the damping ratio ζ, the angular frequency ω and the amplitude A. Raises Refusal if the record has too few
-    cycles.
+    They contain, at falling amplitudes `free/amplitude` in the signal's unit, the equivalent damping ratio `free/ratio`
+    and the energy lost in a cycle `free/lost` (unit²/s²), each with the ends `_low` and `_high` of its 95 % interval.
+    The energy lost in a cycle, per unit of inertia, is 4π ζ E with the damping ratio ζ and the energy E of the
+    oscillation. Return no arrays if the record is too short.
     """
-    at = amplitude_curves(signal)
-    order, half = np.argsort(at.amplitude), NORMAL_95 * at.ratio_sd
-    lost = 2 * np.pi * (at.frequency * at.amplitude) ** 2
+    try:
+        curve = law_free(signal)
+    except Refusal:
+        return {}
+    at = curve.at(np.linspace(*curve.span, CURVE_POINTS))
+    order, half = np.argsort(-at.amplitude), NORMAL_95 * at.ratio_sd
+    lost = 4 * np.pi * at.energy
     arrays = {"free/amplitude": at.amplitude[order]}
     for end, values in (("", at.ratio), ("_low", at.ratio - half), ("_high", at.ratio + half)):
         arrays |= {f"free/ratio{end}": values[order], f"free/lost{end}": (lost * values)[order]}

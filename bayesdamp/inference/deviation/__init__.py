@@ -33,8 +33,7 @@ Modules
    limits for other forms. `exponent`: the exponent of a power law.
 4. Sample. `sampling`: draws of the motions instead of the linear model, with the sampler of `tempered`, from
    the linear models of `slices` where a damping term has a parameter of its own.
-5. Findings. `draws`, `free`: damping ratio at an amplitude, by law and without a law. `findings`: the numbers of a
-   verdict and the arrays of a picture.
+5. Findings. `draws`: damping ratio at an amplitude. `findings`: the numbers of a verdict and the arrays of a picture.
 
 `single` is one candidate and its probability density. `specimen` compares one damping on several records, which
 `repeats` joins.

@@ -365,14 +365,13 @@ def linearise_at_mode(
     fit: LeastSquaresFit,
     variance: float | None,
     start: Linearisation | None = None,
-    grid: Grid | None = None,
 ) -> tuple[Linearisation, float] | None:
     """Linearise a candidate about the joint mode of its parameters and deviations, by Gauss–Newton steps.
 
     In each step the sizes (prior sds) and correlation lengths of the deviations are fixed at their most probable values
-    (see `mode_of`). The steps end before one that would change the motion by less than `SETTLED`, when none of `STEPS`
-    keeps the sum of squared residuals from growing, or after `MOST_STEPS`; the linearisation at the last point is
-    returned.
+    in the coarse grid of `Linearisation.grid` (see `mode_of`). The steps end before one that would change the motion by
+    less than `SETTLED`, when none of `STEPS` keeps the sum of squared residuals from growing, or after `MOST_STEPS`;
+    the linearisation at the last point is returned.
 
     Parameters
     ----------
@@ -386,8 +385,6 @@ def linearise_at_mode(
         Variance of the noise, in the record's unit squared; if None, that of `Linearisation.variance` at each step.
     start : Linearisation, optional
         The linearisation at which the steps start; by default that at the fit without deviations.
-    grid : Grid, optional
-        Sizes and correlation lengths of the deviations; by default the coarse grid of `Linearisation.grid`.
 
     Returns
     -------
@@ -397,7 +394,7 @@ def linearise_at_mode(
     at = start or linearise(solver, data, fit)
     if at is None:
         return None
-    d, grid, first = fit.z.size, grid or at.grid(coarse=True), 0
+    d, grid, first = fit.z.size, at.grid(coarse=True), 0
     for _ in range(MOST_STEPS):
         used = variance if variance is not None else at.variance(data)
         for i, (share, hold) in enumerate(STEPS[first:], first):

@@ -36,7 +36,6 @@ from bayesdamp.inference.deviation.draws import (
 )
 from bayesdamp.inference.deviation.exponent import LEAST_EXPONENT, MOST_EXPONENT
 from bayesdamp.inference.deviation.forms import bound_other_forms
-from bayesdamp.inference.deviation.free import FreeCurve, free_curve
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.tempered import TemperedDraws
 from bayesdamp.inference.diagnostics import moments_and_quantiles
@@ -112,8 +111,6 @@ class Findings:
         First and last amplitude of the record, in rad or m.
     cycles : float
         Number of cycles.
-    free : FreeCurve, optional
-        The damping curve without a law.
     undetermined, inseparable : tuple
         Parameters of the most probable sum that the record does not determine, and pairs of parameters of which it
         determines only a combination.
@@ -152,7 +149,6 @@ class Findings:
     noise: float
     amplitudes: tuple[float, float]
     cycles: float
-    free: FreeCurve | None = None
     undetermined: tuple[str, ...] = ()
     inseparable: tuple[tuple[str, str], ...] = ()
     exponents: tuple[float, ...] = ()
@@ -250,7 +246,6 @@ def compute_findings(
         noise=noise,
         amplitudes=(data.amplitude, data.final_amplitude),
         cycles=data.cycles,
-        free=free_curve(comparison, best.candidate.restoring, curve, np.random.default_rng([seed, 2])),
         undetermined=undetermined,
         inseparable=inseparable,
         exponents=comparison.exponents,
@@ -425,12 +420,9 @@ def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.n
     t, record, fit, residual: times in s, recorded values, the motion of the best candidate (with deviations if it has
     any) and their difference record − fit, thinned samples or amplitudes of blocks, (p,). amplitude, ratio, low, high:
     the damping ratio (median) against amplitude in rad or m with the ends of its 95 % interval, (a,). exponent:
-    quantiles of the exponent, if there are any. free/ratio and free/lost, if there is a free curve: without a law, the
-    damping ratio and the energy lost in a cycle (see `FreeCurve`) against free/amplitude, with the ends of their 95 %
-    intervals in free/ratio_low, free/ratio_high and so on. law/SUM: damping ratio of the fit of each candidate's sum
-    under exact laws and the best restoring law, at `amplitude`. work/TERM: energy lost in a cycle by each term of the
-    best sum in this fit, per unit of inertia, in rad²/s² or m²/s², at `amplitude`. Values are nan where no orbit has
-    the amplitude.
+    quantiles of the exponent, if there are any. law/SUM: damping ratio of the fit of each candidate's sum under exact
+    laws and the best restoring law, at `amplitude`. work/TERM: energy lost in a cycle by each term of the best sum in
+    this fit, per unit of inertia, in rad²/s² or m²/s², at `amplitude`. Values are nan where no orbit has the amplitude.
     """
     data = comparison.data
     best = comparison.result(numbers.best)
@@ -448,11 +440,6 @@ def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.n
     amplitude = arrays["amplitude"]
     if numbers.exponents:
         arrays["exponent"] = np.array(numbers.exponents)
-    if numbers.free is not None:
-        arrays["free/amplitude"] = numbers.free.amplitude
-        for name, values in (("ratio", numbers.free.ratio), ("lost", numbers.free.lost)):
-            for end, column in zip(("", "_low", "_high"), values.T, strict=True):
-                arrays[f"free/{name}{end}"] = column
     terms, solver = comparison.terms, comparison.solvers[numbers.best.restoring]
     orbits = [orbit_of(best, float(a)) for a in amplitude]
     energy = np.array([np.nan if o is None else o.energy for o in orbits])

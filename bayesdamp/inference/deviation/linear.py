@@ -30,12 +30,6 @@ the laws, g (log damping) and h (relative frequency)."""
 LENGTHS = (0.1, 0.3, 1.0)
 """Grid values of the correlation lengths of the deviations from the laws, g (log damping) and h (relative frequency),
 as fractions of the record's duration."""
-WIDE_SIZES = (0.1, 0.3, 1.0, 3.0)
-"""Sizes (prior standard deviations) of the log damping g for the damping curve without a law: at the largest the
-damping may change by a factor of 20 either way."""
-WIDE_LENGTHS = (0.1, 0.3, 1.0)
-"""Correlation lengths of the log damping g for the damping curve without a law, as fractions of the record's
-duration."""
 JITTER = 1e-6
 """Variance that is added to the diagonal of the prior covariance of a deviation, whose variance is 1, so that it has a
 Cholesky factor (conventional)."""
@@ -150,19 +144,6 @@ def grid_of(
     return replace(grid, scales=grid.scales[:, :knots], roots=grid.roots[:, :knots, :knots])
 
 
-@lru_cache(maxsize=8)
-def wide_grid(knots: int) -> Grid:
-    """Return the grid of hyperparameters for damping without a law, where the log damping g may vary widely.
-
-    Hyperparameters are sizes (prior sds) and correlation lengths. All `WIDE_SIZES` and `WIDE_LENGTHS` of g are equally
-    probable; h, the relative deviation of the frequency, has the grid of `grid_of` with `coarse`. knots: number of
-    knots in time of each deviation.
-    """
-    mass = -float(np.log(len(WIDE_SIZES) * len(WIDE_LENGTHS)))
-    of_g = [(size, length, mass) for size in WIDE_SIZES for length in WIDE_LENGTHS]
-    return _combine(knots, of_g, _with_none(SIZES_H[::2], MEAN_H, LENGTHS[::2]))
-
-
 def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> list[Size]:
     """Return size, length and log prior probability for one deviation: no deviation, and each size with each length.
 
@@ -180,9 +161,7 @@ def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> li
     return [(0.0, 1.0, float(np.log(PROBABILITY_EXACT))), *deviating]
 
 
-def _combine(
-    knots: int, of_g: Sequence[Size], of_h: Sequence[Size], absorbed: tuple[bool, bool] = (False, False)
-) -> Grid:
+def _combine(knots: int, of_g: Sequence[Size], of_h: Sequence[Size], absorbed: tuple[bool, bool]) -> Grid:
     """Return the grid of all combinations of sizes and lengths of the deviations g and h, which are independent.
 
     g is the deviation of the log damping, h the relative one of the frequency. of_g, of_h: sizes (prior sds),

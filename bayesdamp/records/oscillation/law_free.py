@@ -87,9 +87,6 @@ and cubic springs."""
 CONSTANT_ERRORS = (0.0, 0.03, 0.1, 0.3, 1.0)
 """Standard errors, as fractions of the smallest amplitude, of which one is added to the errors of all amplitudes,
 because noise in a narrow band is not visible within a window. The most likely of them is used."""
-MOST_POINTS = 12
-"""Largest number of points of a record's curves of amplitude, damping ratio and frequency against time
-(`amplitude_curves`)."""
 ESTIMATES_PER_WINDOW = 1.5
 """Number of statistically independent estimates of the amplitude that overlapping windows give within the length of one
 window (for windows that are raised cosines)."""
@@ -276,6 +273,8 @@ class Curves:
         Equivalent viscous damping ratio (see `DampingAt`), and its standard error.
     frequency, frequency_sd
         Angular frequency in rad/s, and its standard error.
+    energy
+        Energy of the oscillation per unit of inertia, in the square of the amplitude's unit per s².
     """
 
     amplitude: np.ndarray
@@ -283,6 +282,7 @@ class Curves:
     ratio_sd: np.ndarray
     frequency: np.ndarray
     frequency_sd: np.ndarray
+    energy: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -345,13 +345,13 @@ class LawFree:
             _, frequency, spread = _smooth(self.windows, self.windows.phases, place, (0.0,))
         sd = np.sqrt(variance + (RATE_ERROR * slope) ** 2)
         amplitude = np.exp(sizes)
-        _, energy, energy_sd = self.backbone.at(amplitude)
-        rate = -slope / half * energy
+        _, factor, factor_sd, energy = self.backbone.at(amplitude)
+        rate = -slope / half * factor
         ratio = rate / np.hypot(rate, 1.0)
-        ratio_sd = np.hypot(sd / half * energy, slope / half * energy_sd)
+        ratio_sd = np.hypot(sd / half * factor, slope / half * factor_sd)
         ratio_sd = np.hypot(ratio_sd, self.harmonic_error * self.backbone.third_harmonic(amplitude) * ratio)
         frequency_sd = np.hypot(np.sqrt(spread), FREQUENCY_ERROR * ratio**2 * frequency)
-        return Curves(amplitude, ratio, ratio_sd, frequency / half, frequency_sd / half)
+        return Curves(amplitude, ratio, ratio_sd, frequency / half, frequency_sd / half, energy)
 
 
 @once_per_record
@@ -410,17 +410,6 @@ def law_free(signal: Signal) -> LawFree:
     return LawFree(windows, sizes, backbone, line, HARMONIC_ERROR * (1 + order))
 
 
-def amplitude_curves(signal: Signal) -> Curves:
-    """Return amplitude, damping ratio and frequency at 2 to `MOST_POINTS` equidistant times of a record.
-
-    The times go from the middle of the first to that of the last window (`LawFree.span`). Raises Refusal if the record
-    does not oscillate or has too few cycles.
-    """
-    fit = law_free(signal)
-    count = int(np.clip(fit.sizes.size // STARTS_PER_WINDOW + 1, 2, MOST_POINTS))
-    return fit.at(np.linspace(*fit.span, count))
-
-
 def _fit_line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial:
     """Return a polynomial in time, fitted to the log amplitudes `sizes`, (k,), in the windows.
 
@@ -475,11 +464,11 @@ class Backbone:
     largest: float
     parts: tuple[tuple[float, np.ndarray, np.ndarray], ...]
 
-    def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return, at amplitudes (k,), the frequency ω (rad/s), the factor q (s), and the sd of q, (k,) each.
+    def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return, at amplitudes (k,), the frequency ω (rad/s), the factor q (s), its sd, and the energy E, (k,) each.
 
-        q times the decay rate −Ȧ/A (1/s) is (−dE/dt)/(2ωE) with the energy E: for light damping, the damping ratio.
-        Amplitudes are in the unit of `largest`.
+        q times the decay rate −Ȧ/A (1/s) is (−dE/dt)/(2ωE): for light damping, the damping ratio. Amplitudes are in the
+        unit of `largest`, and energies, per unit of inertia, in its square per s².
         """
         a = amplitude / self.largest
         curves = [_backbone_curves(c, a) for _, c, _ in self.parts]
@@ -493,7 +482,8 @@ class Backbone:
             sds.append(np.sqrt(total))
         weights = np.array([w for w, _, _ in self.parts])
         ratio, variance = _mix_curves(weights, [c[1] for c in curves], sds)
-        return weights @ np.array([c[0] for c in curves]), ratio, np.sqrt(variance)
+        frequency, _, energy = (weights @ np.array(rows) for rows in zip(*curves, strict=True))
+        return frequency, ratio, np.sqrt(variance), self.largest**2 * energy
 
     def third_harmonic(self, amplitude: np.ndarray) -> np.ndarray:
         """Return the amplitude ε of the third harmonic divided by that of the first, at amplitudes (k,), (k,).
@@ -508,7 +498,7 @@ class Backbone:
 
 
 def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return two rows (2, k) at relative amplitudes a (k,): frequency ω, and damping ratio divided by the rate −ȧ/a.
+    """Return rows (3, k) at relative amplitudes a (k,): frequency ω, damping ratio divided by the rate −ȧ/a, energy E.
 
     The damping ratio is (−dE/dt)/(2ωE). The action of a nearly sinusoidal oscillation is J = ωa²(1 − 2ε)/2, where
     ε = (1 − (ω₀/ω)²)/24 is the third harmonic of a cubic spring, and dE/dJ = ω gives the energy E(a) = ∫ ω dJ. c:
@@ -529,7 +519,7 @@ def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
 
     inside = 0.5 * a[:, None] * (_X + 1)
     energy = 0.5 * a * ((pace(inside) * action_slope(inside)) @ _W)
-    return np.stack([pace(a), a * action_slope(a) / (2 * np.maximum(energy, 1e-300))])
+    return np.stack([pace(a), a * action_slope(a) / (2 * np.maximum(energy, 1e-300)), energy])
 
 
 def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:

@@ -53,12 +53,16 @@ CAPTION = (
     "Upper left: the record and the fit of the damping model that the legend names (only their amplitudes, if the "
     "record was averaged over cycles). Upper right: the equivalent viscous damping ratio of this record against "
     "amplitude (thick black line) with its 95 % interval (grey band), the 95 % interval that is measured without "
-    "assuming a damping law (brown band, if it could be measured), and each compared damping model fitted by itself "
+    "assuming a damping law (brown band), and each compared damping model fitted by itself "
     f"(coloured lines). There {SHAPES}. A model whose line leaves both bands does not describe this record. Lower "
     "left: the residual, which is the record minus the fit. It should look like noise; a wave in it is motion that "
     "the fit does not explain. Lower right: the energy that each damping term of the fit dissipates in a cycle, "
     "divided by the mass or the moment of inertia. The highest line belongs to the term that dissipates most at that "
     "amplitude. If no law describes the record, the black line and the grey band are measured without a law."
+)
+UNMEASURED = (
+    " There is no brown band, because the damping ratio of this record could not be measured without assuming a "
+    "damping law."
 )
 MEASURED = (
     "Top: the record. Lower left: its equivalent viscous damping ratio against amplitude (black line) with the 95 % "
@@ -256,9 +260,10 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     unit, recorded = v.damping_ratio[0].unit if v.damping_ratio else "rad", own.of(quantity)
     label = f"{own.quantity_name(quantity)} / {words.divisor(recorded)}"
     draw = partial(figures.answer, answer.arrays, unit, v.damping, label)
-    parts: list[object] = [
-        run.drawings.add(f"answer-{signal}", MEASURED if v.contradicted else CAPTION, draw)
-    ]
+    caption = MEASURED if v.contradicted else CAPTION
+    if "free/amplitude" not in answer.arrays:
+        caption += UNMEASURED
+    parts: list[object] = [run.drawings.add(f"answer-{signal}", caption, draw)]
     e, draws = v.exponent, answer.arrays.get("exponent")
     if e is not None and draws is not None:
         title = f"The damping force {power_in_words(e, v.damping)}"

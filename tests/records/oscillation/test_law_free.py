@@ -11,22 +11,32 @@ from scipy.special import ellipk
 from scipy.stats import chi2
 
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.records.oscillation.law_free import amplitude_curves, law_free
+from bayesdamp.records.oscillation.law_free import Curves, law_free
 from bayesdamp.types import Signal
 from tests.physics.independent import trajectory, viscous as viscous_decay
 
 K = 20.0
 
 
+def curve_of(signal: Signal) -> Curves:
+    """Return damping ratio and frequency at 12 equidistant times."""
+    fit = law_free(signal)
+    return fit.at(np.linspace(*fit.span, 12))
+
+
 def test_the_backbone_of_a_pendulum_is_the_elliptic_integral() -> None:
-    """A pendulum from 1.2 rad by SciPy's solver. A constant frequency would be wrong by more than 3 %."""
+    """A pendulum from 1.2 rad by SciPy's solver. A constant frequency would be wrong by more than 3 %, and the energy
+    of a sinusoid by more than 4 %."""
     t = np.linspace(0.0, 20.0, 4000)
     p = {"zeta": 0.02, "stiffness": K, "rest_angle": 0.0, "theta0": 1.2, "omega0": 0.0}
     motion = trajectory("pendulum", p, t)[:, 0]
-    curves = amplitude_curves(Signal(t, motion + 4e-4 * np.random.default_rng(1).standard_normal(t.size)))
+    curves = curve_of(Signal(t, motion + 4e-4 * np.random.default_rng(1).standard_normal(t.size)))
     exact = np.sqrt(K) * np.pi / (2 * ellipk(np.sin(curves.amplitude / 2) ** 2))
     assert curves.frequency == pytest.approx(exact, rel=3e-3)
     assert np.ptp(exact) > 0.03 * exact[0]
+    energy = K * (1 - np.cos(curves.amplitude))
+    assert curves.energy == pytest.approx(energy, rel=5e-3)
+    assert (exact * curves.amplitude)[0] ** 2 / 2 < 0.96 * energy[0]
 
 
 @pytest.mark.parametrize(
@@ -54,7 +64,7 @@ def test_the_damping_ratio_of_a_strongly_nonlinear_spring_is_right(
     motion = trajectory("duffing", p, t)
     y = motion[:, ("angle", "velocity", "acceleration").index(quantity)]
     y = y + 1e-4 * np.std(y) * noise.standard_normal(t.size)
-    curves = amplitude_curves(Signal(t, y, quantity=quantity))
+    curves = curve_of(Signal(t, y, quantity=quantity))
     a = curves.amplitude[0]
 
     def energy(x: float) -> float:
@@ -118,7 +128,7 @@ def test_standard_errors_of_frequency_and_damping_ratio_are_large_enough(
     scores = []
     for seed in range(20):
         noise = 1e-3 * np.random.default_rng([7, seed]).standard_normal(t.size)
-        curves = amplitude_curves(Signal(t, motion + noise))
+        curves = curve_of(Signal(t, motion + noise))
         of_frequency = (curves.frequency - omega) / curves.frequency_sd
         scores.append([of_frequency, (curves.ratio - zeta / omega) / curves.ratio_sd])
     mean_squares, largest = np.mean(np.square(scores), axis=(0, 2)), chi2.ppf(0.9995, 20) / 20

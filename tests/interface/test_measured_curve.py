@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from bayesdamp.inference.deviation.findings import Findings, compute_findings
-from bayesdamp.inference.deviation.quick import compare_signal
+from bayesdamp.interface.answer import measured_curve
 from bayesdamp.types import Signal
 from tests.inference.deviation.decays import A, W, decay
 
@@ -23,13 +21,6 @@ FORCES: dict[str, Force] = {
     # At 60 % of the first amplitude the loss has a minimum, which no sum of the terms has.
     "a dip": lambda x, v: 0.08 * v * (1 - 0.8 * math.exp(-((math.hypot(x, v / W) / A - 0.6) ** 2) / 0.01)),
 }
-
-
-@lru_cache
-def findings_on(kind: str) -> Findings:
-    y = decay(lambda _, x, v: FORCES[kind](x, v), TIMES)[0]
-    y += SD * np.random.default_rng(4).standard_normal(TIMES.size)
-    return compute_findings(compare_signal(Signal(TIMES, y), restoring=["linear"]))
 
 
 def lost(kind: str, a: float) -> float:
@@ -45,11 +36,17 @@ def lost(kind: str, a: float) -> float:
 @pytest.mark.parametrize("kind", FORCES)
 def test_the_band_contains_the_true_curve(kind: str) -> None:
     """At 85 % or more of 40 correlated amplitudes. Control: it does not contain a curve that is a fifth higher."""
-    free = findings_on(kind).free
-    truth = np.array([lost(kind, a) for a in free.amplitude])
-    low, high = free.lost[:, 1], free.lost[:, 2]
+    y = decay(lambda _, x, v: FORCES[kind](x, v), TIMES)[0]
+    y += SD * np.random.default_rng(4).standard_normal(TIMES.size)
+    curve = measured_curve(Signal(TIMES, y))
+    amplitude, low, high = (curve[f"free/{name}"] for name in ("amplitude", "lost_low", "lost_high"))
+    truth = np.array([lost(kind, a) for a in amplitude])
     assert np.mean((low <= truth) & (truth <= high)) > 0.85
     assert np.mean((low <= 1.2 * truth) & (1.2 * truth <= high)) < 0.5  # control
-    ratio = truth / (2 * math.pi * (W * free.amplitude) ** 2)
-    assert np.mean((free.ratio[:, 1] <= ratio) & (ratio <= free.ratio[:, 2])) > 0.85
-    assert np.all(np.diff(free.amplitude) < 0)
+    ratio = truth / (2 * math.pi * (W * amplitude) ** 2)
+    assert np.mean((curve["free/ratio_low"] <= ratio) & (ratio <= curve["free/ratio_high"])) > 0.85
+    assert np.all(np.diff(amplitude) < 0)
+
+
+def test_a_record_of_one_cycle_has_no_curve() -> None:
+    assert not measured_curve(Signal(TIMES[:40], A * np.cos(W * TIMES[:40])))
