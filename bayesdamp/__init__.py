@@ -32,6 +32,7 @@ _NAMES = {
     "interface.density": ("Density",),
     "interface.estimate": ("Estimate", "estimate"),
     "interface.evidence": ("Evidence", "evidence"),
+    "interface.first_words": ("first_words",),
     "interface.fit": ("Fit", "Prediction", "fit"),
     "interface.model": ("Model",),
     "interface.posterior": ("Posterior", "sample"),
@@ -47,7 +48,6 @@ _NAMES = {
     "records.cleaning.clean": ("clean",),
     "records.envelope.record": ("EnvelopeRecord", "read_envelope"),
     "records.oscillation.features": ("features",),
-    "records.oscillation.law_free": ("first_words",),
     "records.read": ("read_record",),
     "types": ("InputError", "Refusal"),
     "verdict.types": ("Verdict",),
@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from bayesdamp.interface.density import Density as Density
     from bayesdamp.interface.estimate import Estimate as Estimate, estimate as estimate
     from bayesdamp.interface.evidence import Evidence as Evidence, evidence as evidence
+    from bayesdamp.interface.first_words import first_words as first_words
     from bayesdamp.interface.fit import Fit as Fit, Prediction as Prediction, fit as fit
     from bayesdamp.interface.model import Model as Model
     from bayesdamp.interface.posterior import Posterior as Posterior, sample as sample
@@ -88,7 +89,6 @@ if TYPE_CHECKING:
         read_envelope as read_envelope,
     )
     from bayesdamp.records.oscillation.features import features as features
-    from bayesdamp.records.oscillation.law_free import first_words as first_words
     from bayesdamp.records.read import read_record as read_record
     from bayesdamp.types import InputError as InputError, Refusal as Refusal
     from bayesdamp.verdict.types import Verdict as Verdict

@@ -370,6 +370,36 @@ class Ratio:
 
 
 @dataclass(frozen=True)
+class LawFreeDamping:
+    """Damping and frequency of a record at k amplitudes, measured without a law of damping or restoring force.
+
+    Attributes
+    ----------
+    amplitude : ndarray, shape (k,)
+        Amplitude of the displacement, in its base unit (rad, m, V, ...).
+    ratio, ratio_sd : ndarray, shape (k,)
+        Equivalent viscous damping ratio, and its standard error. The ratio is r/√(1 + r²), where r is the rate of
+        energy loss divided by 2ω times the energy of the oscillation; for a linear spring, r is −(dA/dt)/(ωA). For
+        light damping the ratio is the energy lost in a cycle, divided by 4π times the energy; for viscous damping it is
+        exactly the usual damping ratio.
+    frequency, frequency_sd : ndarray, shape (k,)
+        Frequency in Hz, and its standard error.
+    energy : ndarray, shape (k,)
+        Energy of the oscillation per unit of inertia, in the square of the amplitude's unit per s².
+    sentence : str
+        What `first_words` says about the record; else empty.
+    """
+
+    amplitude: np.ndarray
+    ratio: np.ndarray
+    ratio_sd: np.ndarray
+    frequency: np.ndarray
+    frequency_sd: np.ndarray
+    energy: np.ndarray
+    sentence: str = ""
+
+
+@dataclass(frozen=True)
 class ChainStart:
     """The starting point of a chain of a sampler, and how well the chain agrees with the others.
 

@@ -27,7 +27,7 @@ from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.records.cleaning.window import other_decays
-from bayesdamp.records.oscillation.law_free import law_free
+from bayesdamp.records.oscillation.law_free import LawFree, law_free
 from bayesdamp.serial import join, split
 from bayesdamp.store.contents import (
     AnswerContent,
@@ -41,7 +41,7 @@ from bayesdamp.types import NORMAL_95, OK, InputError, Reference, Refusal, Signa
 from bayesdamp.units import UNITS, Unit
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import decide
-from bayesdamp.verdict.parts import Averages, DampingRatio, FrequencyAt, Grade, LawFreeAt, UsedWindow
+from bayesdamp.verdict.parts import Averages, Grade, UsedWindow
 from bayesdamp.verdict.specimen import RecordAnswer
 from bayesdamp.verdict.types import Verdict
 
@@ -254,6 +254,13 @@ def answer(
         clear |= {c.damping for c, why in comparison.refused.items() if why == BEHIND}
         reasons = {c.damping: why for c, why in comparison.refused.items() if c.damping not in clear}
         remarks += [f"{'+'.join(terms)} was not compared: {why}." for terms, why in reasons.items()]
+    try:
+        curve = law_free(signal)
+    except Refusal:  # the record is too short
+        curve = None
+    measured_ratios = None
+    if curve is not None and findings.ratios:
+        measured_ratios = curve.at(curve.times_of(np.array([r.amplitude for r in findings.ratios])))
     verdict = decide(
         findings,
         record=signal.name,
@@ -264,9 +271,7 @@ def answer(
         window=UsedWindow(first, first + comparison.data.duration, comparison.data.cycles, ""),
         notes=remarks,
         averages=None if averaging is None else Averages(averaging.cycles, averaging.error),
-        law_free=measure_without_law(signal, [r.amplitude for r in findings.ratios])
-        if findings.ratios
-        else None,
+        law_free=measured_ratios,
     )
     no_law_fits = verdict.law_free and findings.unexplained >= thresholds.REMARK
     other = no_free_decay(signal, no_law_fits=True) if no_law_fits else None
@@ -276,7 +281,8 @@ def answer(
     if verdict.law_free:
         left_out = OF_LAW if verdict.contradicted else BY_LAW
         arrays = {n: a for n, a in arrays.items() if not n.startswith(left_out)}
-    arrays |= measured_curve(signal)
+    if curve is not None:
+        arrays |= measured_curve(curve)
     if repeated:
         arrays |= _runs(comparison, findings)
     return _store(comparison, verdict, arrays)
@@ -323,40 +329,15 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
     return Answer(content, arrays, further)
 
 
-def measure_without_law(signal: Signal, amplitudes: Sequence[float]) -> LawFreeAt | None:
-    """Measure damping ratios at given amplitudes, and the frequency in Hz at the last of these, without a damping law.
-
-    Both have 95 % intervals. Amplitudes are in the base unit of the signal (rad, m or the sensor's unit). For an
-    amplitude that the record does not contain, the nearest one is used. Return None if the record is too short.
-    """
-    try:
-        curve = law_free(signal)
-    except Refusal:
-        return None
-    at = curve.at(curve.times_of(np.array(amplitudes)))
-    half = NORMAL_95 * at.ratio_sd
-    columns = np.column_stack([at.amplitude, at.ratio, at.ratio_sd, at.ratio - half, at.ratio + half])
-    ratios = tuple(
-        DampingRatio(a, signal.unit, r, sd, 0.0, low, high) for a, r, sd, low, high in columns.tolist()
-    )
-    value, half = (float(v[-1]) / (2 * np.pi) for v in (at.frequency, NORMAL_95 * at.frequency_sd))
-    frequency = FrequencyAt(float(at.amplitude[-1]), signal.unit, value, value - half, value + half)
-    return LawFreeAt(ratios, frequency)
-
-
-def measured_curve(signal: Signal) -> dict[str, np.ndarray]:
+def measured_curve(fit: LawFree) -> dict[str, np.ndarray]:
     """Return the damping curve that is measured without a law, as the arrays `free/*` of a figure.
 
-    They contain, at falling amplitudes `free/amplitude` in the signal's unit, the equivalent damping ratio `free/ratio`
-    and the energy lost in a cycle `free/lost` (unit²/s²), each with the ends `_low` and `_high` of its 95 % interval.
-    The energy lost in a cycle, per unit of inertia, is 4π ζ E with the damping ratio ζ and the energy E of the
-    oscillation. Return no arrays if the record is too short.
+    They contain, at falling amplitudes `free/amplitude` in the record's base unit, the equivalent damping ratio
+    `free/ratio` and the energy lost in a cycle `free/lost` (unit²/s²), each with the ends `_low` and `_high` of its
+    95 % interval. The energy lost in a cycle, per unit of inertia, is 4π ζ E with the damping ratio ζ and the energy E
+    of the oscillation.
     """
-    try:
-        curve = law_free(signal)
-    except Refusal:
-        return {}
-    at = curve.at(np.linspace(*curve.span, CURVE_POINTS))
+    at = fit.at(np.linspace(*fit.span, CURVE_POINTS))
     order, half = np.argsort(-at.amplitude), NORMAL_95 * at.ratio_sd
     lost = 4 * np.pi * at.energy
     arrays = {"free/amplitude": at.amplitude[order]}

@@ -13,6 +13,7 @@ from bayesdamp.inference.deviation.findings import Findings
 from bayesdamp.physics.damping import TERMS, twins_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_unit
+from bayesdamp.types import NORMAL_95, LawFreeDamping
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import (
     Averages,
@@ -22,7 +23,6 @@ from bayesdamp.verdict.parts import (
     FrequencyAt,
     Grade,
     Interval,
-    LawFreeAt,
     OverLaw,
     Rival,
     Share,
@@ -43,7 +43,7 @@ def decide(
     window: UsedWindow | None = None,
     notes: Sequence[str] = (),
     averages: Averages | None = None,
-    law_free: LawFreeAt | None = None,
+    law_free: LawFreeDamping | None = None,
 ) -> Verdict:
     """Decide on the verdict on one record.
 
@@ -100,29 +100,29 @@ def decide(
         None if q is None or not ratios else FrequencyAt(ratios[-1].amplitude, unit, q.value, q.low, q.high)
     )
     contradicted = off = narrower = False
+    own_ratios, own_frequency = (), None
     if law_free is not None:
+        own_ratios, own_frequency = _with_intervals(law_free, unit)
         points = sorted((*findings.curve, *findings.ratios), key=lambda r: r.amplitude)
         known = [r.amplitude for r in points]
         rows = np.array([(r.value, r.low, r.high) for r in points]).T
-        for own in law_free.ratios:
+        for own in own_ratios:
             value, low, high = (float(np.interp(own.amplitude, known, row)) for row in rows)
             law_there = Interval(value, low, high)
             contradicted = contradicted or _contradicts(law_there, own, thresholds.CONTRADICTS)
-        own = law_free.frequency
+        own = own_frequency
         if by_law is not None and abs(log(by_law.amplitude / own.amplitude)) < thresholds.SAME_AMPLITUDE:
             off = _contradicts(by_law, own, thresholds.CONTRADICTS_FREQUENCY)
             narrower = own.high - own.low < by_law.high - by_law.low
     grade = grade_of(findings) if approximate else Grade.EXACT
     grade = Grade.DEVIATES if contradicted else grade
-    instead = (
-        law_free if grade is Grade.DEVIATES else None
-    )  # what the verdict gives instead of the law's values
-    natural = None if instead is not None or off else interval_of(findings.frequency, "Hz")
+    instead = law_free is not None and grade is Grade.DEVIATES  # whether no value of a law is given
+    natural = None if instead or off else interval_of(findings.frequency, "Hz")
     if natural is not None and natural.high - natural.low > thresholds.UNDETERMINED * natural.value:
         natural = None
     frequency_at = by_law
-    if law_free is not None and (by_law is None or off or instead is not None or narrower):
-        frequency_at = law_free.frequency
+    if own_frequency is not None and (by_law is None or off or instead or narrower):
+        frequency_at = own_frequency
     twins = possible_twins(findings, first)
     decided = (
         grade is not Grade.DEVIATES and findings.damping[first] >= thresholds.DECIDED and same and not twins
@@ -148,7 +148,7 @@ def decide(
         restoring_probability=min(next(iter(findings.restoring.values())), cap),
         frequency=natural,
         exponent=None if findings.exponent is None else interval_of(findings.exponent),
-        damping_ratio=ratios if instead is None else instead.ratios,
+        damping_ratio=own_ratios if instead else ratios,
         energy=tuple(sorted(shares, key=lambda s: -s.share)),
         other_forms=(
             *(Bound(t, findings.bound[t]) for t in findings.bound if t not in first.split("+")),
@@ -160,7 +160,7 @@ def decide(
         midline_drift_pct=100 * findings.midline,
         frequency_at=frequency_at,
         restoring_deviation=interval_of(findings.restoring_deviation) if approximate else None,
-        law_free=instead is not None,
+        law_free=instead,
         contradicted=contradicted,
         coefficients=coefficients,
         window=window,
@@ -168,14 +168,32 @@ def decide(
         quantity=quantity,
         over_law=_over_law(findings, unit),
     )
-    if instead is not None:  # the energy of each term follows from the law
+    if instead:  # the energy of each term follows from the law
         verdict = replace(verdict, energy=(), other_forms=())
     if contradicted:
         verdict = replace(verdict, exponent=None, coefficients=())
-    if off and by_law is not None and instead is None:
+    if off and by_law is not None and not instead:
         notes = [*notes, frequency_remark(verdict, by_law)]
     reservations = remarks(verdict, findings, same, notes, twins)
     return replace(verdict, remarks=reservations, sentence=sentence(verdict))
+
+
+def _with_intervals(law_free: LawFreeDamping, unit: str) -> tuple[tuple[DampingRatio, ...], FrequencyAt]:
+    """Return the measured damping ratios, and the frequency at the last of their amplitudes, with 95 % intervals."""
+    half = NORMAL_95 * law_free.ratio_sd
+    columns = (
+        law_free.amplitude,
+        law_free.ratio,
+        law_free.ratio_sd,
+        law_free.ratio - half,
+        law_free.ratio + half,
+    )
+    ratios = tuple(
+        DampingRatio(a, unit, r, sd, 0.0, low, high)
+        for a, r, sd, low, high in np.column_stack(columns).tolist()
+    )
+    value, half = float(law_free.frequency[-1]), NORMAL_95 * float(law_free.frequency_sd[-1])
+    return ratios, FrequencyAt(ratios[-1].amplitude, unit, value, value - half, value + half)
 
 
 def possible_twins(findings: Findings, damping: str) -> tuple[tuple[str, str, float], ...]:

@@ -100,18 +100,6 @@ class DampingRatio(AtAmplitude):
 
 
 @dataclass(frozen=True)
-class LawFreeAt:
-    """Damping ratios and a frequency that are estimated from the record without a law of damping or restoring force.
-
-    ratios: at the verdict's amplitudes, or the nearest amplitudes of the law-free curve. frequency: at the last of
-    these.
-    """
-
-    ratios: tuple[DampingRatio, ...]
-    frequency: FrequencyAt
-
-
-@dataclass(frozen=True)
 class Coefficient:
     """A parameter of the most probable damping sum or restoring law, with its total 95 % interval, from low to high.
 

@@ -245,6 +245,19 @@ def test_a_fit_of_a_record_in_degrees_uses_degrees() -> None:
     assert " deg" in repr(signal)
 
 
+def test_a_record_of_two_cycles_has_no_curve_without_a_law_and_the_report_says_so(tmp_path: Path) -> None:
+    t = np.linspace(0.0, 2.0, 16)
+    result = quick(
+        bd.signal(t, 0.3 * np.exp(-0.05 * t) * np.cos(6.0 * t), cleaned=False), restoring=["linear"]
+    )
+    assert result.curve.empty
+    assert not result.law_curve.empty
+    page = result.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "There is no brown band, because" in page
+    assert len(result.plot()) == 4
+    plt.close("all")
+
+
 def test_a_law_that_contradicts_the_record_is_not_in_the_report(tmp_path: Path) -> None:
     """The frequency drops by 2.5 % and the rate of decay rises by a half at 10 s: no law of the amplitude does both."""
     t = np.arange(0, 30, 0.01)

@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 
+import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.findings import Findings, Quantity
-from bayesdamp.types import Ratio
+from bayesdamp.types import NORMAL_95, LawFreeDamping, Ratio
 from bayesdamp.verdict import Verdict, thresholds
 from bayesdamp.verdict.decide import decide
-from bayesdamp.verdict.parts import (
-    Averages,
-    DampingRatio,
-    FrequencyAt,
-    Grade,
-    LawFreeAt,
-    OverLaw,
-    UsedWindow,
-)
+from bayesdamp.verdict.parts import Averages, DampingRatio, FrequencyAt, Grade, OverLaw, UsedWindow
 
 TINY = 1e-6
 HERTZ = Quantity(0.7118, 0.7117, 0.7119)
@@ -203,11 +196,21 @@ def test_a_damping_is_not_decided_while_its_twin_is_possible() -> None:
 
 def law_free(
     middle: tuple[float, float, float] = (0.0102, 0.0101, 0.0103), hertz: float = 0.7118
-) -> LawFreeAt:
+) -> LawFreeDamping:
     """Return what is measured without a law at the amplitudes of FINDINGS."""
     rows = [(0.3, 0.0101, 0.0099, 0.0103), (0.1, *middle), (0.03, 0.0103, 0.0098, 0.0108)]
-    ratios = tuple(DampingRatio(a, "rad", v, 1e-4, 0.0, low, high) for a, v, low, high in rows)
-    return LawFreeAt(ratios, FrequencyAt(0.03, "rad", hertz, hertz - 1e-4, hertz + 1e-4))
+    return measured(rows, hertz)
+
+
+def measured(
+    rows: Sequence[tuple[float, float, float, float]], hertz: float, half: float = 1e-4
+) -> LawFreeDamping:
+    """Return a measurement; rows: amplitude, ratio and its interval; half: half the interval of the frequency."""
+    amplitude, ratio, low, high = np.transpose(rows)
+    each = np.ones(len(rows))
+    return LawFreeDamping(
+        amplitude, ratio, (high - low) / (2 * NORMAL_95), hertz * each, half / NORMAL_95 * each, each
+    )
 
 
 def test_a_law_that_contradicts_the_measured_damping_is_not_named() -> None:
@@ -217,7 +220,8 @@ def test_a_law_that_contradicts_the_measured_damping_is_not_named() -> None:
     verdict = verdict_of(**given, law_free=law_free((0.0150, 0.0148, 0.0152)))
     assert (verdict.grade, verdict.contradicted, verdict.decided) == (Grade.DEVIATES, True, False)
     assert [r.value for r in verdict.damping_ratio] == [0.0101, 0.0150, 0.0103]
-    assert (verdict.frequency, verdict.frequency_at) == (None, law_free().frequency)
+    assert (verdict.frequency, verdict.frequency_at.value) == (None, 0.7118)
+    assert verdict.frequency_at.high == pytest.approx(0.7119)
     assert verdict.energy == verdict.other_forms == verdict.coefficients == ()
     assert not any("grows as v" in remark for remark in verdict.remarks)
     assert "so none is named" in verdict.sentence
@@ -247,8 +251,7 @@ def test_a_law_is_compared_at_the_amplitude_that_was_measured() -> None:
     steep = tuple(Ratio(a, 0.1 * a, 0.0997 * a, 0.1003 * a, 1e-6, 1e-6) for a in (0.3, 0.27, 0.1, 0.03))
     rows = [(a, 0.098 * a, 0.0977 * a, 0.0983 * a) for a in (0.288, 0.1, 0.03)]
     for scale, contradicted in ((1.0, False), (1 / 0.96, True)):
-        own = tuple(DampingRatio(scale * a, "rad", v, 1e-6, 0.0, low, high) for a, v, low, high in rows)
-        free = replace(law_free(), ratios=own)
+        free = measured([(scale * a, *of_ratio) for a, *of_ratio in rows], 0.7118)
         verdict = verdict_of(ratios=(steep[0], *steep[2:]), curve=steep, law_free=free)
         assert verdict.contradicted is contradicted
 
@@ -344,9 +347,9 @@ def test_the_largest_ratio_of_damping_to_its_law_is_given_where_it_is_certain(
 def test_the_narrower_frequency_at_the_same_amplitude_is_given(
     half: float, amplitude: float, chosen: bool
 ) -> None:
-    measured = FrequencyAt(amplitude, "rad", 0.7118, 0.7118 - half, 0.7118 + half)
-    verdict = verdict_of(frequency_at=HERTZ, law_free=replace(law_free(), frequency=measured))
-    assert (verdict.frequency_at == measured) is chosen
+    free = measured([(amplitude, 0.0103, 0.0098, 0.0108)], 0.7118, half)
+    verdict = verdict_of(frequency_at=HERTZ, law_free=free)
+    assert (verdict.frequency_at.high - verdict.frequency_at.low == pytest.approx(2 * half)) is chosen
 
 
 def test_numbers_are_passed_on_in_their_units() -> None:

@@ -15,12 +15,12 @@ from bayesdamp.cli.files import check_folder, check_names
 from bayesdamp.cli.options import COMPARED, READING, RUNNING
 from bayesdamp.config import Recording, Study
 from bayesdamp.config.compare import RecordOptions, comparison
+from bayesdamp.interface.first_words import first_words
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.pipeline.records import read_free_decay
 from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import read_each
-from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.types import SENSOR, InputError, Refusal
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
@@ -249,6 +249,6 @@ def early_lines(records: Sequence[r.FileRecord], options: r.ReadingOptions) -> l
             lines.append(f"{label}: {in_unit(not_a_free_decay, UNITS[record.unit]).sentence}")
             continue
         with suppress(Refusal):
-            lines.append(f"{label}: {first_words(signal).in_unit(UNITS[record.unit]).sentence()}")
+            lines.append(f"{label}: {first_words(signal, UNITS[record.unit]).sentence}")
     unit = "No unit given; assuming an angle in rad. Use --unit deg, m or mm to change this."
     return [*lines, *(f"{name}: {unit}" for name in assumed)]

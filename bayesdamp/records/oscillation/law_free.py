@@ -20,12 +20,10 @@ import numpy as np
 import scipy  # loads its modules when they are used
 from threadpoolctl import threadpool_limits
 
-from bayesdamp import formatting as fmt
 from bayesdamp.records.oscillation.features import features, once_per_record
 from bayesdamp.records.oscillation.noise import group_by_size
 from bayesdamp.records.oscillation.spectrum import block_means
-from bayesdamp.types import DERIVATIVES, NORMAL_95, Refusal, Signal
-from bayesdamp.units import Unit
+from bayesdamp.types import DERIVATIVES, NORMAL_95, LawFreeDamping, Refusal, Signal
 
 SHORTEST_WINDOW, LONGEST_WINDOW, WINDOW_FRACTION = 2.0, 8.0, 0.05
 """A window, in which a sinusoid is fitted, has the fraction `WINDOW_FRACTION` of the record's cycles, but at least
@@ -262,30 +260,6 @@ def _solve_weighted(
 
 
 @dataclass(frozen=True)
-class Curves:
-    """Amplitude, damping ratio and frequency at k times of a record, each of shape (k,).
-
-    Attributes
-    ----------
-    amplitude
-        Amplitude of the displacement, in its base unit (rad, m, V, ...).
-    ratio, ratio_sd
-        Equivalent viscous damping ratio (see `DampingAt`), and its standard error.
-    frequency, frequency_sd
-        Angular frequency in rad/s, and its standard error.
-    energy
-        Energy of the oscillation per unit of inertia, in the square of the amplitude's unit per s².
-    """
-
-    amplitude: np.ndarray
-    ratio: np.ndarray
-    ratio_sd: np.ndarray
-    frequency: np.ndarray
-    frequency_sd: np.ndarray
-    energy: np.ndarray
-
-
-@dataclass(frozen=True)
 class LawFree:
     """The smoothed amplitude and frequency of a record; the method `at` evaluates them and the damping ratio.
 
@@ -331,7 +305,7 @@ class LawFree:
         first, last = np.exp(self.line(np.array([-1.0, 1.0])))
         return float(self.times_of(np.array([np.sqrt(first * last)]))[0])
 
-    def at(self, times: np.ndarray) -> Curves:
+    def at(self, times: np.ndarray) -> LawFreeDamping:
         """Return amplitude (displacement), damping ratio and frequency, with standard errors, at times in s, (k,).
 
         The times should be within `span`; outside, the curves are extrapolated.
@@ -351,7 +325,8 @@ class LawFree:
         ratio_sd = np.hypot(sd / half * factor, slope / half * factor_sd)
         ratio_sd = np.hypot(ratio_sd, self.harmonic_error * self.backbone.third_harmonic(amplitude) * ratio)
         frequency_sd = np.hypot(np.sqrt(spread), FREQUENCY_ERROR * ratio**2 * frequency)
-        return Curves(amplitude, ratio, ratio_sd, frequency / half, frequency_sd / half, energy)
+        frequency, frequency_sd = (w / half / (2 * np.pi) for w in (frequency, frequency_sd))
+        return LawFreeDamping(amplitude, ratio, ratio_sd, frequency, frequency_sd, energy)
 
 
 @once_per_record
@@ -637,132 +612,3 @@ def _smooth_power(
             sds = wide * np.sqrt(variance * np.maximum(spread, 0.0)) / stretched
         curves.append(_SmoothedCurve(log, sizes, slopes, sds))
     return curves
-
-
-@dataclass(frozen=True)
-class DampingAt:
-    """The equivalent viscous damping ratio at an amplitude (rad or m), and its standard error.
-
-    The ratio is r/√(1 + r²), where r is the rate of energy loss divided by 2ω times the energy of the oscillation; for
-    a linear spring, r is −(dA/dt)/(ωA). For light damping the ratio is the energy lost in a cycle, divided by 4π times
-    the energy; for viscous damping it is exactly the usual damping ratio.
-    """
-
-    amplitude: float
-    ratio: float
-    stderr: float
-
-    @property
-    def quality(self) -> float:
-        """Return the quality factor, 1/(2 ratio)."""
-        return 0.5 / self.ratio if self.ratio else float("inf")
-
-
-@dataclass(frozen=True)
-class FirstWords:
-    """Frequency and damping of a record, measured without assuming a damping law and printed before models are fitted.
-
-    Attributes
-    ----------
-    frequency, frequency_low, frequency_high
-        Mean frequency in Hz, and the ends of its 95 % interval.
-    damping
-        Damping ratio, with its standard error, at three amplitudes (a `DampingAt` each): that in the first window of
-        the fit (the largest), the geometric mean of first and last, and that in the last window (the smallest).
-    cycles
-        Number of cycles above the noise.
-    start, stop
-        Start and stop of the part used, in s of the record's times.
-    unit
-        Unit of the amplitudes: the base unit of the record, such as "rad", or the unit chosen with `in_unit`.
-    """
-
-    frequency: float
-    frequency_low: float
-    frequency_high: float
-    damping: tuple[DampingAt, DampingAt, DampingAt]
-    cycles: float
-    start: float
-    stop: float
-    unit: str = "rad"
-
-    @property
-    def quality(self) -> float:
-        """Return the quality factor at the middle amplitude."""
-        return self.damping[1].quality
-
-    def in_unit(self, unit: Unit) -> FirstWords:
-        """Return a copy with amplitudes in the unit of displacement of `unit`; unchanged if its base differs."""
-        own = unit.displacement
-        if own.base != self.unit:
-            return self
-        top, middle, least = (replace(d, amplitude=d.amplitude * own.scale) for d in self.damping)
-        return replace(self, damping=(top, middle, least), unit=own.name)
-
-    def sentence(self) -> str:
-        """Return a sentence on frequency, cycles, damping ratios with their amplitudes, Q, and their change.
-
-        The number after ± is half the width of the 95 % interval.
-        """
-        top, middle, least = self.damping
-        half = (self.frequency_high - self.frequency_low) / 2
-        near = half < self.frequency
-        frequency = fmt.with_error(self.frequency, half) if near else f"about {self.frequency:.2g}"
-        times = fmt.time_span(self.start, self.stop)
-        lead = f"It oscillates at {frequency} Hz for {self.cycles:.0f} cycles ({times})"
-        at = [
-            f"{fmt.with_error(100 * d.ratio, 100 * NORMAL_95 * d.stderr)} % at {fmt.compact(d.amplitude, 2)} "
-            f"{self.unit}"
-            for d in self.damping
-        ]
-        ratio = f"the equivalent viscous damping ratio (95 %) is {fmt.listing(at)}"
-        steps = [
-            (a.ratio - b.ratio, max(3 * np.hypot(a.stderr, b.stderr), 0.1 * middle.ratio))
-            for a, b in ((top, middle), (top, least), (middle, least))
-        ]
-        early, whole, late = (step if abs(step) > clear else 0.0 for step, clear in steps)
-        rise = whole or early or late
-        q = self.quality
-        quality = f" (Q about {float(f'{q:.2g}'):g})" if np.isfinite(q) and q > 0 else ""
-        if early * late < 0:
-            change = f"it is {'smallest' if late < 0 else 'largest'} at the middle amplitude"
-        elif rise == 0:
-            change = "it does not clearly change with the amplitude (as with viscous damping)"
-        elif rise > 0:
-            change = "it grows with the amplitude (as with drag)"
-        else:
-            change = "it grows as the amplitude falls (as with dry friction)"
-        return f"{lead}; {ratio}{quality}; {change}."
-
-
-def first_words(signal: Signal) -> FirstWords:
-    """Return the mean frequency (with a 95 % interval) and the damping of a free decay, without assuming a damping law.
-
-    The damping is the equivalent viscous damping ratio at the largest, the middle and the smallest amplitude, each with
-    a standard error; Q is that at the middle one. Raises Refusal if the record does not oscillate or has too few
-    cycles.
-
-    >>> import bayesdamp as bd
-    >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=10.0, samples=400, noise_sd=0.003)
-    >>> round(bd.first_words(signal).frequency, 2)  # Hz
-    0.71
-    """
-    measured = features(signal)
-    fit = law_free(signal)
-    first, last = fit.span
-    at = fit.at(np.array([first, fit.halfway(), last, *fit.windows.times]))
-    damping = zip(at.amplitude[:3].tolist(), at.ratio[:3].tolist(), at.ratio_sd[:3].tolist(), strict=True)
-    top, middle, least = (DampingAt(*values) for values in damping)
-    frequency = float(at.frequency[3:].mean()) / (2 * np.pi)
-    half = NORMAL_95 * float(at.frequency_sd[3:].mean()) / (2 * np.pi)
-    begin, half_window = signal.provenance.start, 0.5 * float(fit.windows.widths[-1])
-    return FirstWords(
-        frequency,
-        frequency - half,
-        frequency + half,
-        (top, middle, least),
-        measured.cycles,
-        begin + float(signal.t[0]),
-        begin + min(last + half_window, float(signal.t[-1])),
-        signal.unit,
-    )

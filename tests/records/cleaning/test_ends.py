@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
+from bayesdamp.interface.first_words import first_words
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.cleaning.window import free_decay
-from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.records.oscillation.spectrum import coarse_periods
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
@@ -71,7 +71,7 @@ def test_a_band_passed_mode_is_one_decay(order: int, half: float, at: tuple[floa
         since = np.array([(signal.provenance.start or 0.0) - begin for begin in at])
         assert np.min(np.abs(since)) < 1.2
         assert np.any(since >= 0)
-        assert first_words(signal).damping[1].ratio == pytest.approx(MODES[mode], rel=0.05)
+        assert first_words(signal).ratio[1] == pytest.approx(MODES[mode], rel=0.05)
 
 
 def test_a_structure_of_close_modes_is_refused() -> None:

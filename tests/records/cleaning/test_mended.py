@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bayesdamp.interface.first_words import first_words
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.records.record import RawRecord, unwrap
 from bayesdamp.types import InputError
 
@@ -19,7 +19,7 @@ def test_a_wrapped_angle_is_unwrapped_with_a_note() -> None:
     for unit, turn in (("rad", 2 * np.pi), ("deg", 360.0)):
         angle = (Y + NOISE) * turn / (2 * np.pi)
         signal = clean(unwrap(RawRecord(T, angle % turn), unit, "angle"), name="x", unit=unit)
-        assert first_words(signal).frequency == pytest.approx(1.0, rel=1e-3)
+        assert first_words(signal).frequency[1] == pytest.approx(1.0, rel=1e-3)
         assert any("The angle was wrapped" in note for note in signal.provenance.notes)
         plain = RawRecord(T, angle)
         assert unwrap(plain, unit, "angle") is plain
@@ -47,6 +47,6 @@ def test_the_refusal_of_clipped_peaks_gives_the_time_of_the_last() -> None:
     raw = RawRecord(T, np.minimum(Y + NOISE, 0.6))
     with pytest.raises(InputError, match=r"peaks are cut off.* give a start after 8\.\d+ s"):
         clean(raw, name="x")
-    assert first_words(clean(raw, name="x", start=9.0)).damping[1].ratio == pytest.approx(
+    assert first_words(clean(raw, name="x", start=9.0)).ratio[1] == pytest.approx(
         0.06 / (2 * np.pi), rel=0.02
     )

@@ -11,14 +11,14 @@ from scipy.special import ellipk
 from scipy.stats import chi2
 
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.records.oscillation.law_free import Curves, law_free
-from bayesdamp.types import Signal
+from bayesdamp.records.oscillation.law_free import law_free
+from bayesdamp.types import LawFreeDamping, Signal
 from tests.physics.independent import trajectory, viscous as viscous_decay
 
 K = 20.0
 
 
-def curve_of(signal: Signal) -> Curves:
+def curve_of(signal: Signal) -> LawFreeDamping:
     """Return damping ratio and frequency at 12 equidistant times."""
     fit = law_free(signal)
     return fit.at(np.linspace(*fit.span, 12))
@@ -32,7 +32,7 @@ def test_the_backbone_of_a_pendulum_is_the_elliptic_integral() -> None:
     motion = trajectory("pendulum", p, t)[:, 0]
     curves = curve_of(Signal(t, motion + 4e-4 * np.random.default_rng(1).standard_normal(t.size)))
     exact = np.sqrt(K) * np.pi / (2 * ellipk(np.sin(curves.amplitude / 2) ** 2))
-    assert curves.frequency == pytest.approx(exact, rel=3e-3)
+    assert 2 * np.pi * curves.frequency == pytest.approx(exact, rel=3e-3)
     assert np.ptp(exact) > 0.03 * exact[0]
     energy = K * (1 - np.cos(curves.amplitude))
     assert curves.energy == pytest.approx(energy, rel=5e-3)
@@ -129,7 +129,7 @@ def test_standard_errors_of_frequency_and_damping_ratio_are_large_enough(
     for seed in range(20):
         noise = 1e-3 * np.random.default_rng([7, seed]).standard_normal(t.size)
         curves = curve_of(Signal(t, motion + noise))
-        of_frequency = (curves.frequency - omega) / curves.frequency_sd
+        of_frequency = (curves.frequency - omega / (2 * np.pi)) / curves.frequency_sd
         scores.append([of_frequency, (curves.ratio - zeta / omega) / curves.ratio_sd])
     mean_squares, largest = np.mean(np.square(scores), axis=(0, 2)), chi2.ppf(0.9995, 20) / 20
     assert np.all(mean_squares < largest)
@@ -152,7 +152,7 @@ def test_a_noisy_record_of_thousands_of_cycles_is_measured_where_its_cycles_can_
         fit = law_free.__wrapped__(signal)
         curve = fit.at(np.linspace(*fit.span, 7))
         scores = (curve.ratio - ratio) / curve.ratio_sd
-        return np.abs(curve.frequency / frequency - 1).max(), np.abs(scores).max()
+        return np.abs(2 * np.pi * curve.frequency / frequency - 1).max(), np.abs(scores).max()
 
     of_frequency, score = errors(counted)
     assert of_frequency < 1e-3
@@ -223,7 +223,7 @@ def test_the_frequency_under_strong_friction_is_within_its_interval(monkeypatch:
     def score() -> float:
         fit = law_free(signal)
         curve = fit.at(np.array(fit.span))
-        return float(np.max(np.abs(curve.frequency - omega) / curve.frequency_sd))
+        return float(np.max(np.abs(curve.frequency - omega / (2 * np.pi)) / curve.frequency_sd))
 
     assert score() < 1.96
     monkeypatch.setattr("bayesdamp.records.oscillation.law_free.FREQUENCY_ERROR", 0.0)

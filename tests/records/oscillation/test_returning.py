@@ -7,9 +7,9 @@ from itertools import product
 
 import numpy as np
 
+from bayesdamp.interface.first_words import first_words
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.oscillation.features import features, reason_not_oscillating
-from bayesdamp.records.oscillation.law_free import first_words
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError, Refusal, Signal
 
@@ -58,6 +58,6 @@ def test_oscillations_are_not_random_walks() -> None:
 
 def test_a_frequency_without_an_interval_is_written_without_one() -> None:
     t = np.arange(0, 1.6, 0.01)
-    sentence = first_words(Signal(t, np.exp(-t) * np.cos(2 * np.pi * t))).sentence()
+    sentence = first_words(Signal(t, np.exp(-t) * np.cos(2 * np.pi * t))).sentence
     assert "about" in sentence
     assert not any(word in sentence for word in ("inf", "nan"))
