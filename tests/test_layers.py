@@ -20,7 +20,7 @@ NEUTRAL = {
 REGISTRIES = {"estimators", "inference.samplers", "inference.noise", "inference.evidence"}
 """Packages that `config` asks for names; it imports no module inside them."""
 INFERENCE = (
-    "noise", "model", "mode", "search", "derived", "population", "coordinates", "residual_tests", "checks",
+    "noise", "model", "mode", "search", "derived", "coordinates", "residual_tests", "checks",
     "diagnostics", "samplers", "evidence", "sensitivity",
 )  # fmt: skip
 """From bottom to top: each module or folder imports those before it, and itself."""

@@ -33,9 +33,7 @@ LEAST_NOISE = 1e-3
 """Standard deviation of the noise that is added to a record without noise, because a likelihood needs noise: a fraction
 of the amplitude, typical of a good encoder."""
 METHODS = ("laplace", "importance", "bridge")
-"""Methods by which the evidence of each model is computed, unless the records are also fitted jointly."""
-JOINT_METHODS = ("laplace", "importance")
-"""Methods by which the evidence on single records is computed if the records are also fitted jointly."""
+"""Methods by which the evidence of each model is computed."""
 SPECIMEN = "specimen"
 """Name of the specimen (the tested object) if all records are repeats on the same one."""
 
@@ -111,9 +109,8 @@ def comparison_tables(
     restoring, damping
         Names of restoring laws, and damping sums such as "viscous+cubic"; all if empty.
     repeats
-        Whether all records belong to one specimen. Single records then get modes and evidence, but no draws. If false,
-        each of several oscillations is a specimen of its own, except that records with the same key `specimen` belong
-        to one specimen. Envelopes then have no specimen.
+        Whether all records belong to one specimen. If false, oscillations with the same key `specimen` belong to one
+        specimen, and the others have none.
     noise, seed, deviation, sensor
         Name of the noise model, or "auto" to choose one for each record; seed of all random numbers; whether laws hold
         with deviations ("law"), exactly ("none"), or with deviations for measured records ("auto"); relative linearity
@@ -139,18 +136,17 @@ def comparison_tables(
         if not is_envelope:
             laws = list(restoring) or list(laws_for(record.get("unit", "rad")))
             signal |= {"least_noise": LEAST_NOISE, "restoring": laws, "system": {"restoring": laws[0]}}
+        specimen = _as_name(record.get("specimen", ""))
         if repeats:
             signal["specimen"] = SPECIMEN
-        elif len(records) > 1 and not is_envelope:
-            signal["specimen"] = _as_name(record.get("specimen", "")) or name
+        elif specimen and len(records) > 1 and not is_envelope:
+            signal["specimen"] = specimen
     first, files = next(iter(signals)), list(dict.fromkeys(Path(record["file"]).name for record in records))
     study = first if len(records) == 1 else f"{first}-and-{len(records) - 1}-more"
     if len(records) > 1 and len({record["file"] for record in records}) == 1:
         study = f"{_as_name(Path(records[0]['file']).stem) or 'record'}-{len(records)}-records"
     added = TERMS.added()
     sums = all_sums() + [sum_ for term in added for sum_ in (term, *(f"{t}+{term}" for t in PAPER_TERMS))]
-    # The joint fit uses the answers, so draws of single records, and evidence from draws, are not needed.
-    samplers, methods = ([], JOINT_METHODS) if repeats else (["nuts"], METHODS)
     return {
         "version": 1,
         "name": study,
@@ -160,7 +156,7 @@ def comparison_tables(
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or sums, "prune": PRUNE_NATS},
         "posterior": {
-            "samplers": samplers,
+            "samplers": ["nuts"],
             "noise": noise,
             "deviation": deviation,
             "sensor": sensor,
@@ -168,7 +164,7 @@ def comparison_tables(
             "warmup": WARMUP,
             "draws": DRAWS,
         },
-        "evidence": {"methods": list(methods), "referee": "auto"},
+        "evidence": {"methods": list(METHODS), "referee": "auto"},
     }
 
 

@@ -378,7 +378,7 @@ def _check_across_tables(study: Study) -> None:
             if model not in study.dampings(spec):
                 what = f"names {model}, which this signal does not compare"
                 raise StudyError(f"signal[{spec.name}].estimate", f"{what}; it must be one of its models")
-    for name, (first, *others) in study.every_specimen.items():
+    for name, (first, *others) in study.specimens.items():
         if study.tables.get("sweep"):
             what = "cannot be combined with a [[sweep]]; remove one of the two"
             raise StudyError(f"signal[{first.name}].specimen", what)

@@ -542,23 +542,13 @@ class Study:
         return {TERMS.get(t).parameter if t in TERMS.names() else t: p for t, p in self.models.prior.items()}
 
     @property
-    def every_specimen(self) -> dict[str, tuple[SignalSpec, ...]]:
+    def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:
         """The signals of each specimen, by the specimen's name; signals that name no specimen are not included."""
         specimens: dict[str, tuple[SignalSpec, ...]] = {}
         for spec in self.signals:
             if spec.specimen:
                 specimens[spec.specimen] = (*specimens.get(spec.specimen, ()), spec)
         return specimens
-
-    @property
-    def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:
-        """The signals of each specimen whose records are not envelopes, by its name."""
-        return {name: specs for name, specs in self.every_specimen.items() if not specs[0].is_envelope}
-
-    @property
-    def repeated(self) -> dict[str, tuple[SignalSpec, ...]]:
-        """The signals of each specimen with several records that are not envelopes, by its name."""
-        return {n: specs for n, specs in self.specimens.items() if sum(s.repeats for s in specs) > 1}
 
     @property
     def records(self) -> tuple[tuple[SignalSpec, int], ...]:

@@ -1,4 +1,4 @@
-"""Summarise weighted draws, and check whether a few of them dominate the weights.
+"""Resample weighted draws, and check whether a few of them dominate the weights.
 
 The check is the shape k of a generalised Pareto distribution that is fitted to the largest weights. Sources: Vehtari,
 Simpson, Gelman, Yao, Gabry, "Pareto smoothed importance sampling", Journal of Machine Learning Research 25 (2024); the
@@ -13,8 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 import scipy  # loads its modules when they are used
 
-SUMMARY_LEVELS = {"q2.5": 0.025, "median": 0.5, "q97.5": 0.975}
-"""Levels of the quantiles in summaries, by name."""
 NEGLIGIBLE_NATS, MIN_WEIGHTS = 690.0, 5
 """`NEGLIGIBLE_NATS`: a log weight this far below the largest counts as a weight of zero (e^−690 is close to the
 smallest float). `MIN_WEIGHTS`: smallest number of other weights from which a Pareto shape is fitted (conventional)."""
@@ -57,14 +55,6 @@ def quantiles(x: np.ndarray, weights: np.ndarray, levels: Sequence[float] | np.n
     order = np.argsort(x)
     cumulative = np.cumsum(weights[order]) - 0.5 * weights[order]
     return np.interp(np.asarray(levels, float), cumulative, x[order])
-
-
-def summarise(x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
-    """Return mean, sd and quantiles (`SUMMARY_LEVELS`) by name, of draws x, (n,), with weights of sum 1, (n,)."""
-    mean = float(weights @ x)
-    ends = quantiles(x, weights, list(SUMMARY_LEVELS.values())).tolist()
-    sd = float(np.sqrt(weights @ (x - mean) ** 2))
-    return {"mean": mean, "sd": sd, **dict(zip(SUMMARY_LEVELS, ends, strict=True))}
 
 
 def pareto_k(log_weights: np.ndarray) -> float:

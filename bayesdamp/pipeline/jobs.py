@@ -18,7 +18,6 @@ from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.evidence import compute_average, has_average
 from bayesdamp.pipeline.candidates.tasks import compute, task_keys
 from bayesdamp.pipeline.records import StudyRecord, compute_signal
-from bayesdamp.pipeline.specimens import Specimen, compute_joint, compute_population
 from bayesdamp.pipeline.tasks import Make, digest_of, task_key
 from bayesdamp.plugins import use_modules
 from bayesdamp.store import Store, TaskResult
@@ -144,12 +143,12 @@ class Depth(StrEnum):
 class Job:
     """Tasks that one process computes one after another.
 
-    signal: name of the signal; of the specimen if task_group is "specimen".
+    signal: name of the signal.
     repeat: number of the repeat of a simulated signal, from 0.
-    model: the candidate; None if the job concerns the whole record or several records.
+    model: the candidate; None if the job concerns the whole record.
     task_group: its tasks. For a record: "read", "answer" or "sampled". For a candidate: "fit" (estimates, mode and
     Laplace's evidence), "evidence" (by the other methods), "sample", "sensitivity", or None for all of these. For
-    several models: "average". For several records: "specimen". For all specimens: "population".
+    several models: "average".
     """
 
     signal: str
@@ -200,21 +199,11 @@ def jobs_of(study: Study) -> list[Job]:
         if task_group == ANSWER or not s.is_envelope
     ]
     jobs += [Job(s.name, r, model) for s, r in records for model in study.compare(s)]
-    jobs += [Job(s.name, 0, task_group="average") for s in study.signals if has_average(study, s)]
-    if study.evidence.methods:
-        jobs += [Job(name, 0, task_group="specimen") for name in study.repeated]
-        jobs += [Job("specimens", 0, task_group="population")] if len(study.specimens) > 1 else []
-    return jobs
+    return jobs + [Job(s.name, 0, task_group="average") for s in study.signals if has_average(study, s)]
 
 
 def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]:
     """Return the tasks of a job: by name, the key of the task and the function that computes it."""
-    if job.task_group == "population":
-        key = task_key("population", {n: Specimen(study, n, store).key for n in study.specimens})
-        return {"population/specimens": (key, partial(compute_population, study, store))}
-    if job.task_group == "specimen":
-        specimen = Specimen(study, job.signal, store)
-        return {f"joint/{job.signal}": (specimen.key, partial(compute_joint, specimen))}
     spec = next(s for s in study.signals if s.name == job.signal)
     record = StudyRecord(study, spec, job.repeat, store)
     if job.task_group == "average":
@@ -263,8 +252,7 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
     if depth is not Depth.WHOLE:
         return
     yield from _candidate_stages(study, store)
-    yield [job for job in jobs if job.task_group in ("average", "specimen")]
-    yield [job for job in jobs if job.task_group == "population"]
+    yield [job for job in jobs if job.task_group == "average"]
 
 
 def _candidate_stages(study: Study, store: Store) -> Iterator[list[Job]]:

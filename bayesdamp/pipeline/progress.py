@@ -24,8 +24,6 @@ ACTIVITIES = {
     "sample": "sampling {models} on {records}",
     "check": "checking the evidence of {models} on {records}",
     "average": "averaging over damping models",
-    "specimen": "fitting the records of {specimens} together",
-    "population": "inferring the population of the specimens",
 }
 """What the jobs of a stage do, by the `task_group` of the first one. Sensitivity is in the stage of "sample". In a
 study without samplers, "check" describes this stage."""
@@ -46,7 +44,6 @@ def describe_stage(study: Study, jobs: list[Job]) -> str:
             len(sums) or max((len(study.dampings(spec)) for spec in specs), default=0), "damping model"
         ),
         laws=f" and {_with_count(laws, 'restoring law')}" if laws else "",
-        specimens=_with_count(len(jobs), "specimen"),
     )
 
 

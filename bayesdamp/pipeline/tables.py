@@ -12,7 +12,6 @@ import numpy as np
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.config.load import record_question
 from bayesdamp.config.signals import damping_order
-from bayesdamp.numerics.weights import summarise
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
@@ -21,10 +20,10 @@ from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, stored_answer
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.evidence import evidence_by_method, probabilities
 from bayesdamp.pipeline.records import StudyRecord
-from bayesdamp.pipeline.specimens import Specimen, coefficients_of
+from bayesdamp.pipeline.tasks import task_seed
 from bayesdamp.store import (
     DAMPING_CURVES,
-    SPECIMEN_TABLES,
+    POPULATION,
     TABLES,
     Store,
     provenance,
@@ -34,19 +33,15 @@ from bayesdamp.store import (
 from bayesdamp.store.contents import (
     AnswerContent,
     EstimateContent,
-    JointContent,
-    JointEvidence,
     ModeContent,
-    PopulationContent,
     PosteriorContent,
     RecordContent,
     SampledPosterior,
-    Summary,
 )
 from bayesdamp.store.files import SCHEMA
-from bayesdamp.types import OK, Evidence, Refusal
+from bayesdamp.types import NORMAL_95, OK, Evidence, Refusal
 from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
-from bayesdamp.verdict.specimen import specimen
+from bayesdamp.verdict.specimen import pool_coefficients, specimen
 from bayesdamp.verdict.types import Verdict, save_verdicts
 from bayesdamp.verdict.units import in_unit, picture_in_unit
 
@@ -55,8 +50,6 @@ Row = dict[str, Any]
 SMC = "smc"
 """Name in the tables for sequential Monte Carlo, by which the sampled answer computes posteriors (column `sampler`) and
 evidence (column `method`)."""
-SUMMARY = ("mean", "sd", "median", "q2.5", "q97.5")
-"""Columns of specimens.csv and population.csv with the summary of a posterior."""
 
 
 def write_tables(study: Study, store: Store) -> None:
@@ -65,11 +58,7 @@ def write_tables(study: Study, store: Store) -> None:
     Files go to the store's folder. store: a store that shows only the results of this study.
     """
     makers = [_estimates, _posteriors, _evidence, _fits]
-    tables = TABLES
-    if study.specimens:
-        makers += [_specimens, _populations]
-        tables = TABLES | SPECIMEN_TABLES
-    for (name, columns), rows_of in zip(tables.items(), makers, strict=True):
+    for (name, columns), rows_of in zip(TABLES.items(), makers, strict=True):
         write_table(store.folder / name, columns, rows_of(study, store))
     write_json(store.folder / "run.json", run_info(study, store))
 
@@ -79,7 +68,8 @@ def write_verdicts(study: Study, store: Store) -> None:
 
     A verdict is on a record, or on a specimen with several records. verdict.json has an object for each verdict, in
     rad, m or the sensor's unit. verdicts.csv has a row for each verdict, and damping_curves.csv the law-free damping
-    curve of each record, both in the unit of the record's file.
+    curve of each record, both in the unit of the record's file. If the study has several specimens, also write
+    population.csv, from the verdict on each of them.
     """
     verdicts: list[tuple[Verdict, Unit]] = []
     curves: list[Row] = []  # the law-free damping, a row for each amplitude
@@ -94,8 +84,12 @@ def write_verdicts(study: Study, store: Store) -> None:
             head = {"record": answer.verdict.record, "unit": unit.displacement.name}
             rows = zip(*(arrays[f"free/{name}"].tolist() for name in DAMPING_CURVES), strict=True)
             curves += [{**head, **dict(zip(DAMPING_CURVES, row, strict=True))} for row in rows]
-    for name, specs in study.every_specimen.items():
+    by_record = {v.record: v for v, _ in verdicts}
+    specimens: list[Verdict] = []
+    for name, specs in study.specimens.items():
         together = _specimen_verdict(study, store, name, specs)
+        alone = [by_record[spec.name] for spec in specs if spec.name in by_record]
+        specimens += alone[:1] if together is None else [together]
         if together is not None:
             units = {unit_named(spec.source.unit) for spec in specs}
             base = unit_named(unit_named(specs[0].source.unit).base)
@@ -104,23 +98,48 @@ def write_verdicts(study: Study, store: Store) -> None:
         return
     save_verdicts(store.folder, [v for v, _ in verdicts], [in_unit(v, unit) for v, unit in verdicts])
     write_table(store.folder / "damping_curves.csv", ("record", "unit", *DAMPING_CURVES), curves)
+    if len(study.specimens) > 1:
+        write_table(store.folder / "population.csv", POPULATION, _population(specimens))
 
 
 def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[SignalSpec]) -> Verdict | None:
     """Return the verdict on a specimen; None if fewer than two of its records have an answer, or no common model."""
-    if sum(spec.repeats for spec in specs) < 2:
-        return None
+    records = (StudyRecord(study, spec, repeat, store) for spec in specs for repeat in range(spec.repeats))
+    answers = [a for a in map(stored_answer, records) if a is not None]
     if specs[0].is_envelope:
         from bayesdamp.interface.envelopes import specimen_of_envelopes  # imports slowly
 
-        envelopes = (stored_answer(StudyRecord(study, spec, 0, store)) for spec in specs)
-        return specimen_of_envelopes(name, [a for a in envelopes if a is not None])
-    own = Specimen(study, name, store)
-    if len(own.answered) < 2:
+        return specimen_of_envelopes(name, answers)
+    own = [a.of_specimen() for a in answers if a.content.candidates]
+    if len(own) < 2:
         return None
     with suppress(Refusal):
-        return specimen(name, list(own.answered.values()), study.priors, study.posterior.sensor, own.seed)
+        seed = task_seed(study, f"specimen/{name}")
+        return specimen(name, own, study.priors, study.posterior.sensor, seed)
     return None
+
+
+def _population(specimens: Sequence[Verdict]) -> Iterator[Row]:
+    """Yield the rows of population.csv: mean and spread of each damping coefficient over the specimens.
+
+    There are none if the specimens do not have a common model (see `pool_coefficients`).
+    """
+    for coefficient, p in pool_coefficients(specimens):
+        yield {
+            "model": specimens[0].damping,
+            "restoring": specimens[0].restoring,
+            "parameter": coefficient.name,
+            "unit": coefficient.unit,
+            "specimens": len(specimens),
+            "mean": p.mean,
+            "mean_low": max(p.mean - NORMAL_95 * p.sd, 0.0),
+            "mean_high": p.mean + NORMAL_95 * p.sd,
+            "spread": p.spread,
+            "spread_low": p.spread_low,
+            "spread_high": p.spread_high,
+            "next_low": max(p.low, 0.0),
+            "next_high": p.high,
+        }
 
 
 def _candidates(study: Study, store: Store) -> Iterator[tuple[StudyCandidate, Row, SampledPosterior | None]]:
@@ -305,90 +324,6 @@ def _fits(study: Study, store: Store) -> Iterator[Row]:
         elif result is not None:
             row["verdict"] = result.outcome
         yield row
-
-
-def _specimens(study: Study, store: Store) -> Iterator[Row]:
-    """Yield the rows of specimens.csv.
-
-    A specimen with several records has rows for each candidate of its joint fit, and for each single record under the
-    best candidate. A specimen with one record has rows only if a population of specimens was inferred.
-    """
-    population = PopulationContent.maybe(store.find("population/specimens"))
-    for name, (spec, *_) in study.specimens.items():
-        records = list(Specimen(study, name, store).records)
-        head = {"specimen": name, "records": len(records)}
-        result = store.find(f"joint/{name}")
-        joint = JointContent.maybe(result)
-        if joint is not None:
-            for candidate, row in joint.candidates.items():
-                common = {**head, **_model(spec, candidate)}
-                yield from _parameter_rows(
-                    {**common, "shared": "damping", "probability": row.probability}, row
-                )
-                if candidate == joint.best:
-                    for record, alone in joint.alone.items():
-                        yield from _parameter_rows({**common, "record": record}, alone)
-        elif result is not None:
-            yield {**head, "outcome": result.outcome}
-        elif population is not None and name in population.specimens:
-            row = population.specimens[name]
-            common = {**head, **_model(spec, population.best), "record": records[0]}
-            yield from _parameter_rows({**common, "probability": row.probability}, row)
-
-
-def _parameter_rows(head: Row, row: JointEvidence) -> Iterator[Row]:
-    """Yield rows of specimens.csv: one for each parameter with a summary, or one without a parameter if there is none.
-
-    Each has the cells of `head`, and the outcome and log evidence of `row`.
-    """
-    common = {**head, "outcome": row.outcome}
-    if row.log_evidence is not None:
-        common["log_evidence"] = row.log_evidence
-    if not row.summary:
-        yield common
-    for name, summary in row.summary.items():
-        yield {**common, "parameter": name, "unit": row.units[name], **_numbers(summary)}
-
-
-def _numbers(summary: Summary) -> Row:
-    return {k: summary[k] for k in SUMMARY}
-
-
-def _populations(study: Study, store: Store) -> Iterator[Row]:
-    """Yield the rows of population.csv, with mean, spread and single values of each damping coefficient.
-
-    First come the rows on the records of each specimen, then those on all specimens.
-    """
-    for label, (spec, *_) in study.specimens.items():
-        result = store.find(f"joint/{label}")
-        joint = JointContent.maybe(result)
-        if result is not None and joint is not None:
-            row = joint.candidates[joint.best]
-            head = {**_model(spec, joint.best), "over": f"repeats of {label}", "outcome": OK}
-            for name, draws in coefficients_of(result.arrays, joint.best).items():
-                between = draws * result.arrays[f"{joint.best}/spread"]
-                spread = summarise(between, np.full(draws.size, 1 / draws.size))
-                common = {**head, "parameter": name, "unit": row.units[name]}
-                yield {**common, "what": "mean", **_numbers(row.summary[name])}
-                yield {**common, "what": "spread", **_numbers(spread)}
-                for record, alone in joint.alone.items():
-                    yield {**common, "what": "own value", "of": record, **_numbers(alone.summary[name])}
-    result = store.find("population/specimens")
-    if result is None:
-        return
-    content = PopulationContent.maybe(result)
-    if content is None:
-        yield {"over": "specimens", "outcome": result.outcome}
-        return
-    spec = next(iter(study.specimens.values()))[0]
-    head = {**_model(spec, content.best), "over": "specimens", "outcome": result.outcome}
-    for name, coefficient in content.populations.items():
-        common = {**head, "parameter": name, "unit": content.units[name], "prior_scale": coefficient.scale}
-        yield {**common, "what": "mean", **_numbers(coefficient.mean)}
-        yield {**common, "what": "spread", **_numbers(coefficient.spread)}
-        for label, summary in coefficient.shrunk.items():
-            own = {**_numbers(summary), "effective": coefficient.effective[label]}
-            yield {**common, "what": "own value", "of": label, **own}
 
 
 def run_info(study: Study, store: Store) -> Row:

@@ -40,8 +40,6 @@ CODE: dict[str, tuple[str, ...]] = {
     "evidence": (*_CANDIDATE, "bayesdamp.pipeline.candidates.evidence"),
     "sensitivity": (*_CANDIDATE, "bayesdamp.pipeline.candidates.sensitivity"),
     "averaged": ("bayesdamp.pipeline.candidates.evidence",),
-    "joint": ("bayesdamp.pipeline.specimens",),
-    "population": ("bayesdamp.pipeline.specimens",),
     "calibration": ("bayesdamp.calibrate.ranks", "bayesdamp.calibrate.recovery"),
 }  # fmt: skip
 """Modules that compute each kind of task; their source, with all that they import, is part of the task's key. Plug-ins

@@ -6,7 +6,7 @@ from bayesdamp.store.results import Store, TaskResult
 from bayesdamp.store.tables import (
     CALIBRATION_TABLES,
     DAMPING_CURVES,
-    SPECIMEN_TABLES,
+    POPULATION,
     TABLES,
     TEXT_COLUMNS,
     read_table,
@@ -16,7 +16,7 @@ from bayesdamp.store.tables import (
 __all__ = [
     "CALIBRATION_TABLES",
     "DAMPING_CURVES",
-    "SPECIMEN_TABLES",
+    "POPULATION",
     "TABLES",
     "TEXT_COLUMNS",
     "Store",

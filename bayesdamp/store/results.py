@@ -27,7 +27,7 @@ from bayesdamp.store.files import (
     unpack,
     write_bytes,
 )
-from bayesdamp.store.tables import CALIBRATION_TABLES, SPECIMEN_TABLES, TABLES
+from bayesdamp.store.tables import CALIBRATION_TABLES, TABLES
 from bayesdamp.types import OK, InputError
 
 MARK_FILE = ".bayesdamp"
@@ -37,7 +37,15 @@ MARK_TEXT = "bayesdamp run\n"
 FOLDERS = ("cells", "figures", "posterior")
 """Folders in the folder of a run; `cells` has the results of tasks."""
 LOCK = ".lock"
-FILES = (LOCK, "damping_curves.csv", "report.html", "run.json", "verdict.json", "verdicts.csv")
+FILES = (
+    LOCK,
+    "damping_curves.csv",
+    "population.csv",
+    "report.html",
+    "run.json",
+    "verdict.json",
+    "verdicts.csv",
+)
 """Files in the folder of a run, besides its tables; `LOCK` is the file that a running process locks."""
 HEAD_MEMBER = "cell.json"
 """Name of the first member in the archive of a result: its name, key, outcome, seconds and values."""
@@ -131,7 +139,7 @@ def remove_listed(folder: Path, listed: Iterable[str]) -> None:
 class TaskName:
     """The parts of a task's name, such as `estimate/bench/0/viscous/least_squares`.
 
-    kind: kind of task. record: name of the signal or specimen. repeat: number of the repeat. candidate: the damping
+    kind: kind of task. record: name of the signal. repeat: number of the repeat. candidate: the damping
     sum, with the restoring law if several are compared. method: the estimator, sampler, evidence method or kind of
     sensitivity. A part that a name does not have is empty, or None for the repeat.
     """
@@ -147,7 +155,7 @@ class TaskName:
         """Split the name of a task, such as `mode/bench/0/viscous`, into its parts."""
         kind, *rest = name.split("/")
         record = rest.pop(0) if rest else ""
-        repeat = int(rest.pop(0)) if rest and rest[0].isdigit() else None  # a specimen has none
+        repeat = int(rest.pop(0)) if rest else None
         candidate, method = (*rest, "", "")[:2]
         return cls(kind, record, repeat, candidate, method)
 
@@ -274,7 +282,7 @@ class Store:
         cannot be written; OSError if the disk is full. The system releases the lock of a process that dies.
         """
         try:
-            claim(self.folder, (*TABLES, *SPECIMEN_TABLES, *CALIBRATION_TABLES))
+            claim(self.folder, (*TABLES, *CALIBRATION_TABLES))
             path = self.folder / LOCK
             if os.path.lexists(path) and path.lstat().st_nlink > 1:
                 raise InputError(f"{path}: is a link, {_FOREIGN}")

@@ -36,17 +36,11 @@ TABLES: dict[str, tuple[str, ...]] = {
 """Columns of the tables of every study, by file name. All intervals are 95 %; log_evidence and its stderr are in nats,
 error_pct and unexplained_pct in per cent, seconds in s, and parameters in the column `unit`."""
 
-SPECIMEN_TABLES: dict[str, tuple[str, ...]] = {
-    "specimens.csv": (
-        "specimen", "records", "record", "model", "restoring", "shared", "parameter", "unit", "mean", "sd", "median",
-        "q2.5", "q97.5", "log_evidence", "probability", "outcome",
-    ),
-    "population.csv": (
-        "over", "model", "restoring", "parameter", "unit", "what", "of", "mean", "sd", "median", "q2.5", "q97.5",
-        "effective", "prior_scale", "outcome",
-    ),
-}  # fmt: skip
-"""Columns of the tables of a study that names specimens, by file name."""
+POPULATION = (
+    "model", "restoring", "parameter", "unit", "specimens", "mean", "mean_low", "mean_high", "spread", "spread_low",
+    "spread_high", "next_low", "next_high",
+)  # fmt: skip
+"""Columns of population.csv, which a study with several specimens has."""
 DAMPING_CURVES = ("amplitude", "ratio", "ratio_low", "ratio_high", "lost", "lost_low", "lost_high")
 """Columns of damping_curves.csv after the record's name and the unit of the amplitude: amplitude, damping ratio and
 energy lost in a cycle per unit of inertia (square of the amplitude's unit per s²), measured without a damping law, with
@@ -57,10 +51,10 @@ CALIBRATION_TABLES = ("calibration.csv", "ranks.csv", "recovery.csv")
 
 _TEXT = frozenset({
     "signal", "model", "estimator", "stage", "parameter", "unit", "outcome", "sampler", "restoring", "method",
-    "diagnostic", "rms_unit", "verdict", "specimen", "record", "shared", "over", "what", "of",
+    "diagnostic", "rms_unit", "verdict",
 })  # fmt: skip
-_WHOLE = frozenset({"repeat", "evaluations", "divergences", "records"})
-_NUMBER = {c for t in (TABLES, SPECIMEN_TABLES) for columns in t.values() for c in columns} - _TEXT - _WHOLE
+_WHOLE = frozenset({"repeat", "evaluations", "divergences", "specimens"})
+_NUMBER = {c for columns in (*TABLES.values(), POPULATION) for c in columns} - _TEXT - _WHOLE
 TEXT_COLUMNS = frozenset({("posteriors.csv", "deviation"), ("evidence.csv", "deviation")})
 """Pairs (table, column) of columns that contain text, although a column of the same name contains numbers in another
 table."""
@@ -88,7 +82,7 @@ def write_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, 
 def read_table(path: Path) -> list[dict[str, Any]]:
     """Return the rows of a table that `write_table` wrote.
 
-    Columns of `TABLES` and `SPECIMEN_TABLES` contain text, whole numbers (None if empty) or floats (nan if empty);
+    Columns of `TABLES` and `POPULATION` contain text, whole numbers (None if empty) or floats (nan if empty);
     other columns are text. Raises InputError if a field in a column of numbers is not a number.
     """
     path = Path(path)

@@ -36,7 +36,7 @@ from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.amplitude import POWERS, Scale, coefficient_from_rate, parameter
 from bayesdamp.physics.damping import PAPER_TERMS, twins_of
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal, odds
-from bayesdamp.types import NORMAL_95, InputError, Reference
+from bayesdamp.types import NORMAL_95, InputError
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import interval_of, rivals_of
 from bayesdamp.verdict.parts import (
@@ -383,7 +383,7 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
         repeats[model] = join_runs(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=0)
         logs[model] = repeats[model].log_evidence + float(np.log(odds(terms)))
     share = dict(zip(logs, normalise(np.array(list(logs.values()))).tolist(), strict=True))
-    return SpecimenComparison((), logs, share, repeats, {}, Reference(1.0, 1.0))
+    return SpecimenComparison((), logs, share, repeats, {})
 
 
 def at_common_amplitudes(

@@ -10,13 +10,16 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 from bayesdamp.formatting import rounded, with_interval
+from bayesdamp.inference.deviation.draws import quantity
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.specimen import RunComparison, SpecimenComparison, compare_runs
+from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.priors import Prior
 from bayesdamp.types import NORMAL_95, Refusal, candidate_name, sum_probabilities
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of, twin_pairs
-from bayesdamp.verdict.parts import DampingRatio, Grade, Interval, Share
+from bayesdamp.verdict.parts import NAN, Coefficient, DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named, sentence, twin_remark
 
@@ -149,8 +152,9 @@ def specimen(
     ranges = [(float(r.curve["amplitude"].min()), float(r.curve["amplitude"].max())) for r in records]
     amplitudes = choose_amplitudes(ranges) if amplitudes is None else amplitudes
     reaching = [[i for i, (low, high) in enumerate(ranges) if low <= a <= high] for a in amplitudes]
+    unit = next((v.damping_ratio[0].unit for v in own if v.damping_ratio), "rad")
     ratios, following = _ratios(
-        records, comparison, dict(zip(amplitudes, reaching, strict=True)), sensor, seed
+        records, comparison, dict(zip(amplitudes, reaching, strict=True)), unit, sensor, seed
     )
     partial = ""
     if min(map(len, reaching)) < len(records):
@@ -181,6 +185,7 @@ def specimen(
         frequency=frequency,
         damping_ratio=ratios,
         next_record=following,
+        coefficients=coefficients_of(comparison, next(iter(damping)), unit),
         spread=spread_of(comparison) if len(records) > 1 else None,
     )
     rising = sorted(following, key=lambda r: r.amplitude)
@@ -275,8 +280,48 @@ def spread_of(comparison: SpecimenComparison) -> Interval:
     It is the standard deviation of the log factors by which the records' coefficients differ from those of the
     specimen.
     """
-    spread = comparison.spread()
-    return Interval(spread["median"], spread["q2.5"], spread["q97.5"])
+    low, middle, high = comparison.spread()
+    return Interval(middle, low, high)
+
+
+def coefficients_of(comparison: SpecimenComparison, damping: str, unit: str) -> tuple[Coefficient, ...]:
+    """Return the parameters of a damping sum that all records of a specimen have in common.
+
+    They are from the joint posterior under the most probable restoring law; none if no law has one. unit: base unit of
+    the records.
+    """
+    models = [m for m in comparison.repeats if m[0] == damping]
+    if not models:
+        return ()
+    model = max(models, key=lambda m: comparison.probability[m])
+    repeats = comparison.repeats[model]
+    results = []
+    for name, draws in zip(repeats.names, repeats.draws.T, strict=True):
+        q = quantity(draws)
+        results.append(
+            Coefficient(name, q.value, NAN, NAN, q.low, q.high, parameter_unit(name, model[1], unit))
+        )
+    return tuple(results)
+
+
+def pool_coefficients(specimens: Sequence[Verdict]) -> list[tuple[Coefficient, PooledMean]]:
+    """Return each damping coefficient of the first specimen, with its mean and spread over all specimens.
+
+    The list is empty if there are fewer than two specimens, if they do not all have the same damping and restoring law,
+    or if a coefficient is missing or has another unit. Coefficients of envelopes are relative to amplitudes at their
+    starts, so they are not pooled.
+    """
+    models = {(v.damping, v.restoring, v.quantity == "envelope") for v in specimens}
+    if len(specimens) < 2 or len(models) > 1 or specimens[0].quantity == "envelope":
+        return []
+    results = []
+    for name in [TERMS.get(t).parameter for t in specimens[0].damping.split("+")]:
+        own = [c for v in specimens for c in v.coefficients if c.name == name]
+        if len(own) < len(specimens) or len({c.unit for c in own}) > 1:
+            return []
+        sds = [(c.high - c.low) / (2 * NORMAL_95) for c in own]
+        results.append((own[0], pool_records(np.array([c.value for c in own]), np.array(sds))))
+    return results
 
 
 def spread_remark(v: Verdict) -> tuple[str, ...]:
@@ -311,17 +356,17 @@ def _ratios(
     records: Sequence[RecordAnswer],
     comparison: SpecimenComparison,
     reaching: Mapping[float, Sequence[int]],
+    unit: str,
     sensor: float,
     seed: int,
 ) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
-    """Return the specimen's damping ratios at the amplitudes in `reaching`, and those of one more record.
+    """Return the specimen's damping ratios at the amplitudes in `reaching`, in `unit`, and those of one more record.
 
     The damping ratio by the law is drawn from the joint posterior; the deviation from the law is pooled over the
     records. Both are those of the records that reach the amplitude, whose numbers are the values of `reaching`; of all
     records if none does. The relative error `sensor` of the sensor is added only if laws may hold approximately.
     """
     approximate = all("over" in r.curve for r in records)
-    unit = next((r.verdict.damping_ratio[0].unit for r in records if r.verdict.damping_ratio), "rad")
     specimen_rows, following_rows = [], []
     for row, (amplitude, numbers) in enumerate(reaching.items()):
         used = numbers or range(len(records))

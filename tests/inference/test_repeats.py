@@ -13,7 +13,7 @@ from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.repeats import SPREAD_SCALE, RecordLikelihood, Repeats, join_runs
 from bayesdamp.inference.deviation.specimen import ratio_likelihood
 from bayesdamp.inference.model.target import damping_priors
-from bayesdamp.numerics.weights import summarise
+from bayesdamp.numerics.weights import quantiles
 from bayesdamp.priors import HalfNormal, Normal, Prior, SharedHalfNormal
 from bayesdamp.types import Reference, Signal
 from tests.inference.runs import Summed, by_quadrature, run_of
@@ -50,9 +50,9 @@ def assert_agreement(repeats: Repeats, truth: Summed, grid: np.ndarray, share: f
         assert repeats.draws[:, i].mean() == pytest.approx(mean, abs=(MONTE_CARLO + share) * sd)
         assert repeats.draws[:, i].std() == pytest.approx(sd, rel=0.1)
     spread = truth.each.sum(axis=0)
-    expected = summarise(truth.spreads, spread / spread.sum())
-    for q, name in ((0.5, "median"), (0.975, "q97.5")):
-        assert np.quantile(repeats.spreads, q) == pytest.approx(expected[name], rel=0.12, abs=0.004)
+    levels = (0.5, 0.975)
+    expected = quantiles(truth.spreads, spread / spread.sum(), levels)
+    assert np.quantile(repeats.spreads, levels) == pytest.approx(expected, rel=0.12, abs=0.004)
 
 
 @pytest.mark.parametrize(
@@ -73,8 +73,7 @@ def test_runs_with_one_coefficient_have_the_evidence_and_posterior_of_quadrature
     truth = by_quadrature(runs, grid, log_prior)
     share = 0.05 if places[0] == places[1] else 0.25
     assert_agreement(join_runs(runs, {"zeta": prior}, EXACTLY), truth, grid, share)
-    same = join_runs(runs, {"zeta": prior}, EXACTLY, spread=0.0).log_evidence
-    assert same == pytest.approx(by_quadrature(runs, grid, log_prior, 0.0).log_evidence, abs=NATS)
+    same = by_quadrature(runs, grid, log_prior, 0.0).log_evidence
     assert abs(same - truth.log_evidence) > 1
     assert (same > truth.log_evidence) is (places[0] == places[1])
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.config import load_study
 from bayesdamp.config.compare import SPECIMEN, comparison
 from bayesdamp.pipeline.jobs import task_names
 from bayesdamp.types import InputError
@@ -42,12 +41,6 @@ def write(folder: Path, records=RECORDS) -> Path:
     return file
 
 
-def test_specimens_with_several_records_have_a_joint_fit(tmp_path):
-    names = set(task_names(load_study(write(tmp_path))))
-    assert {"joint/a", "joint/b", "population/specimens"} <= names
-    assert "joint/c" not in names
-
-
 SWEEP = '[[sweep]]\nkey = "simulate.noise_sd"\nvalues = [0.003]\n'
 WRONG = [
     ('specimen = "a"', "specimen = 3", "it must be a name in quotes"),
@@ -73,9 +66,10 @@ def files(tmp_path) -> list[dict[str, str]]:
 
 
 def test_compare_reads_files_as_specimens_or_as_repeats(files, tmp_path, refused):
-    assert set(comparison(files).specimens) == {"a", "b"}
+    runs = [{**record, "specimen": "my rig"} for record in files]
+    assert set(comparison(runs).specimens) == {"my_rig"}
     assert set(comparison(files, repeats=True).specimens) == {SPECIMEN}
-    assert not comparison(files[:1]).specimens
+    assert not comparison(files).specimens
     same = [files[0], {**files[0], "file": str(tmp_path / "." / "a.csv")}]
     units = [{**record, "unit": unit} for record, unit in zip(files, ("mm", "deg"), strict=True)]
     for records, line in (
@@ -88,10 +82,6 @@ def test_compare_reads_files_as_specimens_or_as_repeats(files, tmp_path, refused
     assert refused("compare", files[0]["file"], "--repeats").startswith("--repeats: there is one record")
 
 
-def test_repeats_are_not_sampled_one_by_one(files):
-    """Control: records of different specimens have draws, and are predicted from their halves."""
-    for repeats, further in ((True, set()), (False, {"posterior", "bridge", "half", "noises"})):
-        tasks = task_names(comparison(files, repeats=repeats))
-        parts = {part for name in tasks for part in name.split("/")}
-        kinds = {"mode", "importance", "posterior", "bridge", "half", "noises"}
-        assert parts & kinds == {"mode", "importance", *further}
+def test_repeats_have_the_same_tasks_as_other_records(files):
+    alone, repeated = (task_names(comparison(files, repeats=repeats)) for repeats in (False, True))
+    assert alone == repeated

@@ -1,4 +1,4 @@
-"""Several records in one study: joint fits of repeats, and the population of specimens."""
+"""Several records in one study: the verdicts on specimens, and the population of specimens."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.pipeline.specimens import LOCATION_SCALE
-from bayesdamp.store import Store, read_table
-from bayesdamp.store.contents import JointContent
+from bayesdamp.store import read_table
+from bayesdamp.verdict.types import load_verdicts
 from tests.pipeline.test_specimens import write
 
 pytestmark = pytest.mark.slow
@@ -24,23 +23,23 @@ def run(tmp_path_factory) -> Path:
     return folder / "out"
 
 
-def test_records_that_differ_are_told_from_records_that_agree(run):
-    a, b = (JointContent.of(Store(run).read(f"joint/{specimen}")) for specimen in "ab")
-    assert (a.differ, b.differ) == (False, True)
-    assert a.no_spread > 0
-    assert b.no_spread < -20
+def test_records_that_differ_have_a_larger_spread_than_records_that_agree(run):
+    a, b = load_verdicts(run / "verdict.json")[-2:]
+    assert (a.record, b.record, a.records, b.records) == ("a", "b", 2, 2)
+    assert a.spread.low < 0.01
+    assert b.spread.low > 0.05
+    ((zeta,), (other,)) = (a.coefficients, b.coefficients)
+    assert (zeta.name, zeta.unit, other.name) == ("zeta", "1/s", "zeta")
+    assert zeta.low < 0.05 < zeta.high
+    assert other.low < 0.075 < other.high
 
 
-def test_the_population_has_a_row_for_mean_spread_and_each_specimen(run):
-    population = read_table(run / "population.csv")
-    assert {r["over"] for r in population} == {"repeats of a", "repeats of b", "specimens"}
-    mean, spread, *own = (r for r in population if r["over"] == "specimens")
-    assert (mean["what"], spread["what"]) == ("mean", "spread")
-    assert [(r["what"], r["of"]) for r in own] == [("own value", specimen) for specimen in "abc"]
-    assert mean["q2.5"] < 0.0575 < mean["q97.5"]
-    assert spread["q2.5"] > 0.002
-    assert "only 3" in mean["outcome"]
-    specimens = [
-        r for r in read_table(run / "specimens.csv") if (r["record"], r["parameter"]) == ("", "zeta")
-    ]
-    assert mean["prior_scale"] == pytest.approx(LOCATION_SCALE * max(r["mean"] for r in specimens), rel=1e-6)
+def test_the_population_has_a_row_for_each_coefficient(run):
+    (row,) = read_table(run / "population.csv")
+    assert (row["model"], row["restoring"], row["parameter"]) == ("viscous", "linear", "zeta")
+    assert (row["unit"], row["specimens"]) == ("1/s", 3)
+    assert row["mean_low"] < 0.0575 < row["mean_high"]
+    assert row["spread_low"] > 0.002
+    page = (run / "report.html").read_text(encoding="utf-8")
+    assert "Population of the specimens" in page
+    assert "over the 3 specimens" in page

@@ -13,9 +13,9 @@ from bayesdamp.verdict import types as verdict
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "columns.md"
 WRITTEN: Mapping[str, Sequence[str]] = {
     **store.TABLES,
-    **store.SPECIMEN_TABLES,
     "verdicts.csv": verdict.columns(),
     "damping_curves.csv": ("record", "unit", *store.DAMPING_CURVES),
+    "population.csv": store.POPULATION,
     "calibration.csv": calibrated.COLUMNS,
     "ranks.csv": calibrated.RANK_COLUMNS,
     "recovery.csv": calibrated.RECORD_COLUMNS,

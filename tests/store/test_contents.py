@@ -20,7 +20,6 @@ from bayesdamp.store.contents import (
     AnswerContent,
     ChunkContent,
     Content,
-    JointContent,
     ModeContent,
     RecordContent,
 )
@@ -77,5 +76,5 @@ def test_content_of_another_kind_or_version_is_refused() -> None:
 
 
 def test_a_task_without_a_result_has_no_content() -> None:
-    assert JointContent.maybe(None) is None
-    assert JointContent.maybe(TaskResult("joint/a", "key", outcome="no joint fit")) is None
+    assert ModeContent.maybe(None) is None
+    assert ModeContent.maybe(TaskResult("mode/a/0/viscous", "key", outcome="no mode")) is None

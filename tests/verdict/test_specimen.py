@@ -21,7 +21,13 @@ from bayesdamp.priors import FURTHER_TERM, OTHER_FORMS_COUNT, OTHER_FORMS_ODDS, 
 from bayesdamp.types import Reference, Refusal
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Bound, DampingRatio, Grade, Interval, Share
-from bayesdamp.verdict.specimen import RecordAnswer, common_verdict, pool_records, specimen
+from bayesdamp.verdict.specimen import (
+    RecordAnswer,
+    common_verdict,
+    pool_coefficients,
+    pool_records,
+    specimen,
+)
 from bayesdamp.verdict.types import Verdict
 from tests.inference.runs import by_quadrature, run_of
 
@@ -154,6 +160,9 @@ def test_ratio_spread_and_prediction_are_those_of_quadrature() -> None:
         assert (r.low, r.value, r.high) == pytest.approx((low, middle, high), abs=0.1 * (high - low))
         assert r.unit == "deg"
     assert verdict.damping_ratio[1].amplitude == pytest.approx(0.2)
+    (zeta,) = verdict.coefficients
+    assert (zeta.name, zeta.unit) == ("zeta", "1/s")
+    assert (zeta.low, zeta.value, zeta.high) == pytest.approx((low, middle, high), abs=0.1 * (high - low))
     spread = np.cumsum(truth.each.sum(axis=0))
     for q, value in ((0.5, verdict.spread.value), (0.975, verdict.spread.high)):
         assert value == pytest.approx(float(np.interp(q, spread, truth.spreads)), rel=0.12)
@@ -167,6 +176,20 @@ def test_ratio_spread_and_prediction_are_those_of_quadrature() -> None:
     assert following.high - following.low > 1.3 * (high - low)
     assert np.hypot(following.sd_noise, following.sd_law) == pytest.approx(np.ptp(ends) / 3.92, rel=0.25)
     assert verdict.remarks[0].startswith("The damping differs between records by")
+
+
+def test_coefficients_of_specimens_are_pooled_if_all_have_the_same_damping() -> None:
+    """Control: with another damping, another unit or a single specimen nothing is pooled."""
+    each = [specimen(n, [answered(n, r, {V: 0.0}) for _ in range(2)]) for n, r in (("a", 0.01), ("b", 0.02))]
+    ((first, pooled),) = pool_coefficients(each)
+    own = [v.coefficients[0] for v in each]
+    sds = [(c.high - c.low) / (2 * 1.959963984540054) for c in own]
+    assert first == own[0]
+    assert pooled == pool_records(np.array([c.value for c in own]), np.array(sds))
+    in_m = replace(each[1], coefficients=(replace(own[1], unit="m/s²"),))
+    other = specimen("c", [answered("c", 0.01, {Q: 0.0}) for _ in range(2)])
+    for wrong in ([each[0], other], [each[0], in_m], each[:1], []):
+        assert pool_coefficients(wrong) == []
 
 
 def test_ratios_are_given_at_amplitudes_that_all_records_reach() -> None:

@@ -69,7 +69,7 @@ def compare(
         bool,
         o.option(
             COMPARED,
-            "The records are of one specimen: fit them jointly, each with its own initial conditions.",
+            "The records are of one specimen: give their common answer too.",
             "--repeats",
         ),
     ] = False,
@@ -85,8 +85,7 @@ def compare(
         o.option(
             RUNNING,
             "Also check the answer by MCMC chains (NUTS) and bridge sampling, which takes minutes. Both assume that "
-            "the laws hold exactly, or with --deviation law only as closely as the answer assumes. With --repeats, "
-            "also fit all records jointly.",
+            "the laws hold exactly, or with --deviation law only as closely as the answer assumes.",
             "--exact",
         ),
     ] = False,

@@ -118,13 +118,12 @@ def join_runs(
     priors: Mapping[str, Prior],
     log_sizes: np.ndarray,
     *,
-    spread: float | None = None,
     seed: int = 0,
     draws: int = JOINT_DRAWS,
 ) -> Repeats:
     """Compute the evidence and the joint posterior of one damping for several records.
 
-    With one record the spread s is 0 unless it is given.
+    With one record, which determines nothing about the spread s, it is 0.
 
     Parameters
     ----------
@@ -134,9 +133,6 @@ def join_runs(
         Priors of the specimen's parameters, in the order of the likelihoods' names.
     log_sizes : ndarray, shape (c,)
         Log prior probability of each grid point of the hyperparameters.
-    spread : float, optional
-        The spread s (sd of log coefficients between records), if it is known; 0 means that all records have the same
-        coefficients. By default it is inferred.
     seed, draws : int
         Seed of the random stream, and number of draws.
 
@@ -149,9 +145,8 @@ def join_runs(
         raise ValueError("at least one record is needed; all need the same parameters, and a prior of each")
     values, slopes = _linear_maps(priors, _scores(priors, np.mean([r.mode for r in runs], axis=0)))
     offset = values - slopes * _scores(priors, values)
-    if spread is not None or len(runs) == 1:
-        # A single record determines nothing about the spread, which is 0 unless it is given.
-        spreads, masses = np.array([spread or 0.0]), np.ones(1)
+    if len(runs) == 1:
+        spreads, masses = np.zeros(1), np.ones(1)
     else:
         spreads, masses = SPREADS, np.diff(scipy.special.erf(SPREAD_EDGES / (SPREAD_SCALE * np.sqrt(2.0))))
     log, slope, information = (

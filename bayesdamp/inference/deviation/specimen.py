@@ -12,7 +12,7 @@ from bayesdamp.inference.deviation.linear import LEAST_KNOTS, DampingLikelihood,
 from bayesdamp.inference.deviation.model_comparison import CandidateResult
 from bayesdamp.inference.deviation.repeats import RecordLikelihood, Repeats, join_runs
 from bayesdamp.inference.model.target import damping_priors
-from bayesdamp.numerics.weights import summarise
+from bayesdamp.numerics.weights import quantiles
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import Prior, odds
 from bayesdamp.types import Reference
@@ -217,10 +217,8 @@ class SpecimenComparison:
     repeats : mapping of Model to Repeats
         Joint posterior of each probable damping and law that has a likelihood on every record.
     runs : mapping of Model to tuple of RatioLikelihood
-        The likelihood of each record, with coefficients converted to the specimen's `reference`, for the models in
-        `repeats`.
-    reference : Reference
-        Amplitude and frequency with which the specimen's default priors scale.
+        The likelihood of each record, with coefficients converted to the specimen's reference (`common_reference`), for
+        the models in `repeats`.
     """
 
     records: tuple[RunComparison, ...]
@@ -228,18 +226,18 @@ class SpecimenComparison:
     probability: Mapping[Model, float]
     repeats: Mapping[Model, Repeats]
     runs: Mapping[Model, tuple[RatioLikelihood, ...]]
-    reference: Reference
 
-    def spread(self) -> dict[str, float]:
-        """Return mean, sd and quantiles, by name, of the spread between records, averaged over the models in `repeats`.
+    def spread(self) -> tuple[float, float, float]:
+        """Return the quantiles at 2.5, 50 and 97.5 % of the spread between records, over the models in `repeats`.
 
-        The names are mean, sd, q2.5, median and q97.5; models are weighted by their probabilities. The spread is the sd
-        of the log factors by which a record's coefficients differ from those of the specimen.
+        Models are weighted by their probabilities. The spread is the sd of the log factors by which a record's
+        coefficients differ from those of the specimen.
         """
         every = np.concatenate([r.spreads for r in self.repeats.values()])
         sizes = [(r.spreads.size, self.probability[m]) for m, r in self.repeats.items()]
         weight = np.concatenate([np.full(n, p / n) for n, p in sizes])
-        return summarise(every, weight / weight.sum())
+        low, middle, high = quantiles(every, weight / weight.sum(), (0.025, 0.5, 0.975)).tolist()
+        return low, middle, high
 
     def others(self) -> dict[str, float]:
         """Return the total probability of each rival over all restoring laws, by the name of its damping sum.
@@ -251,17 +249,6 @@ class SpecimenComparison:
             if damping in sums:
                 sums[damping] += p
         return sums
-
-    def under(self, model: Model) -> list[RunComparison]:
-        """Return a comparison for each record in which `model`, a key of `runs`, is the only candidate.
-
-        Its log evidence is 0; its likelihoods are for coefficients at the specimen's reference amplitude and frequency.
-        With these, several specimens can be compared under one model.
-        """
-        return [
-            RunComparison({model: 0.0}, (), {model: run}, self.reference, record.amplitudes)
-            for record, run in zip(self.records, self.runs[model], strict=True)
-        ]
 
     def ratios(
         self, amplitude: float, reaching: Sequence[int], count: int, seed: int = 0
@@ -295,7 +282,6 @@ def compare_runs(
     records: Sequence[RunComparison],
     given: Mapping[str, Prior] | None = None,
     *,
-    spread: float | None = None,
     seed: int = 0,
 ) -> SpecimenComparison:
     """Compare every damping and restoring law on several records of one specimen.
@@ -307,9 +293,6 @@ def compare_runs(
     given : mapping of str to Prior, optional
         Priors by the name of the parameter, for the specimen's coefficients; the others have default priors at the
         geometric mean of the records' references (`common_reference`).
-    spread : float, optional
-        The spread between records (sd of log coefficients), if it is known; else it is inferred, or 0 for a single
-        record.
     seed : int
         Seed of the random streams.
     """
@@ -343,7 +326,7 @@ def compare_runs(
             exact = [DampingLikelihood(*(values[:1] for values in part)) for part in parts]
             common = [replace(run, likelihood=x) for run, x in zip(known, exact, strict=True)]
         log_sizes = np.zeros(1) if len(sizes) > 1 or sizes == {1} else grid_of(LEAST_KNOTS).log_prior
-        posterior = join_runs(common, priors, log_sizes, spread=spread, seed=seed)
+        posterior = join_runs(common, priors, log_sizes, seed=seed)
         logs[model] = posterior.log_evidence + rest
         best = max(best, logs[model] + prior(model))
         if len(known) == len(records):
@@ -352,7 +335,7 @@ def compare_runs(
     top = max(weights.values())
     total = sum(np.exp(v - top) for v in weights.values())
     probability = {m: float(np.exp(v - top) / total) for m, v in weights.items()}
-    return SpecimenComparison(tuple(records), logs, probability, repeats, runs, reference)
+    return SpecimenComparison(tuple(records), logs, probability, repeats, runs)
 
 
 def common_reference(records: Sequence[RunComparison]) -> Reference:

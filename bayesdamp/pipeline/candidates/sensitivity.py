@@ -50,8 +50,6 @@ def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> d
 
     They exist only for the first repeat, and only if the study asks for evidence. Fewer terms (`savage_dickey`) are
     tested only in a sum of two or more, other noise models only if the study names several and the laws hold exactly.
-    If the study samples no single records but fits them jointly, the tasks that search for further modes (`half`,
-    `noises`) are left out.
 
     Parameters
     ----------
@@ -63,9 +61,7 @@ def sensitivity_sources(candidate: StudyCandidate, keys: Mapping[str, str]) -> d
     if candidate.repeat or not any(TaskName.of(n).kind == "evidence" for n in keys):
         return {}
     study = candidate.study
-    is_joined = candidate.spec.specimen in study.repeated and not study.posterior.samplers
     left_out = {
-        *(["half", "noises"] if is_joined else []),  # these need searches of their own
         *(["noises"] if len(study.noises) < 2 or study.likelihood == "law" else []),
         *(["savage_dickey"] if len(candidate.terms) < 2 else []),
     }

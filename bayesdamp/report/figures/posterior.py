@@ -1,9 +1,8 @@
-"""Draw posteriors: marginals, pairs, running estimates, and intervals of several records."""
+"""Draw posteriors: marginals, pairs and running estimates."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bayesdamp.report import words
-from bayesdamp.report.drawing import FAINT, INK, MUTED, WIDTH, colour
+from bayesdamp.report.drawing import INK, MUTED, WIDTH, colour
 
 _BINS = 160
 """Number of grid points of a drawn density."""
@@ -29,8 +28,6 @@ SETTLING_FRACTION = 0.15
 
 Draws = Mapping[str, Mapping[str, np.ndarray]]
 """For each sampler and parameter its draws, of any shape."""
-Interval = tuple[float, float, float]
-"""Quantiles at 2.5, 50 and 97.5 %."""
 
 
 def outline(draws: np.ndarray, reflected: bool = False) -> tuple[np.ndarray, np.ndarray]:
@@ -263,59 +260,4 @@ def draw_running_estimates(
         Line2D([], [], color=MUTED, lw=0.9, ls=(0, (3, 2)), label="first pass"),
     ]
     _legend(figure, handles, truth)
-    return figure
-
-
-@dataclass(frozen=True)
-class Panel:
-    """The content of a panel: the intervals of one parameter from several records.
-
-    Attributes
-    ----------
-    label
-        Label of the axis.
-    rows
-        The interval of each record, as quantiles at 2.5, 50 and 97.5 %.
-    band
-        The same quantiles from all records together, drawn as a grey band with a line at the median.
-    others
-        A second interval of each record, which is drawn with an open mark below the first; or empty.
-    """
-
-    label: str
-    rows: Sequence[Interval]
-    band: Interval
-    others: Sequence[Interval] = ()
-
-
-def intervals(labels: Sequence[str], panels: Sequence[Panel], colour: str) -> Figure:
-    """Draw intervals of several records, with a panel for each parameter.
-
-    `labels` lists the names of the records in the order of the rows of each panel; `colour` is that of their marks.
-    """
-    figure = Figure(figsize=(WIDTH, 0.27 * len(labels) + 0.85))
-    axes = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
-    places = np.arange(len(labels), dtype=float)
-    for ax, panel in zip(axes, panels):
-        ax.axvspan(panel.band[0], panel.band[2], color=FAINT, lw=0)
-        ax.axvline(panel.band[1], color=MUTED, lw=0.8)
-        lift = 0.16 if panel.others else 0.0
-        for rows, shift, face in ((panel.rows, -lift, colour), (panel.others, lift, "white")):
-            if rows:
-                low, middle, high = np.array(rows).T
-                errors = np.stack([middle - low, high - middle])
-                look = {"fmt": "o", "ms": 4, "mfc": face, "color": colour, "lw": 1.0}
-                ax.errorbar(middle, places + shift, xerr=errors, **look)
-        # The axis may cut off the band, because a wide band would make the intervals too small to see.
-        edges = np.array([x for row in (*panel.rows, *panel.others) for x in row])
-        room = 0.6 * max(float(np.ptp(edges)), 1e-12)
-        ax.set_xlim(
-            max(min(panel.band[0], edges.min()), edges.min() - room) - 0.05 * room,
-            min(max(panel.band[2], edges.max()), edges.max() + room) + 0.05 * room,
-        )
-        ax.set_xlabel(panel.label)
-        ax.locator_params(axis="x", nbins=5)
-        ax.tick_params(axis="y", length=0)
-    axes[0].set_yticks(places, list(labels))
-    axes[0].set_ylim(len(labels) - 0.4, -0.6)
     return figure

@@ -85,6 +85,8 @@ class RunFolder:
     estimates, posteriors, evidence, fits
         Rows of the tables. The column `model` contains the damping sum, and also the restoring law if the signal is
         compared under several restoring laws.
+    population
+        Rows of population.csv; empty if the study has fewer than two specimens.
     answered
         Cache of `answer_of`, by the record's name and the kinds of tasks.
 
@@ -112,6 +114,8 @@ class RunFolder:
                     row["model"] = candidate_name(row["model"], row["restoring"])
             tables.append(rows)
         self.estimates, self.posteriors, self.evidence, self.fits = tables
+        path = self.folder / "population.csv"
+        self.population = read_table(path) if path.is_file() else []
         self.answered: dict[tuple[str, Sequence[str]], RecordAnswer | None] = {}
         self._figures: Path | None = self.folder / "figures"
         self._store = Store(self.folder, self.info.get("cells"))
@@ -133,7 +137,7 @@ class RunFolder:
         """
         run = cls.__new__(cls)
         run.info, run.answered, run.verdicts, run._figures = info, {}, list(verdicts), None
-        run.estimates, run.posteriors, run.evidence, run.fits = [], [], [], []
+        run.estimates, run.posteriors, run.evidence, run.fits, run.population = [], [], [], [], []
         run._read = {task_result.name: task_result for task_result in task_results}
         run._places = {name: TaskName.of(name) for name in run._read}
         return run

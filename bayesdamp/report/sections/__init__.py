@@ -48,7 +48,6 @@ SHIPPED = {
     "evidence": ("evidence", "sensitivity", "priors"),
     "posteriors": ("posteriors", "running", "seeds"),
     "record": ("record", "noise", "fit_quality"),
-    "specimens": ("specimens",),
     "study": ("asked", "provenance"),
 }
 """Names of the package's sections, by the module that contains them."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -19,6 +19,7 @@ from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
 from bayesdamp.report.results.run import (
     ANCHOR,
     RecordAnswer,
+    Row,
     RunFolder,
     answer_of,
     answers,
@@ -106,8 +107,24 @@ RATIOS = (
     f"in brackets. {PARTS_OF_SD}"
 )
 """`RATIOS` is the caption of the table of damping ratios; `PARTS_OF_SD` is also part of that of the coefficients."""
+SPECIMEN_RATIOS = (
+    "Equivalent viscous damping ratio and Q = 1/(2 × damping ratio) of the specimen, with 95 % intervals in brackets: "
+    "the mean over the records that reach the amplitude."
+)
 LEAST_SHOWN = 0.005
 """Smallest probability of a damping sum, or of a term, that is listed for an envelope."""
+COMMON = (
+    "Coefficients of {} damping that all records of the specimen have in common, with 95 % intervals in brackets. In "
+    "each record a factor multiplies all of them; its spread from record to record is inferred. Each record has its "
+    "own initial conditions, restoring parameters, noise and deviations from the laws."
+)
+"""Caption of the table of a specimen's coefficients; the name of the damping is inserted."""
+POPULATION = (
+    "Mean and spread (standard deviation) of each coefficient of {} damping over the {} specimens, with 95 % intervals "
+    "in brackets, and the interval of one more specimen. The specimens' coefficients are assumed to have a normal "
+    "distribution. Few specimens hardly limit its spread."
+)
+"""Caption of the table of several specimens; the name of the damping and the number of specimens are inserted."""
 FEWEST_RECORDS = 3
 """Smallest number of records with an answer for which the report has an overview. If several are of one specimen, it
 always has one."""
@@ -271,18 +288,11 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
         parts.append(run.drawings.add(f"exponent-{signal}", EXPONENT, draw))
     parts.append(ratios_table(v.damping_ratio, RATIOS, parts=True))
     if v.coefficients:
-        columns: dict[str, Callable[[Coefficient], str]] = {
-            "parameter": lambda c: words.symbol(c.name).text,
-            "value (95 %)": lambda c: fmt.with_interval(c.value, c.low, c.high),
-            "sd from noise": lambda c: fmt.number(c.sd_noise, 2),
-            "sd from the law": lambda c: fmt.number(c.sd_law, 2),
-            "unit": lambda c: words.unit(c.unit),
-        }
         caption = (
             f"Coefficients of {words.model(v.damping)} damping, and parameters of the {words.law(v.restoring)} "
             f"restoring law, with 95 % intervals in brackets. {PARTS_OF_SD}"
         )
-        parts.append(Table.of(v.coefficients, columns, (0, 4), caption))
+        parts.append(_coefficients_table(v.coefficients, caption, parts=True))
     rows = [r for r in answer.content.candidates if r.outcome == OK]
     log = {id(r): r.exact if r.log_evidence is None else r.log_evidence for r in rows}
     top, top_exact = max(log.values(), default=0.0), max((r.exact for r in rows), default=0.0)
@@ -311,6 +321,32 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     return [*parts, collapsible("All damping models that were compared", table)]
 
 
+def _coefficients_table(coefficients: Sequence[Coefficient], caption: str, parts: bool = False) -> Table:
+    """Return a table of coefficients; `parts`: whether to add the parts of their standard deviations."""
+    columns: dict[str, Callable[[Coefficient], str]] = {
+        "parameter": lambda c: words.symbol(c.name).text,
+        "value (95 %)": lambda c: fmt.with_interval(c.value, c.low, c.high),
+    }
+    if parts:
+        columns["sd from noise"] = lambda c: fmt.number(c.sd_noise, 2)
+        columns["sd from the law"] = lambda c: fmt.number(c.sd_law, 2)
+    columns["unit"] = lambda c: words.unit(c.unit)
+    return Table.of(coefficients, columns, (0, len(columns) - 1), caption)
+
+
+def _population_table(rows: Sequence[Row]) -> Table:
+    """Return a table of the rows of population.csv."""
+    columns: dict[str, Callable[[Row], str]] = {
+        "parameter": lambda r: words.symbol(r["parameter"]).text,
+        "mean (95 %)": lambda r: fmt.with_interval(r["mean"], r["mean_low"], r["mean_high"]),
+        "spread (95 %)": lambda r: fmt.with_interval(r["spread"], r["spread_low"], r["spread_high"]),
+        "one more specimen (95 %)": lambda r: fmt.interval(r["next_low"], r["next_high"]),
+        "unit": lambda r: words.unit(r["unit"]),
+    }
+    caption = POPULATION.format(words.model(rows[0]["model"]), rows[0]["specimens"])
+    return Table.of(rows, columns, (0, 4), caption)
+
+
 class OverviewSection(Section):
     """The section with the verdicts on specimens, all damping curves, and a table of the records with links."""
 
@@ -327,7 +363,7 @@ class OverviewSection(Section):
         return several and not run.study.get("published")
 
     def render(self, run: RunFolder) -> str:
-        """Return the verdicts on specimens, a figure of all damping curves, and a table of the records."""
+        """Return the verdicts on specimens and their population, a figure of damping curves, and a table of records."""
         records, verdicts = answers(run), specimens(run)
         parts: list[object] = []
         for v in verdicts:
@@ -337,6 +373,12 @@ class OverviewSection(Section):
             parts.append(block.format(title, v.sentence, more))
             if v.decay_rate:
                 parts.append(decay_table(v.decay_rate, v.quality_factor_at))
+            elif v.damping_ratio:
+                parts.append(ratios_table(v.damping_ratio, SPECIMEN_RATIOS))
+            if v.coefficients:
+                parts.append(_coefficients_table(v.coefficients, COMMON.format(words.model(v.damping))))
+        if run.population:
+            parts += [heading("Population of the specimens"), _population_table(run.population)]
         curves = {a.signal: curve for a in records if (curve := curve_of(a)) is not None}
         if curves:
             names = short_names(list(curves))
