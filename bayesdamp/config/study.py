@@ -137,7 +137,7 @@ class SignalTable(FileTable):
     It has either `simulate` or `file`. system: known or free parameters of the oscillator, which replace or complete
     those of the table [system]. compare, restoring: damping sums (such as viscous+coulomb) and restoring laws to
     compare instead of those of [models]. estimate: the damping sums whose coefficients the estimators estimate; all
-    by default. specimen: name of the tested object, the same for all repeats on it; such records are fitted jointly.
+    by default. specimen: name of the tested object, the same for all repeats on it; they have a common verdict.
     """
 
     name: Name = Field(description="a name in quotes: at most 64 letters, digits, - and _")
@@ -377,7 +377,7 @@ class SignalSpec:
     inertia: in kg m² (kg for a translation), used only for results in physical units. compare: damping sums of this
     signal; None for those of the study. estimate: sums under which estimators run; None for all. laws: the restoring
     laws that are compared; empty if it is only the law of `system`. alternatives: the system under the laws other than
-    that of `system`. specimen: name of the specimen; empty if none is named. Records of a specimen are fitted jointly.
+    that of `system`. specimen: name of the specimen; empty if none is named. Its records have a common verdict.
     """
 
     name: str

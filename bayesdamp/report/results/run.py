@@ -18,7 +18,7 @@ from bayesdamp.formatting import Table
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
-from bayesdamp.store import TABLES, Store, TaskResult, read_table
+from bayesdamp.store import POPULATION, TABLES, Store, TaskResult, read_table
 from bayesdamp.store.contents import AnswerContent, ModeContent
 from bayesdamp.store.files import read_description
 from bayesdamp.store.results import TaskName
@@ -86,7 +86,7 @@ class RunFolder:
         Rows of the tables. The column `model` contains the damping sum, and also the restoring law if the signal is
         compared under several restoring laws.
     population
-        Rows of population.csv; empty if the study has fewer than two specimens.
+        Rows of population.csv; empty if the study does not have several specimens with one damping.
     answered
         Cache of `answer_of`, by the record's name and the kinds of tasks.
 
@@ -100,7 +100,7 @@ class RunFolder:
         self.folder = Path(folder)
         self.info = read_description(self.folder)
         tables: list[list[Row]] = []
-        for name, columns in TABLES.items():
+        for name, columns in {**TABLES, "population.csv": POPULATION}.items():
             path = self.folder / name
             rows = read_table(path) if path.is_file() else []
             missing = set(columns) - set(rows[0]) if rows else set()
@@ -110,12 +110,10 @@ class RunFolder:
                     "this version; run the study again"
                 )
             for row in rows:
-                if len(self.about(row["signal"]).get("restoring") or ()) > 1:
+                if len(self.about(row.get("signal", "")).get("restoring") or ()) > 1:
                     row["model"] = candidate_name(row["model"], row["restoring"])
             tables.append(rows)
-        self.estimates, self.posteriors, self.evidence, self.fits = tables
-        path = self.folder / "population.csv"
-        self.population = read_table(path) if path.is_file() else []
+        self.estimates, self.posteriors, self.evidence, self.fits, self.population = tables
         self.answered: dict[tuple[str, Sequence[str]], RecordAnswer | None] = {}
         self._figures: Path | None = self.folder / "figures"
         self._store = Store(self.folder, self.info.get("cells"))
