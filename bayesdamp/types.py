@@ -239,21 +239,6 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Seed:
-    """Where the starting point of a search for the posterior mode comes from.
-
-    source: an estimator, or a description such as a part of the record or another fit; stage: stage of the estimator.
-    drawn: whether the point was drawn from the prior. grown: whether it was refined on a window that grew from two
-    cycles to the whole record.
-    """
-
-    source: str
-    stage: str = ""
-    drawn: bool = False
-    grown: bool = False
-
-
-@dataclass(frozen=True)
 class PartialFit:
     """The posterior mode for a part of the record, from start to stop (s).
 
@@ -399,20 +384,6 @@ class LawFreeDamping:
     sentence: str = ""
 
 
-@dataclass(frozen=True)
-class ChainStart:
-    """The starting point of a chain of a sampler, and how well the chain agrees with the others.
-
-    seed: source of the point. seed_distance, distance: distances of the seed, and of the starting point, from the mode.
-    shift: largest distance between the means of this chain and of all chains. All are in posterior standard deviations.
-    """
-
-    seed: Seed
-    seed_distance: float
-    distance: float
-    shift: float
-
-
 FRICTION_WIDTH = 0.02
 """Default of the width ε of the velocity within which dry friction changes its sign, relative to the peak velocity
 (conventional)."""
@@ -466,12 +437,12 @@ class Posterior:
     """Draws from a posterior: draws[chain, draw, parameter] in natural units.
 
     names: of the parameters. log_likelihood: of each draw. stats: statistics of the sampler for each draw. summaries:
-    of each parameter. starts: starting points of the chains. divergences: number of divergent transitions, None for
-    samplers without them. evaluations: number of likelihood evaluations. ensembles: number of groups of chains that
-    share their moves. effective: effective number of posterior draws, if the draws come from an approximation. running:
-    names of parameters whose estimates from the samples up to a time are in `arrays`, as `running/...`; empty for
-    samplers that do not compute them. diagnostics: further diagnostics of the sampler. seconds: computing time.
-    outcome: `ok`, or why the draws are unreliable or missing.
+    of each parameter. divergences: number of divergent transitions, None for samplers without them. evaluations: number
+    of likelihood evaluations. ensembles: number of groups of chains that share their moves. effective: effective number
+    of posterior draws, if the draws come from an approximation. running: names of parameters whose estimates from the
+    samples up to a time are in `arrays`, as `running/...`; empty for samplers that do not compute them. diagnostics:
+    further diagnostics of the sampler. seconds: computing time. outcome: `ok`, or why the draws are unreliable or
+    missing.
     """
 
     sampler: str
@@ -483,7 +454,6 @@ class Posterior:
     seconds: float = 0.0
     outcome: str = OK
     summaries: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    starts: tuple[ChainStart, ...] = ()
     divergences: int | None = None
     evaluations: int = 0
     ensembles: int | None = None

@@ -22,7 +22,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.tasks import outcome_of_failure
 from bayesdamp.priors import SHARED_SCALES, SHARED_SIGMAS, Prior
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.types import OK, Estimate, InputError, Problem, Reference, Refusal, Seed, Signal, System
+from bayesdamp.types import OK, Estimate, InputError, Problem, Reference, Refusal, Signal, System
 
 ESTIMATOR = "least_squares"
 """The estimator whose refined estimate is the starting point of the search for the posterior mode."""
@@ -207,13 +207,12 @@ def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
     problem = Problem(drawn.target.oscillator.damping, system)
     first = run_estimator(ESTIMATOR, drawn.signal, problem, seed=0)
     refined = first[-1]
-    seeds = {Seed(ESTIMATOR, refined.stage): refined.values} if refined.values else {}
+    starts = [refined.values] if refined.values else []
     if refined.outcome != OK:
         second = run_estimator(SECOND_ESTIMATOR, drawn.signal, problem, stages=["initial"], seed=0)
-        more = [*first[:-1], *second]
-        seeds |= {Seed(e.estimator, e.stage): e.values for e in more if e.values}
-        seeds[Seed("prior centre")] = {}
-    return find_mode(drawn.target, seeds, noise_level=roughness), refined
+        starts += [e.values for e in (*first[:-1], *second) if e.values]
+        starts.append({})  # the centre of the prior
+    return find_mode(drawn.target, starts, noise_level=roughness), refined
 
 
 def run_safely(compute: Callable[..., Result], *arguments: object) -> tuple[Result | None, str]:

@@ -21,7 +21,7 @@ from bayesdamp.numerics.levenberg_marquardt import (
 )
 from bayesdamp.numerics.orthant import log_probability
 from bayesdamp.priors import shared_precision
-from bayesdamp.types import NORMAL_95, Refusal, Seed
+from bayesdamp.types import NORMAL_95, Refusal
 
 LAST_STEP = 1e-3
 """A search for a mode ends with a step that is shorter than this, in posterior sds, and increases the log density by
@@ -137,20 +137,14 @@ def maximise(
 
 @dataclass(frozen=True)
 class LocalSearch:
-    """The search for a mode from one seed.
+    """The search for a mode from one start.
 
     Attributes
     ----------
-    seed : Seed
-        The estimate or guess from which the start comes.
-    same : tuple of Seed
-        Other seeds with the same start, for which the search is not repeated.
-    start, end : float
-        Log posterior density at the start and at the end, in nats.
-    evaluations : int
-        Number of evaluations of the likelihood.
     origin, z : ndarray, shape (d,)
         Scores at the start and the end.
+    end : float
+        Log posterior density at the end, in nats.
     volume : float
         Log volume of the posterior at the end: −½ log det of the information. The probability of a mode is proportional
         to exp(end + volume).
@@ -158,13 +152,9 @@ class LocalSearch:
         Whether the search ended at a maximum (not at the limit of steps or a posterior that is not finite).
     """
 
-    seed: Seed
-    same: tuple[Seed, ...]
-    start: float
-    end: float
-    evaluations: int
     origin: np.ndarray
     z: np.ndarray
+    end: float
     volume: float
     converged: bool
 

@@ -12,7 +12,7 @@ from bayesdamp.inference.mode import ROUGH_LAST_STEP, LocalSearch, Mode, maximis
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.outcomes import Status
-from bayesdamp.types import Refusal, Seed
+from bayesdamp.types import Refusal
 
 SAME_MODE = 1.0
 """Two searches reached the same maximum if their ends are less than this apart, in posterior standard deviations
@@ -35,73 +35,56 @@ SAME_START = 1e-4
 this much or more. It applies to starts that were improved by fits to a growing part of the record."""
 
 
-def prior_starts(target: Target, count: int, seed: int) -> dict[Seed, Mapping[str, float]]:
-    """Draw `count` starts of searches from the prior; return the values of each start's parameters, by its `Seed`.
+def prior_starts(target: Target, count: int, seed: int) -> list[dict[str, float]]:
+    """Draw `count` starts of searches from the prior; return the values of each start's parameters, by name.
 
-    The values are in the units of the parameters, by their names.
+    The values are in the units of the parameters. seed: of the draws.
     """
     draws = target.prior_draws(count, np.random.default_rng(seed))
-    return {
-        Seed(f"prior {i + 1}", drawn=True): {n: float(v) for n, v in target.values(z).items()}
-        for i, z in enumerate(draws)
-    }
+    return [{n: float(v) for n, v in target.values(z).items()} for z in draws]
 
 
-def group_searches(mode: Mode) -> tuple[list[tuple[LocalSearch, float]], list[int | None]]:
+def group_searches(mode: Mode) -> list[tuple[np.ndarray, float]]:
     """Group the searches of a mode by the maxima that they reached.
 
     Returns
     -------
-    modes : list of (LocalSearch, float)
-        For each maximum, the highest first: its best search, and its fraction of the total posterior probability of the
-        maxima, by Laplace's approximation.
-    where : list of int or None
-        For each search of `mode.searches`: index in `modes` of the maximum that it reached; None if it reached none.
+    list of (ndarray, float)
+        For each maximum its scores, (d,), and its fraction of the total posterior probability of the maxima, by
+        Laplace's approximation: first the mode itself, then the others, the highest first.
     """
-    reached = [i for i, c in enumerate(mode.searches) if c.converged and np.isfinite(c.end)]
-    tops: list[int] = []
-    where: list[int | None] = [None] * len(mode.searches)
-    for i in sorted(reached, key=lambda i: -mode.searches[i].end):
-        for number, top in enumerate(tops):
-            away = mode.searches[i].z - mode.searches[top].z
-            if away @ mode.information @ away < SAME_MODE**2:
-                where[i] = number
-                break
-        else:
-            where[i] = len(tops)
-            tops.append(i)
-    log_masses = np.array([mode.searches[i].end + mode.searches[i].volume for i in tops])
-    # A maximum without curvature has no volume and gets no probability.
-    log_masses = np.where(np.isfinite(log_masses), log_masses, -np.inf)
-    mass = np.exp(log_masses - max(log_masses.max(initial=-np.inf), -1e300))
-    fractions = mass / max(mass.sum(), 1e-300)
-    return [(mode.searches[i], float(f)) for i, f in zip(tops, fractions, strict=True)], where
+    maxima = [mode.z]
+    log_masses = [mode.log_posterior + _log_volume(mode.information)]
+    for search in sorted(mode.searches, key=lambda search: -search.end):
+        away = [search.z - z for z in maxima]
+        if search.converged and all(x @ mode.information @ x >= SAME_MODE**2 for x in away):
+            maxima.append(search.z)
+            log_masses.append(search.end + search.volume)
+    masses = np.exp(np.array(log_masses) - max(log_masses))
+    return list(zip(maxima, (masses / masses.sum()).tolist(), strict=True))
 
 
 class _Start(NamedTuple):
     """A start of a search.
 
-    seeds: all seeds that have this start. z: scores of the start, (d,), with the parameters of the noise estimated from
-    the residuals. likelihood: the likelihood near z. value: log posterior at z, with the common prior scale of
-    coefficients fixed at 1. rms: root mean square residual at z, in the unit of the record.
+    z: scores of the start, (d,), with the parameters of the noise estimated from the residuals. likelihood: the
+    likelihood near z. rms: root mean square residual at z, in the unit of the record.
     """
 
-    seeds: list[Seed]
     z: np.ndarray
     likelihood: Likelihood
-    value: float
     rms: float
 
 
 def find_mode(
     target: Target,
-    seeds: Mapping[Seed, Mapping[str, float]],
+    given: Sequence[Mapping[str, float]],
     *,
     noise_level: float,
     period: float | None = None,
     thrifty: bool = False,
 ) -> Mode:
-    """Find the highest mode that searches from the seeds reach.
+    """Find the highest mode that searches from the given starts reach.
 
     Maxima whose residual is above `MOST_RESIDUAL` are rejected. If the highest of the others is not a mode with a
     finite posterior and a positive definite information matrix, the next one is tried.
@@ -110,13 +93,13 @@ def find_mode(
     ----------
     target : Target
         The model with its record and priors.
-    seeds : mapping of Seed to mapping of str to float
-        Starts of the searches: for each seed the values of the parameters, by name.
+    given : sequence of mapping of str to float
+        Starts of the searches: for each the values of the parameters, by name. Of equal ones only the first is used.
     noise_level : float
         Standard deviation of the record's noise, in its unit. It determines how accurately motions are computed in the
         search, and which motions are in phase.
     period : float, optional
-        Period of the oscillation in s. If it is given, and no seed leads to a motion in phase with the record (see
+        Period of the oscillation in s. If it is given, and no start leads to a motion in phase with the record (see
         `IN_PHASE_RESIDUAL`), starts are improved by fits to a part of the record that grows from two cycles on.
     thrifty : bool
         Whether to stop at the first motion in phase with the record. Starts are then tried in this order: those whose
@@ -131,7 +114,7 @@ def find_mode(
     Raises
     ------
     Refusal
-        If no seed leads to a finite posterior with a positive definite information matrix, or if at all maxima the
+        If no start leads to a finite posterior with a positive definite information matrix, or if at all maxima the
         noise model explains the oscillation instead of the motion.
     """
     # A first tolerance; `refine_mode` then measures the effect of the error on the likelihood.
@@ -141,15 +124,11 @@ def find_mode(
     searches: list[LocalSearch] = []
     ends: list[tuple[float, np.ndarray]] = []
     replaced_by_noise = in_phase = False
-    distinct: list[tuple[list[Seed], np.ndarray]] = []
-    for seed, values in seeds.items():
-        z = target.scores(values)
-        same = next((group for group, other in distinct if np.max(np.abs(z - other)) <= 1e-6), None)
-        if same is None:
-            distinct.append(([seed], z))
-        else:
-            same.append(seed)
-    starts = [_start(target, same, z, tolerance) for same, z in distinct]
+    distinct: list[np.ndarray] = []
+    for z in map(target.scores, given):
+        if not any(np.max(np.abs(z - other)) <= 1e-6 for other in distinct):
+            distinct.append(z)
+    starts = [_start(target, z, tolerance) for z in distinct]
     stages: tuple[Iterable[_Start], ...] = (starts, _grow_windows(target, starts, tolerance, period))
     if thrifty:
         ready = [start for start in starts if start.rms < largest_in_phase]
@@ -157,17 +136,15 @@ def find_mode(
     for stage in stages:
         if in_phase:
             break
-        for (seed, *same), z0, likelihood, value, _ in stage:
+        for z0, likelihood, _ in stage:
             top = maximise_posterior(likelihood, z0, retract=target.follow_step)
-            volume = -0.5 * float(np.linalg.slogdet(top.information)[1])
-            cost = top.evaluations
-            searches.append(
-                LocalSearch(seed, tuple(same), value, top.value, cost, z0, top.x, volume, top.converged)
-            )
+            rms = _rms(likelihood.residual(top.x)) if np.isfinite(top.value) else np.inf
+            is_motion = rms <= MOST_RESIDUAL * size
+            volume = _log_volume(top.information)
+            searches.append(LocalSearch(z0, top.x, top.value, volume, top.converged and is_motion))
             if not np.isfinite(top.value):
                 continue
-            rms = _rms(likelihood.residual(top.x))
-            if rms > MOST_RESIDUAL * size:
+            if not is_motion:
                 replaced_by_noise = True
                 continue
             ends.append((top.value, top.x))
@@ -190,10 +167,10 @@ def find_mode(
     raise failure
 
 
-def _start(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -> _Start:
+def _start(target: Target, z: np.ndarray, tolerance: float) -> _Start:
     """Return the start at scores z, (d,); parameters of the noise are estimated from the residuals there, if finite.
 
-    seeds: origins of z. tolerance: largest error of the motion, in the unit of the record.
+    tolerance: largest error of the motion, in the unit of the record.
     """
     likelihood = Likelihood.near(target, z, tolerance)
     r = likelihood.residual(z)
@@ -201,8 +178,7 @@ def _start(target: Target, seeds: list[Seed], z: np.ndarray, tolerance: float) -
         noise = target.noise_model
         estimate = target.scores(noise.start(r, np.diff(target.signal.t)))
         z = np.asarray([estimate[i] if n in noise.parameters else z[i] for i, n in enumerate(target.names)])
-    one_scale = likelihood.with_scale(1.0)
-    return _Start(seeds, z, likelihood, one_scale.log_noise(r, z) + float(one_scale.log_prior(z)), _rms(r))
+    return _Start(z, likelihood, _rms(r))
 
 
 def _grow_windows(
@@ -229,7 +205,7 @@ def _grow_windows(
             if count < LEAST_SAMPLES:  # there is a gap
                 continue
             part = replace(target, signal=replace(target.signal, t=t[:count], y=y[:count]))
-            first = _start(part, start.seeds, z, tolerance)
+            first = _start(part, z, tolerance)
             top = maximise_posterior(
                 first.likelihood, first.z, retract=part.follow_step, close=ROUGH_LAST_STEP
             )
@@ -239,9 +215,15 @@ def _grow_windows(
         else:
             if not any(np.max(np.abs(z - other)) < SAME_START for other in grown):
                 grown.append(z)
-                yield _start(target, [replace(seed, grown=True) for seed in start.seeds], z, tolerance)
+                yield _start(target, z, tolerance)
 
 
 def _rms(r: np.ndarray) -> float:
     """Return the root mean square of residuals r, (n,), in their unit."""
     return float(np.sqrt(np.mean(r**2)))
+
+
+def _log_volume(information: np.ndarray) -> float:
+    """Return −½ log det of an information matrix, (d, d); −∞ if its determinant is not positive."""
+    sign, log_determinant = np.linalg.slogdet(information)
+    return -0.5 * float(log_determinant) if sign > 0 else -np.inf

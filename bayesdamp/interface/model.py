@@ -51,7 +51,7 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.types import InputError, Problem, Reference, Refusal, Seed, System
+from bayesdamp.types import InputError, Problem, Reference, Refusal, System
 from bayesdamp.units import UNITS
 
 if TYPE_CHECKING:
@@ -65,16 +65,10 @@ NO_POSTERIOR = (
     "the record has no noise, so there is no posterior; use the unfiltered record, or simulate with noise_sd"
 )
 """Message of the Refusal of a record without noise."""
-Starts = Mapping[Seed, Mapping[str, float]]
-"""Starting points of a search: parameter values by name, for each source of a starting point."""
+Starts = list[Mapping[str, float]]
+"""Starting points of a search: parameter values by name."""
 REGRESSION = "least_squares"
 """The estimator from whose estimate searches start; in a study only if its own estimators gave no values."""
-FROM_FEATURES = Seed("frequency and decay")
-"""Name of the starting point that is computed from the record's turning points. It is needed because a regression on
-derivatives fails if noise dominates the derivatives, as in a record of the acceleration."""
-FROM_ALL_TERMS = Seed("fit of all dampings")
-"""Name of the starting point that is taken from the fit of all damping terms, whose motion stays in phase with the
-record."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -350,7 +344,7 @@ class Case:
         target = self.target(noise, epsilon)
         return find_mode(
             target,
-            {**starts, **prior_starts(target, draws, seed)},
+            [*starts, *prior_starts(target, draws, seed)],
             noise_level=self.features.roughness,
             period=self.features.period,
             thrifty=thrifty,
@@ -434,18 +428,18 @@ def fit_exact(
         If the model cannot be fitted to the record.
     """
     case = Case.with_noise(signal, model)
-    given = {} if start is None else {Seed("given"): dict(start)}
+    given: Starts = [] if start is None else [dict(start)]
     for name in start or ():
         if name not in model.parameters:
             raise InputError(
                 f"fit: start has unknown parameter {name!r}{nearest(name, list(model.parameters))}"
             )
     values, outcome = start_from_regression(signal, case.problem)
-    starts = given | start_from_features(signal, case.features, case.problem) | values
+    starts = [*given, *start_from_features(signal, case.features, case.problem), *values]
     if not starts:
         raise Refusal(outcome)
     noise, epsilon, notes, chosen = _choose_noise_and_width(case, model)
-    mode = case.mode(noise, epsilon, {**chosen, **starts}, seed=seed)
+    mode = case.mode(noise, epsilon, [*chosen, *starts], seed=seed)
     # Restore the mode as when a fit is read from a file, so that both give exactly the same numbers.
     return restore_mode(mode.likelihood.target, mode.stored), notes
 
@@ -476,7 +470,7 @@ def _choose_noise_and_width(case: Case, model: Model) -> tuple[str, float | None
     has_friction = any(TERMS.get(t).switches for t in model.terms)
     width_is_given = "epsilon" in {*model.known, *model.priors}
     if len(names) == 1 and (width_is_given or not has_friction):
-        return names[0], None, (), {}
+        return names[0], None, (), []
     # Noise models without a parameter that the user specified are not compared.
     own = {n: set(NOISES.get(n).parameters) for n in names}
     given = set.union(*own.values()) & {*model.known, *model.priors}
@@ -506,43 +500,36 @@ def _choose_noise_and_width(case: Case, model: Model) -> tuple[str, float | None
         ahead = order[0].log_evidence - order[1].log_evidence
         text = f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name} in log evidence."
         notes.append(text)
-    starts = {Seed("fit that chose the noise"): fit.parameters.named(fit.z)}
-    return comparison.noise.likeliest, epsilon, tuple(notes), starts
+    return comparison.noise.likeliest, epsilon, tuple(notes), [fit.parameters.named(fit.z)]
 
 
-def start_from_regression(
-    signal: types.Signal, problem: Problem
-) -> tuple[dict[Seed, Mapping[str, float]], str]:
+def start_from_regression(signal: types.Signal, problem: Problem) -> tuple[Starts, str]:
     """Return the initial estimate of `least_squares` as a starting point, and its outcome ("ok" or the reason).
 
     There is no starting point if the estimate has no values.
     """
     estimates = run_estimator(REGRESSION, signal, problem, stages=("initial",), seed=0)
-    return {Seed(REGRESSION, e.stage): e.values for e in estimates if e.values}, estimates[0].outcome
+    return [e.values for e in estimates if e.values], estimates[0].outcome
 
 
-def start_from_features(
-    signal: types.Signal, features: Features, problem: Problem
-) -> dict[Seed, Mapping[str, float]]:
+def start_from_features(signal: types.Signal, features: Features, problem: Problem) -> Starts:
     """Return the starting point from the record's own features; empty if it cannot be computed.
 
     The parameters of the restoring law follow from the frequency and the midline of the record, the initial conditions
-    from its smoothed first samples, and the damping from the decrease of its turning points.
+    from its smoothed first samples, and the damping from the decrease of its turning points. It is needed because a
+    regression on derivatives fails if noise dominates the derivatives, as in a record of the acceleration.
     """
     try:
         values = start_parameters(signal, problem, features)
     except Refusal:
-        return {}
-    return {FROM_FEATURES: values | decay_start(problem, features)}
+        return []
+    return [values | decay_start(problem, features)]
 
 
 def start_from_all_terms(
-    fit: Mapping[str, float],
-    damping: Sequence[str],
-    problem: Problem,
-    decays: Mapping[Seed, Mapping[str, float]],
-) -> dict[Seed, Mapping[str, float]]:
-    """Return the starting point with the motion of a fit of all damping terms.
+    fit: Mapping[str, float], damping: Sequence[str], problem: Problem, decays: Starts
+) -> dict[str, float]:
+    """Return the starting point with the motion of a fit of all damping terms, which stays in phase with the record.
 
     The restoring law and the initial conditions are those of the fit. The damping is the estimate from the decrease of
     the turning points, because a model with fewer terms has to account for the whole decay. If there is no such
@@ -562,5 +549,5 @@ def start_from_all_terms(
     oscillator = Oscillator(problem.damping, problem.system.restoring)
     motion = {n: fit[n] for n in (*oscillator.law.parameters, "theta0", "omega0") if n in fit}
     own = {n: v for n, v in fit.items() if n in oscillator.coefficients}
-    decay = {n: v for n, v in decays.get(FROM_FEATURES, {}).items() if n in oscillator.coefficients}
-    return {FROM_ALL_TERMS: motion | own | ({} if tuple(damping) == problem.damping else decay)}
+    decay = {n: v for start in decays for n, v in start.items() if n in oscillator.coefficients}
+    return motion | own | ({} if tuple(damping) == problem.damping else decay)

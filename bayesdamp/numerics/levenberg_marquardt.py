@@ -70,15 +70,13 @@ class Maximum:
     """Result of a maximisation.
 
     x: end point, (d,); value: function value there, −inf if the value or the information at the start is not finite;
-    information: minus the Hessian there, (d, d), the identity if the value is −inf; evaluations: number of function
-    evaluations; converged: whether the convergence criterion ended the search (not the step limit, and not λ above
-    `MAX_LAMBDA`).
+    information: minus the Hessian there, (d, d), the identity if the value is −inf; converged: whether the convergence
+    criterion ended the search (not the step limit, and not λ above `MAX_LAMBDA`).
     """
 
     x: np.ndarray
     value: float
     information: np.ndarray
-    evaluations: int
     converged: bool
 
 
@@ -135,7 +133,7 @@ def levenberg_marquardt(
         return bool(np.isfinite(at.value) and np.all(np.isfinite(at.information)))
 
     x = np.maximum(x, floor)
-    at, damping, evaluations = expand(x), FIRST_LAMBDA, 1
+    at, damping = expand(x), FIRST_LAMBDA
     for _ in range(limit):
         if not is_finite(at):
             break
@@ -151,7 +149,6 @@ def levenberg_marquardt(
         move *= min(1.0, longest / max(np.abs(move).max(initial=0.0), 1e-300))
         end = np.maximum(retract(x, move), floor)
         new = expand(end)
-        evaluations += 1
         gain = float(new.value - at.value) if is_finite(new) else -np.inf
         converged = has_converged(Step(x, end - x, at, gain, float(move @ at.gradient), damping))
         stopping = converged or (damping if gain < 0 else damping * schedule.less) > MAX_LAMBDA
@@ -160,7 +157,7 @@ def levenberg_marquardt(
         else:
             damping = max(damping, MIN_BEFORE_GROWTH) * schedule.more
         if stopping:
-            return Maximum(x, float(at.value), at.information, evaluations, converged)
+            return Maximum(x, float(at.value), at.information, converged)
     if not is_finite(at):
-        return Maximum(x, -np.inf, np.eye(x.size), evaluations, False)
-    return Maximum(x, float(at.value), at.information, evaluations, False)
+        return Maximum(x, -np.inf, np.eye(x.size), False)
+    return Maximum(x, float(at.value), at.information, False)

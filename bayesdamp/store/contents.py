@@ -23,7 +23,6 @@ from bayesdamp.types import (
     Posterior,
     Ratio,
     Reference,
-    Seed,
 )
 
 
@@ -113,58 +112,15 @@ NAN = float("nan")
 
 
 @dataclass(frozen=True)
-class SearchContent:
-    """A search for the mode from one seed (starting point).
-
-    same: other seeds with the same starting point. start, end: log posterior (nats) at start and end. evaluations:
-    number of evaluations of the likelihood. volume: −½ log det of the information matrix at the end, so that the
-    probability of the maximum is proportional to exp(end + volume). distance: of the start from the mode, in posterior
-    sds. mode: number of the maximum that was reached, 0 for the highest; None if none was reached.
-    """
-
-    seed: Seed
-    same: tuple[Seed, ...]
-    start: float
-    end: float
-    evaluations: int
-    volume: float
-    converged: bool
-    distance: float = NAN
-    mode: int | None = None
-
-
-@dataclass(frozen=True)
-class RefusedSeed:
-    """A seed (starting point) whose estimator gave no values, with the outcome of the estimator."""
-
-    seed: Seed
-    outcome: str
-
-
-@dataclass(frozen=True)
-class MaximumContent:
-    """A maximum of the posterior, with the log posterior there (nats).
-
-    share: its fraction of the probability of all maxima that were found. values: the parameters there, by name and in
-    their units.
-    """
-
-    log_posterior: float
-    share: float
-    values: Mapping[str, float]
-
-
-@dataclass(frozen=True)
 class ModeContent(FitCheck, Content):
     """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`) with the checks of its fit (`FitCheck`).
 
     values, sd: inferred parameters and their standard deviations, by name and in their units. known: the values of the
     other parameters. priors: descriptions in words. log_posterior: log density at the mode (nats, not normalised).
-    climbs, modes: the searches, and the maxima that they reached. touching_zero: parameters with half-normal priors
-    that are within a standard deviation of zero. refused: seeds without values. error_budget: changes with finer
-    integration steps, of a sample (`step_error`, in the record's unit) and of the log likelihood
-    (`log_likelihood_change`, nats). stored: an `inference.mode.StoredMode`, as `bayesdamp.serial` splits it, with
-    arrays `stored/...`.
+    shares: fractions of the posterior probability of the mode and of the other maxima that were found, the mode first.
+    error_budget: changes with finer integration steps, of a sample (`step_error`, in the record's unit) and of the log
+    likelihood (`log_likelihood_change`, nats). stored: an `inference.mode.StoredMode`, as `bayesdamp.serial` splits it,
+    with arrays `stored/...`.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -173,10 +129,7 @@ class ModeContent(FitCheck, Content):
     priors: Mapping[str, str] = field(default_factory=dict)
     log_posterior: float = NAN
     error_budget: Mapping[str, float] = field(default_factory=dict)
-    climbs: tuple[SearchContent, ...] = ()
-    modes: tuple[MaximumContent, ...] = ()
-    touching_zero: tuple[str, ...] = ()
-    refused: tuple[RefusedSeed, ...] = ()
+    shares: tuple[float, ...] = ()
     stored: Mapping[str, Any] = field(default_factory=dict)
 
 

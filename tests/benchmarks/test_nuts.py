@@ -17,7 +17,7 @@ from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
-from bayesdamp.types import Seed, Signal
+from bayesdamp.types import Signal
 from tests.benchmarks.page import add_table
 from tests.physics.independent import trajectory
 
@@ -40,7 +40,7 @@ def problem() -> tuple[Target, Mode]:
     }  # fmt: skip
     oscillator = Oscillator(("viscous",), "horizontal_pendulum")
     target = Target(Signal(TIMES, y), oscillator, "gaussian", priors, KNOWN)
-    return target, find_mode(target, {Seed("truth"): TRUTH}, noise_level=TRUTH["noise_sd"])
+    return target, find_mode(target, [TRUTH], noise_level=TRUTH["noise_sd"])
 
 
 def angles(p: Mapping[str, jax.Array]) -> jax.Array:

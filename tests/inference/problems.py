@@ -18,7 +18,7 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import Posterior, Seed, Signal
+from bayesdamp.types import Posterior, Signal
 
 REFERENCES = Path(__file__).resolve().parents[1] / "reference"
 NAMES = ("viscous_coulomb", "coulomb_correlated", "touching_zero")
@@ -82,7 +82,7 @@ def mode(name: str) -> Mode:
     """Return the mode of a reference problem, by a search from parameters a tenth above the true ones."""
     content = reference(name)
     seed = {n: 1.1 * v for n, v in content["truth"].items()}
-    return find_mode(target(name), {Seed("near the truth"): seed}, noise_level=content["truth"]["noise_sd"])
+    return find_mode(target(name), [seed], noise_level=content["truth"]["noise_sd"])
 
 
 SETTINGS = Settings(chains=4, warmup=500, draws=2500, seed=4)

@@ -9,7 +9,6 @@ from bayesdamp.inference.search import find_mode
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store
-from bayesdamp.types import Seed
 from tests.studies import COMPARED, study_text, write_study
 
 STUDY = study_text(
@@ -61,7 +60,7 @@ def test_the_evidence_under_each_noise_model_is_that_of_importance_sampling(run)
         start = store.read(f"mode/noisy/0/{model}").meta["values"]
         for noise, log in logs.items():
             target = candidate.case.target(noise)
-            mode = find_mode(target, {Seed("start"): start}, noise_level=candidate.record.features.roughness)
+            mode = find_mode(target, [start], noise_level=candidate.record.features.roughness)
             expected = EVIDENCES.get("importance").evidence(model, target, mode, 7)
             assert log == pytest.approx(expected.log_evidence, abs=0.15)
         assert abs(logs["gaussian"] - logs["student_t"]) > 0.3

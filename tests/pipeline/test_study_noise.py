@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import ModeContent
-from bayesdamp.types import Seed
 from tests.studies import study_text, write_study
 
 STUDY = study_text(
@@ -35,20 +34,11 @@ def test_one_noise_model_is_chosen_and_shown(tmp_path):
     assert answer["noise"] == "gaussian"
     assert [noise["name"] for noise in answer["noises"]] == ["student_t", "gaussian"]
     assert read_table(tmp_path / "out" / "fits.csv")[0]["verdict"] == "fits"
-    searches = ModeContent.of(store.read("mode/noisy/0/viscous")).climbs
-    assert [c.seed for c in searches] == [
-        Seed("frequency and decay"),
-        Seed("least_squares", "initial"),
-        Seed("least_squares", "refined"),
-        Seed("prior 1", drawn=True),
-        Seed("prior 2", drawn=True),
-    ]
-    assert all(c.mode == 0 for c in searches[:3])
+    assert ModeContent.of(store.read("mode/noisy/0/viscous")).shares[0] > 0.99
     assert "noise_dof" not in store.read("mode/noisy/0/viscous").meta["sd"]  # it has the answer's noise model
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert 'id="noise"' in report
     assert "The answer uses the noise model" in report
-    assert 'id="seeds"' in report
 
 
 def test_a_noise_model_that_does_not_suit_the_record_is_refused(tmp_path):

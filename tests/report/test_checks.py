@@ -14,7 +14,7 @@ from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report.results.checks import RecordChecks
 from bayesdamp.report.results.run import RunFolder, probabilities_by_odds, rank_models
 from bayesdamp.store import TaskResult
-from bayesdamp.store.contents import AnswerContent
+from bayesdamp.store.contents import AnswerContent, ModeContent
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import Coefficient, DampingRatio, Grade, Interval, Rival
 from bayesdamp.verdict.types import Verdict
@@ -143,6 +143,16 @@ def test_a_check_that_assumes_exact_laws_does_not_contradict_an_answer_with_devi
     assert "assume that the laws hold exactly" in passed[-1]
     assert len(checked(run_of(verdict(), **tables))[1]) == 3
     assert len(checked(run_of(about, under_law=True, **tables))[1]) == 2  # exact fits are not compared there
+
+
+def test_a_second_maximum_is_a_failed_check() -> None:
+    def failed(share: float) -> list[str]:
+        mode = TaskResult("mode/a/0/viscous", "key", ModeContent(shares=(1 - share, share)).meta())
+        return checked(run_of(verdict(), posteriors=chain(), results={"mode": lambda *_: mode}))[1]
+
+    (text,) = failed(0.2)
+    assert text.startswith("Another maximum of viscous has 20 % of the posterior probability;")
+    assert failed(0.02) == []
 
 
 def test_the_damping_ratio_of_chains_confirms_or_contradicts() -> None:

@@ -67,7 +67,7 @@ def test_a_run_of_another_version_is_refused_in_one_line(maker):
     store = Store(folder)
     with store.lock():
         cell = store.read("mode/sim/0/viscous")
-        store.write(replace(cell, meta={**cell.meta, "climbs": [{"seed": "prior 1"}]}))
+        store.write(replace(cell, meta={**cell.meta, "shares": 1.0}))
     with pytest.raises(InputError, match="another version of bayesdamp") as error:
         render(folder)
     assert str(folder) in str(error.value)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bayesdamp.inference.diagnostics import summarise, verdict
-from bayesdamp.types import OK, ChainStart, Posterior, Seed
+from bayesdamp.types import OK, Posterior
 
 if TYPE_CHECKING:
     from bayesdamp.inference.coordinates.whitening import Whitening
@@ -107,7 +106,7 @@ class Sampler(ABC):
 
 def seeded_starts(
     target: Target, mode: Mode, at: Whitening, count: int, settings: Settings
-) -> tuple[np.ndarray, np.ndarray, list[ChainStart]]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Return starting points of chains or walkers, scattered more widely than the posterior.
 
     A start is a seed plus a normal scatter; the seeds are the points from which the mode was searched. If the log
@@ -136,26 +135,17 @@ def seeded_starts(
     log_density : ndarray, shape (count,)
         Log posterior density at the starts, in nats: of the whitened coordinates, or of the standard normal scores if
         the starts are draws of the linearised model.
-    starts : list of ChainStart
-        Origin and distances of each start. Their `shift` is nan until `compare_chains` computes it from the draws.
     """
     rng = np.random.default_rng(settings.seed)
     if mode.linear is not None:
         z = mode.linear.draws[rng.choice(len(mode.linear.draws), count, replace=False)]
-        u = at.whitened(z)
-        away = np.linalg.norm(u, axis=1).tolist()
-        return (
-            u,
-            mode.likelihood.log_posteriors(z),
-            [ChainStart(Seed("linear model"), x, x, np.nan) for x in away],
-        )
+        return at.whitened(z), mode.likelihood.log_posteriors(z)
     reflected = target.reflected
-    given = [c.seed for c in mode.searches] or [Seed("mode")]
     origins = [c.origin for c in mode.searches] or [mode.z]
     seeds = at.whitened(np.where(reflected, np.abs(origins), origins))
     far = np.nan_to_num(np.linalg.norm(seeds, axis=1), nan=-1.0)
     order: list[int] = []
-    for _ in given:
+    for _ in origins:
         order.append(int(np.argmax(far)))
         gaps = np.linalg.norm(seeds - seeds[order[-1]], axis=1)
         far = np.where(np.isin(np.arange(far.size), order), -2.0, np.fmin(far, gaps))
@@ -176,30 +166,4 @@ def seeded_starts(
     good = log_density > log_density[-1, 0] - START_NATS * z.shape[-1]
     good[-1] = True
     first, each = np.argmax(good, axis=0), np.arange(count)
-    u = at.whitened(z[first, each])
-    starts = [
-        ChainStart(given[c], float(np.linalg.norm(seeds[c])), float(np.linalg.norm(x)), np.nan)
-        for c, x in zip(chosen, u, strict=True)
-    ]
-    return u, log_density[first, each], starts
-
-
-def compare_chains(starts: Sequence[ChainStart], draws: np.ndarray) -> tuple[ChainStart, ...]:
-    """Describe each chain: its start, and how far its means are from the means over all chains.
-
-    Parameters
-    ----------
-    starts : sequence of ChainStart
-        Start of each chain; its `shift` is not used.
-    draws : ndarray, shape (chains, draws, d)
-        Draws of the d parameters.
-
-    Returns
-    -------
-    tuple of ChainStart
-        For each chain its start, and as `shift` the largest distance of a parameter's mean in this chain from the mean
-        over all chains, in posterior standard deviations.
-    """
-    sd = np.maximum(draws.std(axis=(0, 1)), 1e-300)
-    shift = np.abs(draws.mean(axis=1) - draws.mean(axis=(0, 1))) / sd
-    return tuple(replace(s, shift=float(v.max())) for s, v in zip(starts, shift, strict=True))
+    return at.whitened(z[first, each]), log_density[first, each]

@@ -78,7 +78,7 @@ class Emcee(Sampler):
             sampler = emcee.EnsembleSampler(walkers, d, log_probability, vectorize=True, moves=moves)
             sampler.random_state = np.random.RandomState((settings.seed + k) % 2**32).get_state()
             seeded = replace(settings, seed=settings.seed + 7919 * k)
-            start, *_ = seeded_starts(target, mode, at, walkers, seeded)
+            start, _ = seeded_starts(target, mode, at, walkers, seeded)
             state = sampler.run_mcmc(start, warmup)
             sampler.reset()
             ensembles.append((sampler, state))

@@ -23,8 +23,8 @@ from bayesdamp.inference.diagnostics import summarise, verdict
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood, Line
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.samplers._sampler import Sampler, Settings, compare_chains, seeded_starts
-from bayesdamp.types import OK, ChainStart, Posterior
+from bayesdamp.inference.samplers._sampler import Sampler, Settings, seeded_starts
+from bayesdamp.types import OK, Posterior
 
 MOST_DOUBLINGS = 7
 """Greatest number of times that NUTS doubles a trajectory, which then has at most 2⁷ points."""
@@ -300,8 +300,6 @@ class ChainRun:
         Whether the force is the exact gradient.
     warmup : int
         Number of first draws of each chain that are discarded.
-    starts : list of ChainStart
-        Start of each chain.
     chains : list of Chain
         The chains.
     results : tuple of ndarray
@@ -312,7 +310,6 @@ class ChainRun:
     at: Whitening
     exact: bool
     warmup: int
-    starts: list[ChainStart]
     chains: list[Chain]
     results: tuple[np.ndarray, ...]
 
@@ -332,17 +329,15 @@ class ChainRun:
         outcome = verdict(summaries)
         if outcome == OK and divergences > 0.01 * diverging.size:
             outcome = f"{divergences} of {diverging.size} transitions diverged"
-        draws = np.stack(list(values.values()), axis=-1)
         return Posterior(
             sampler=Nuts.name,
             names=target.names,
-            draws=draws,
+            draws=np.stack(list(values.values()), axis=-1),
             log_likelihood=log_density - self.at.log_volume(u) - mode.likelihood.log_prior(z),
             stats={"diverging": diverging, "n_steps": steps, "acceptance_rate": accept},
             diagnostics={"exact_force": self.exact, "step": self.chains[0].step},
             outcome=outcome,
             summaries=summaries,
-            starts=compare_chains(self.starts, draws),
             divergences=divergences,
             evaluations=int(np.sum(steps)),
         )
@@ -470,7 +465,7 @@ class Nuts(Sampler):
             The chains with their draws.
         """
         target, warmup = mode.likelihood.target, settings.warmup_of(mode)
-        u, log_densities, starts = seeded_starts(target, mode, at, settings.chains, settings)
+        u, log_densities = seeded_starts(target, mode, at, settings.chains, settings)
         space, step, given = (
             WhitenedPosterior.of(mode, at, exact),
             factor * LEAPFROG_STEP,
@@ -486,7 +481,7 @@ class Nuts(Sampler):
             chain.sample(start, float(log_density), warmup + settings.draws)
             for chain, start, log_density in zip(chains, u, log_densities, strict=True)
         ]
-        return ChainRun(at, exact, warmup, starts, chains, tuple(map(np.stack, zip(*results, strict=True))))
+        return ChainRun(at, exact, warmup, chains, tuple(map(np.stack, zip(*results, strict=True))))
 
     def _run(
         self, mode: Mode, at: Whitening, settings: Settings, exact: bool, factor: float = 1.0

@@ -39,7 +39,7 @@ from bayesdamp.store.contents import (
     WidthsContent,
 )
 from bayesdamp.store.results import TaskName
-from bayesdamp.types import OK, Refusal, Seed, candidate_name, candidate_parts
+from bayesdamp.types import OK, Refusal, candidate_name, candidate_parts
 
 STORED_SAMPLES = 1000
 """A prediction of more samples is thinned before it is stored, to at least this number of samples."""
@@ -151,8 +151,7 @@ def _compute_noises(candidate: StudyCandidate, source: TaskResult, seed: int) ->
             evidence[noise] = UnderNoise(whole.log_evidence)
             continue
         try:
-            begin = {Seed("under the chosen noise"): start}
-            mode = candidate.case.mode(noise, candidate.epsilon, begin, draws=0, thrifty=True)
+            mode = candidate.case.mode(noise, candidate.epsilon, [start], draws=0, thrifty=True)
             evidence[noise] = UnderNoise(log_evidence_near(mode.likelihood, mode.z))
         except Refusal as refusal:
             evidence[noise] = UnderNoise(-np.inf, str(refusal))

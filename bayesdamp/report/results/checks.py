@@ -20,6 +20,7 @@ from bayesdamp.report.results.run import (
     answer_of,
     coefficients,
     damping_of,
+    mode_of,
     models_by_rank,
     probability_by_width,
     rank_models,
@@ -39,6 +40,8 @@ expected by chance."""
 PRINTED = 0.001
 """Log odds are compared after probabilities are limited to this and to 1 minus this: the report prints "< 0.001" and
 "> 0.999", and larger log odds depend on the tails of the approximations."""
+LARGEST_OTHER = 0.03
+"""Largest fraction of the posterior probability that another maximum than the mode may have (conventional)."""
 ANSWER_SAMPLER = "smc"
 """The sampler of the answer itself, which therefore cannot check the answer."""
 UNLISTED_OUTCOMES = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
@@ -143,7 +146,13 @@ class RecordChecks:
                 "the answer."
             )
             return [Check(text)] if has_tables else []
-        checks = [*self._convergence(), *self._ratios(), *self._coefficients(), *self._evidence(evidence)]
+        checks = [
+            *self._convergence(),
+            *self._maxima(),
+            *self._ratios(),
+            *self._coefficients(),
+            *self._evidence(evidence),
+        ]
         checks += self._residuals()
         true = true_models(self.run).get(self.signal)
         if true is not None and v is not None and v.damping:
@@ -201,6 +210,17 @@ class RecordChecks:
             else:
                 close = f"{words.method(sampler)} is close to the posterior{size}"
                 yield Check(f"The importance weights show that {close}.")
+
+    def _maxima(self) -> Iterator[Check]:
+        """Yield a failed check if the posterior of `model` has another maximum with more than `LARGEST_OTHER`."""
+        mode = mode_of(self.run, self.signal, self.repeat, self.model) if self.model else None
+        share = max(mode.shares[1:], default=0.0) if mode else 0.0
+        if share > LARGEST_OTHER:
+            yield Check(
+                f"Another maximum of {words.model(self.model or '')} has {fmt.percentage(share)} % of the posterior "
+                "probability; chains and evidence may not include it.",
+                fails=True,
+            )
 
     def _ratios(self) -> Iterator[Check]:
         """Yield a check that compares the damping ratios from the chains with the answer's; none without both.

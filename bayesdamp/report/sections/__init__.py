@@ -46,8 +46,8 @@ SHIPPED = {
     "calibration": ("calibrated", "recovered"),
     "estimates": ("estimates", "comparison", "sweeps"),
     "evidence": ("evidence", "sensitivity", "priors"),
-    "posteriors": ("posteriors", "running", "seeds"),
-    "record": ("record", "noise", "fit_quality"),
+    "posteriors": ("posteriors", "running"),
+    "record": ("record", "fit_quality"),
     "study": ("asked", "provenance"),
 }
 """Names of the package's sections, by the module that contains them."""

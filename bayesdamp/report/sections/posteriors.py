@@ -1,10 +1,9 @@
-"""Show the posteriors, the running estimates of the damping, and the starting points of searches and chains."""
+"""Show the posteriors, and the running estimates of the damping."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -14,10 +13,10 @@ from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import draw_running_estimates, marginals, pairs
-from bayesdamp.report.results.run import Row, RunFolder, coefficients, mode_of, models_by_rank, rows_of, truth
+from bayesdamp.report.results.run import Row, RunFolder, coefficients, models_by_rank, rows_of, truth
 from bayesdamp.report.sections import SignalSection, by_model, collapsible, is_drawn, repeat_column
-from bayesdamp.store.contents import ModeContent, PosteriorContent, SearchContent
-from bayesdamp.types import OK, ChainStart, Seed
+from bayesdamp.store.contents import PosteriorContent
+from bayesdamp.types import OK
 
 COLUMNS: dict[str, Callable[[Row], str]] = {
     "parameter": lambda r: words.symbol(r["parameter"]).text,
@@ -27,11 +26,6 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
     "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
 }
 """Columns of the tables of parameters, each with a function that writes the cell of a row of posteriors.csv."""
-MAX_CHAIN_SHIFT = 0.1
-"""Largest difference of a chain's mean from the mean of all chains that is not marked, in posterior sds (conventional).
-It only marks rows of a table; convergence is judged by R̂."""
-LEAST_SHARE = 1e-3
-"""A lower maximum is shown with its fraction of the posterior if this is larger."""
 PASSES = ("restarted/mean", "restarted/sd", "online/mean")
 """Arrays of a Kalman filter's running estimates: mean and sd in the last pass, and mean in the first pass."""
 TABLE = (
@@ -44,19 +38,9 @@ TABLE = (
     "small, it is 2π times the damping ratio. Rows without R̂ are not from chains: they are from the answer's "
     "sequential Monte Carlo, or from an approximation, whose ESS is that of importance weights."
 )
-CHAINS = (
-    "the starting point of each chain, its distance from the mode before and after it was moved, and the largest "
-    "difference between the mean of a parameter in this chain and in all chains; all in posterior standard deviations "
-    f"(sd). Rows with a difference of means above {MAX_CHAIN_SHIFT:g} are coloured."
-)
 REPEATS = (
     "Damping coefficients in each repeat: mean, standard deviation (sd) and 95 % interval of the posterior, whether "
     "this interval contains the true value, and whether the sampler's draws are reliable."
-)
-SEARCHES = (
-    "Searches for the mode: how far the log posterior at the starting point and at the end of the search is below its "
-    "maximum (nats), and how far the starting point is from the mode in posterior standard deviations (sds). Grey rows "
-    "ended in another maximum, which the chains did not sample; coloured rows in none."
 )
 """Captions, or parts of them, that do not depend on the run."""
 
@@ -240,93 +224,4 @@ class RunningSection(SignalSection):
         return by_model(models)
 
 
-class SeedsSection(SignalSection):
-    """The section with the searches for the mode and the chains, by their starting points."""
-
-    order = 57
-    name = "seeds"
-    title = "Starting points of the searches and chains"
-    lead = (
-        "To find the mode of the posterior, an optimisation (Levenberg–Marquardt) starts at every estimator's values, "
-        "at each of their stages, and at a few draws from the prior. The chains start from the same points, with a "
-        "scatter that is larger than the posterior's width. A starting point that is too far away for a chain is moved "
-        "towards the mode."
-    )
-
-    def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether modes were searched for."""
-        return any(c.outcome == OK and ModeContent.of(c).climbs for c in run.task_results("mode", signal))
-
-    def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return tables of the searches and chains of each model, the most probable models first."""
-        repeat = run.repeats(signal)[0]
-        models: dict[str, list[object]] = {}
-
-        def kind(s: tuple[int, ChainStart]) -> str:
-            return "alert" if s[1].shift > MAX_CHAIN_SHIFT else ""
-
-        columns: dict[str, Callable[[tuple[int, ChainStart]], str]] = {
-            "chain": lambda s: str(s[0]),
-            "starting point": lambda s: _listing([s[1].seed]),
-            "distance from the mode / sd": lambda s: fmt.number(s[1].seed_distance, 3),
-            "after moving it / sd": lambda s: fmt.number(s[1].distance, 2),
-            "difference of the means / sd": lambda s: fmt.fixed_decimals(s[1].shift, 2),
-        }
-        for model in models_by_rank(run, signal, repeat):
-            mode = mode_of(run, signal, repeat, model)
-            if mode is None or not mode.climbs:
-                continue
-            models[model] = [_searches(mode)]
-            for task_result in run.task_results("posterior", signal, repeat, model):
-                starts = PosteriorContent.of(task_result).posterior.starts
-                if starts:
-                    caption = f"Chains of {words.method(task_result.parts.method)}: {CHAINS}"
-                    models[model].append(Table.of(enumerate(starts, 1), columns, (0, 1), caption, kind))
-        return by_model(models)
-
-
-def _listing(seeds: Iterable[Seed]) -> str:
-    """Return a list of starting points in words, such as "least squares (trajectory fit) and draw from the prior".
-
-    Each is described by its source (for example an estimator), the stage of the estimator if it has one, and whether
-    it was refined on a window that grew from the first cycles to the whole record.
-    """
-    names = []
-    for seed in seeds:
-        details = [words.stage(seed.stage)] if seed.stage else []
-        details += ["over growing windows"] if seed.grown else []
-        names.append(words.method(seed.source) + (f" ({', '.join(details)})" if details else ""))
-    return fmt.listing(names)
-
-
-def _searches(mode: ModeContent) -> Table:
-    """Return a table of the searches: start and end relative to the mode (nats, sds), and likelihood evaluations."""
-
-    def ended(c: SearchContent) -> str:
-        if c.mode is None:
-            return "no maximum"
-        share = mode.modes[c.mode].share if c.mode < len(mode.modes) else math.nan
-        shown = f" ({fmt.percentage(share)} % of the posterior)" if share > LEAST_SHARE else ""
-        return f"maximum {c.mode + 1}{shown}" if c.mode else "the mode"
-
-    def kind(c: SearchContent) -> str:
-        return "alert" if c.mode is None else "quiet" if c.mode else ""
-
-    columns: dict[str, Callable[[SearchContent], str]] = {
-        "starting point": lambda c: _listing((c.seed, *c.same)),
-        "start: nats below the mode": lambda c: fmt.number(mode.log_posterior - c.start, 3),
-        "start: sds from the mode": lambda c: fmt.number(c.distance, 3),
-        "likelihood evaluations": lambda c: str(c.evaluations),
-        "ended in": ended,
-        "end: nats below the mode": lambda c: fmt.nats(max(mode.log_posterior - c.end, 0.0)),
-    }
-    touching = fmt.listing(words.symbol(n).text for n in mode.touching_zero)
-    notes = (
-        [f"Coefficients less than one sd above zero at the mode, which may be zero: {touching}."]
-        if touching
-        else []
-    )
-    return replace(Table.of(mode.climbs, columns, (0, 4), SEARCHES, kind), notes=notes)
-
-
-PLUGINS = (PosteriorsSection(), RunningSection(), SeedsSection())
+PLUGINS = (PosteriorsSection(), RunningSection())

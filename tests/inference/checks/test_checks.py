@@ -15,7 +15,7 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
-from bayesdamp.types import FitCheck, Refusal, Seed
+from bayesdamp.types import FitCheck, Refusal
 from tests.inference.problems import linear_target
 
 TIMES = np.linspace(0.0, 8.0, 240)
@@ -44,7 +44,7 @@ def fit(
     y = clean(truth) + NOISE * drawn
     name, value = TRUTHS[model]
     target = linear_target(TIMES, y, model, {"stiffness": 20.0}, noise)
-    mode = find_mode(target, {Seed("s"): {name: value, "theta0": 0.3, "omega0": 0.0}}, noise_level=NOISE)
+    mode = find_mode(target, [{name: value, "theta0": 0.3, "omega0": 0.0}], noise_level=NOISE)
     return target, *check_fit(target, mode, PERIOD, seed)
 
 
@@ -106,7 +106,7 @@ def test_laplace_draws_near_a_wall_have_the_mean_of_the_truncated_posterior():
     y = y + NOISE * np.random.default_rng(3).standard_normal(TIMES.size)
     known = {"stiffness": 20.0, "theta0": 0.3, "omega0": 0.0, "noise_sd": NOISE}
     target = linear_target(TIMES, y, "viscous", known)
-    mode = find_mode(target, {Seed("s"): {"zeta": 0.01}}, noise_level=NOISE)
+    mode = find_mode(target, [{"zeta": 0.01}], noise_level=NOISE)
     assert abs(mode.z[0]) < 1e-6
     grid = np.linspace(0.0, 8 * float(mode.sd()[0]), 2001)
     height = mode.likelihood.log_posteriors(grid[:, None])

@@ -23,7 +23,6 @@ from bayesdamp.inference.residual_tests import (
     responses_to_forms,
 )
 from bayesdamp.inference.search import find_mode
-from bayesdamp.types import Seed
 from tests.inference.problems import linear_target
 
 TIMES = np.linspace(0.0, 12.0, 300)
@@ -60,7 +59,7 @@ KNOWN = {"stiffness": K, "noise_sd": NOISE}
 def fitted(form: int, size: float) -> tuple[Target, Mode]:
     """Return target and mode of the viscous oscillator on a trajectory without noise."""
     target = linear_target(TIMES, trajectory_with(form, size), "viscous", KNOWN)
-    return target, find_mode(target, {Seed("truth"): TRUTH}, noise_level=NOISE)
+    return target, find_mode(target, [TRUTH], noise_level=NOISE)
 
 
 def strongest_form(target: Target, mode: Mode, noise: np.ndarray) -> StrongestForm:
@@ -91,7 +90,7 @@ def test_the_verdict_names_the_form() -> None:
     noise = np.random.default_rng(13).standard_normal(TIMES.size)
     for size, verdict in ((0.1, "does not fit"), (0.0, "fits")):
         target = linear_target(TIMES, trajectory_with(0, size) + NOISE * noise, "viscous", KNOWN)
-        mode = find_mode(target, {Seed("truth"): TRUTH}, noise_level=NOISE)
+        mode = find_mode(target, [TRUTH], noise_level=NOISE)
         check, _ = check_fit(target, mode, 2 * np.pi / np.sqrt(K), 0)
         assert check.verdict.startswith(verdict)
         assert (check.form_p < 0.005) == bool(size)
@@ -107,7 +106,7 @@ def test_responses_are_finite_until_friction_ends_the_motion() -> None:
     known = {**KNOWN, "rest_angle": 0.0, "epsilon": 0.0}
     target = linear_target(TIMES, y, "coulomb", known)
     truth = {"mu_c": friction, "theta0": 0.21, "omega0": 0.0}
-    likelihood = find_mode(target, {Seed("truth"): truth}, noise_level=NOISE).likelihood
+    likelihood = find_mode(target, [truth], noise_level=NOISE).likelihood
     motion = likelihood.motions.motion(known | truth)
     assert np.abs(motion.y - y).max() < 1e-6
     finite = np.isfinite(responses_to_forms(likelihood, motion, known | truth))

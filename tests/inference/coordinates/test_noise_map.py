@@ -14,7 +14,7 @@ from bayesdamp.inference.samplers import Sampler, Settings, emcee, nuts
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import LogNormal, LogUniform
-from bayesdamp.types import OK, Seed, Signal
+from bayesdamp.types import OK, Signal
 
 TRUTH = {"zeta": 0.05, "theta0": 0.3, "omega0": 0.0}
 K = 20.0
@@ -32,7 +32,7 @@ def of_noise_alone(correlation_time: float | None) -> tuple[Target, Mode]:
     known = {"stiffness": K, "rest_angle": 0.0, "zeta": 0.05, "theta0": 0.0, "omega0": 0.0}
     target = Target(Signal(t, y, "angle"), Oscillator(("viscous",), "linear"), "correlated", priors, known)
     start = {"noise_sd": 0.003, "noise_time": correlation_time or 0.005}
-    return target, find_mode(target, {Seed("truth"): start}, noise_level=0.003)
+    return target, find_mode(target, [start], noise_level=0.003)
 
 
 def simulated_noise(t: np.ndarray, correlation_time: float | None) -> np.ndarray:

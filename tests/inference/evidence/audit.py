@@ -14,7 +14,7 @@ from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.types import Seed, Signal
+from bayesdamp.types import Signal
 from tests.inference.evidence.weighing_problems import KNOWN, PRIORS, TIMES, record
 from validation.rows import make_page, page_options
 
@@ -37,7 +37,7 @@ def case(number: int) -> tuple[Target, dict[str, float]]:
 def row(number: int) -> dict[str, object]:
     """One line of the table. touching: sds of the posterior between its mode and no friction."""
     target, start = case(number)
-    mode = find_mode(target, {Seed("start"): start}, noise_level=KNOWN["noise_sd"])
+    mode = find_mode(target, [start], noise_level=KNOWN["noise_sd"])
     line: dict[str, object] = {
         "case": number, "zeta": start["zeta"], "touching": float(mode.z[1] / mode.sd()[1]),
     }  # fmt: skip

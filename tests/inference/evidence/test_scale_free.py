@@ -18,7 +18,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import SHARED_SCALES
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.simulate import simulate_signal
-from bayesdamp.types import Reference, Seed, Signal, System
+from bayesdamp.types import Reference, Signal, System
 
 STIFFNESS, AMPLITUDE = 20.0, 0.3
 FREQUENCY = STIFFNESS**0.5
@@ -47,7 +47,7 @@ def sampled_evidence(damping: tuple[str, ...], factor: float, separate: bool = F
     target = build_target(signal, damping, system, features(signal), REFERENCE)
     if separate:
         target = replace(target, scales=(1.0,) * SHARED_SCALES.size)
-    seeds = {Seed("truth"): {"zeta": 0.04 * factor, "mu_c": 0.03 * factor}}
+    seeds = [{"zeta": 0.04 * factor, "mu_c": 0.03 * factor}]
     mode = find_mode(target, seeds, noise_level=NOISE * factor)
     evidence = EVIDENCES.get("importance").evidence("m", target, mode, 1)
     assert evidence.outcome == "ok"

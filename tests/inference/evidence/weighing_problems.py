@@ -14,7 +14,7 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, SharedHalfNormal
-from bayesdamp.types import Seed, Signal
+from bayesdamp.types import Signal
 
 KNOWN = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.1, "theta0": 0.3, "omega0": 0.0, "noise_sd": 0.02}
 TIMES = np.linspace(0.0, 6.0, 151)
@@ -86,7 +86,7 @@ def problem(case: str) -> tuple[Target, Mode]:
     priors = {n: {**PRIORS, **shared}[n] for n in ranges}
     target = Target(Signal(TIMES, y), Oscillator(damping, "linear"), "gaussian", priors, known)
     seed = {n: 0.5 * (low + high) for n, (low, high) in ranges.items()}
-    return target, find_mode(target, {Seed("middle"): seed}, noise_level=KNOWN["noise_sd"])
+    return target, find_mode(target, [seed], noise_level=KNOWN["noise_sd"])
 
 
 @lru_cache

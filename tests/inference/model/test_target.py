@@ -27,7 +27,7 @@ from bayesdamp.priors import (
     SharedHalfNormal,
     Uniform,
 )
-from bayesdamp.types import InputError, Reference, Refusal, Seed, Signal, System
+from bayesdamp.types import InputError, Reference, Refusal, Signal, System
 from tests.inference import problems
 from tests.inference.problems import FEATURES, linear_target
 
@@ -112,7 +112,7 @@ def test_a_motion_that_escapes_has_a_log_likelihood_of_minus_infinity():
     assert value == -np.inf
     assert np.all(np.isfinite(gradient))
     with pytest.raises(Refusal, match="finite likelihood"):
-        find_mode(target, {Seed("outside"): {"zeta": 0.1, "cubic": -60.0, "theta0": 3.0}}, noise_level=0.01)
+        find_mode(target, [{"zeta": 0.1, "cubic": -60.0, "theta0": 3.0}], noise_level=0.01)
 
 
 REFERENCE = Reference(0.3, 4.47)

@@ -13,7 +13,7 @@ from bayesdamp.inference.samplers import SAMPLERS, Sampler, Settings
 from bayesdamp.inference.samplers.nuts import Nuts
 from bayesdamp.inference.search import find_mode
 from bayesdamp.priors import LogNormal
-from bayesdamp.types import OK, Posterior, Seed
+from bayesdamp.types import OK, Posterior
 from tests.inference import problems
 
 BARS = {"nuts": (0.05, 0.03)}
@@ -62,7 +62,7 @@ def test_the_reference_detects_half_the_noise():
     target, reference = problems.target(name), problems.reference(name)
     half = 0.5 * reference["posterior"]["noise_sd"]["mean"]
     wrong = replace(target, priors={**target.priors, "noise_sd": LogNormal(median=half, sigma=1e-3)})
-    mode = find_mode(wrong, {Seed("s"): reference["truth"]}, noise_level=half)
+    mode = find_mode(wrong, [reference["truth"]], noise_level=half)
     posterior = SAMPLERS.get("nuts").sample(wrong, mode, Settings(chains=4, warmup=200, draws=600, seed=4))
     assert {"sd of zeta", "sd of theta0"} <= set(departures(posterior, name))
 
