@@ -321,10 +321,9 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
             replace(_row(comparison, r), place="+".join(replaced_sum(r.candidate.damping))) for r in rivals
         ),
         noise=comparison.noise.name,
-        noises=tuple(NoiseEvidence(n.name, n.log_evidence, n.values) for n in comparison.noise.weighed),
+        noises=tuple(NoiseEvidence(n.name, n.log_evidence) for n in comparison.noise.weighed),
         terms=terms,
         epsilon=None if comparison.epsilon_known else comparison.epsilon,
-        frictions=comparison.frictions,
     )
     return Answer(content, arrays, further)
 

@@ -17,7 +17,6 @@ from bayesdamp.types import (
     FeatureValues,
     FitCheck,
     Forecast,
-    Friction,
     InputError,
     NestedRatio,
     Posterior,
@@ -298,11 +297,10 @@ class CandidatePriors:
 
 @dataclass(frozen=True)
 class NoiseEvidence:
-    """A noise model fitted to the residuals of the sum of all terms: log evidence in nats, and parameters."""
+    """A noise model fitted to the residuals of the sum of all terms, with its log evidence in nats."""
 
     name: str
     log_evidence: float
-    values: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -342,8 +340,7 @@ class AnswerContent(Content):
     restoring law. priors: descriptions of the priors. posteriors: of the sampled candidates. laws: fits of the
     candidates with deviations from their laws. noise: the noise model of the answer. noises: all fitted noise models.
     terms: all damping terms. epsilon: velocity (rad/s or m/s) within which Coulomb friction changes its sign, if it was
-    not known. frictions: the values of epsilon that were tried, with the coefficients of all terms. envelope: further
-    values for an envelope; the answer on an envelope has only these and the verdict.
+    not known. envelope: further values for an envelope; the answer on an envelope has only these and the verdict.
     """
 
     verdict: Mapping[str, Any]
@@ -357,7 +354,6 @@ class AnswerContent(Content):
     noises: tuple[NoiseEvidence, ...] = ()
     terms: tuple[str, ...] = ()
     epsilon: float | None = None
-    frictions: tuple[Friction, ...] = ()
     envelope: EnvelopeContent | None = None
 
 

@@ -37,7 +37,6 @@ def test_one_noise_model_is_chosen_and_shown(tmp_path):
     assert ModeContent.of(store.read("mode/noisy/0/viscous")).shares[0] > 0.99
     assert "noise_dof" not in store.read("mode/noisy/0/viscous").meta["sd"]  # it has the answer's noise model
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert 'id="noise"' in report
     assert "The answer uses the noise model" in report
 
 
@@ -47,7 +46,6 @@ def test_a_noise_model_that_does_not_suit_the_record_is_refused(tmp_path):
     assert "recording step" in row["outcome"]
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "The answer uses the noise model" not in report
-    assert 'id="noise"' not in report
 
 
 def test_auto_means_every_noise_model(tmp_path):
@@ -85,4 +83,4 @@ def test_the_inferred_width_of_friction_is_used_for_all_candidates(tmp_path):
     mode = Store(out).read("mode/sharp/0/viscous+coulomb").meta
     assert mode["values"]["mu_c"] == pytest.approx(0.3, abs=0.003)
     assert mode["verdict"] == "fits"
-    assert ">ε / (" in (out / "report.html").read_text(encoding="utf-8")
+    assert "The damping models are compared with ε = " in (out / "report.html").read_text(encoding="utf-8")

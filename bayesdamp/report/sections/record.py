@@ -1,7 +1,8 @@
-"""Show each record with its fits, the choice of the noise model, and the quality of the fits."""
+"""Show each record with its fits, and the quality of the fits."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -34,19 +35,9 @@ from bayesdamp.report.sections import (
     repeat_column,
     stack,
 )
-from bayesdamp.store.contents import NoiseEvidence, RecordContent
-from bayesdamp.types import OK, AddedForm, Friction, PartialFit
+from bayesdamp.store.contents import RecordContent
+from bayesdamp.types import OK, AddedForm, PartialFit
 
-USED = "used for the answer"
-NOISES = (
-    "Noise models that were compared: by how many nats the log evidence of each is below that of the best one, and its "
-    "fitted parameters, in the units of the equation of motion (rad or m, and s). Bold: the model that is used."
-)
-WIDTHS = (
-    "Widths ε that were compared (dry friction changes its sign gradually, at velocities between about −ε and ε): the "
-    "posterior probability of each width, and the coefficients of all damping terms in the fit with this width. Bold: "
-    "the width with which the damping models are compared."
-)
 CHECKS = (
     "Checks of the fit of each model at its posterior mode: root mean square (rms) residual; autocorrelation of the "
     "residual at lag one; stability over sub-records (the largest change of a damping coefficient between a half of "
@@ -113,7 +104,7 @@ class RecordSection(SignalSection):
         if about.get("epsilon_note") and not only_answered(run):  # the answer compares several widths
             notes.append(str(about["epsilon_note"]))
         if about.get("noise"):
-            notes.append(f"The answer uses the noise model {words.method(about['noise'])}; see below.")
+            notes.append(f"The answer uses the noise model {words.method(about['noise'])}.")
         if about.get("outcome", OK) != OK:
             notes.append(str(about["outcome"]))
         if len(repeats) > 1:
@@ -123,6 +114,11 @@ class RecordSection(SignalSection):
             return stack(bullets(notes), paragraph(why, "quiet"))
         content = RecordContent.of(task_result)
         unit, quantity = run.unit(signal), run.quantity(signal)
+        answer = answer_of(run, signal, ("answer",))
+        width = answer.content.epsilon if answer and not only_answered(run) else None
+        if width is not None and not math.isclose(width, content.known.get("epsilon", width), rel_tol=1e-3):
+            size = f"{fmt.number(width, 3)} {unit.base}/s"
+            notes.append(f"The damping models are compared with ε = {size}, which is clearly more probable.")
         factor, name = unit.scale, unit.of(quantity)
         axis = f"{unit.quantity_name(quantity)} / {words.divisor(name)}"
         t, y = task_result.arrays["t"], task_result.arrays["y"] * factor
@@ -154,71 +150,6 @@ class RecordSection(SignalSection):
             draw = partial(draw_raw_record, t, y, axis)
             parts.append(run.drawings.add(f"record-{signal}", f"{signal}: {WITHOUT_FITS}", draw))
         return stack(*parts, *(paragraph(sentence, "quiet") for sentence in missing))
-
-
-class NoiseSection(SignalSection):
-    """The section with the evidence of the noise models and of the widths of friction, and the ones that are used.
-
-    The width of friction is the velocity within which Coulomb friction changes its sign.
-    """
-
-    order = 45
-    name = "noise"
-    title = "Noise model, and width ε of friction"
-    lead = (
-        "The noise models are compared once for each record, on the residual of the fit of all damping terms, and all "
-        "damping models use the chosen noise model. The evidence is Laplace's approximation. For the noise model of "
-        "rounded values, probabilities are divided by the recording step, so that all noise models are on one scale. "
-        "If correlated noise is the most probable, the answer uses Gaussian noise with the variance of the residual "
-        "near the oscillation frequency. The sign of dry friction changes gradually, within a range of velocities of "
-        "width ε. This affects a precise record at small amplitudes and at each turning point. If ε was not given, "
-        "several values are compared once for each record, with all damping terms. The damping models are compared and "
-        "sampled with ε = 2 % of the peak velocity, or with the most probable value if it is clearly more probable. "
-        "The damping ratios of the answer are averaged over all compared values. Estimators use ε = 2 % of the peak "
-        "velocity."
-    )
-
-    def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether several noise models or widths of friction were compared on a record."""
-        answer = answer_of(run, signal, ("answer",))
-        if answer is None or answer.verdict.law_free:
-            return False
-        return len(answer.content.noises) > 1 or bool(answer.content.frictions)
-
-    def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return a table of the noise models with their evidence, and a table of the widths of friction."""
-        answer = answer_of(run, signal, ("answer",))
-        assert answer is not None
-        content = answer.content
-        noises = sorted(content.noises, key=lambda noise: -noise.log_evidence)
-        of_noise: dict[str, Callable[[NoiseEvidence], str]] = {
-            "noise": lambda n: words.method(n.name),
-            "log evidence below the best": lambda n: fmt.fixed_decimals(
-                noises[0].log_evidence - n.log_evidence, 1
-            ),
-            "fitted parameters": lambda n: ", ".join(
-                f"{words.symbol(name).text} {fmt.number(value, 3)}" for name, value in n.values.items()
-            ),
-            "": lambda n: USED if n.name == content.noise else "",
-        }
-        of_width: dict[str, Callable[[Friction], str]] = {
-            f"ε / ({run.unit(signal).base}/s)": lambda width: fmt.number(width.epsilon, 3),
-            "probability": lambda width: fmt.fixed_decimals(width.weight, 3),
-        }
-        for i, term in enumerate(content.terms):
-            of_width[words.model(term)] = lambda width, i=i: fmt.number(width.coefficients[i], 4)
-        of_width[""] = lambda width: "used for the models" if width.epsilon == content.epsilon else ""
-        tables: list[Table] = []
-        if len(noises) > 1:
-            best = {content.noise: "best"}
-            tables.append(Table.of(noises, of_noise, (0, 2, 3), NOISES, lambda n: best.get(n.name, "")))
-        if content.frictions:
-            width = {content.epsilon: "best"}
-            left = (len(of_width) - 1,)
-            tables.append(
-                Table.of(content.frictions, of_width, left, WIDTHS, lambda w: width.get(w.epsilon, ""))
-            )
-        return stack(*tables)
 
 
 class FitQualitySection(SignalSection):
@@ -289,4 +220,4 @@ def _rms(row: Row) -> str:
     return f"{fmt.number(row['rms'], 3)} {row['rms_unit']}"
 
 
-PLUGINS = (RecordSection(), NoiseSection(), FitQualitySection())
+PLUGINS = (RecordSection(), FitQualitySection())
