@@ -11,7 +11,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table, symbols
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
-from bayesdamp.report.results.run import RunFolder, answer_of, answers, only_answered
+from bayesdamp.report.results.run import RunFolder, answer_of
 from bayesdamp.report.sections import Section, collapsible, paragraph, stack
 from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, candidate_parts
@@ -20,7 +20,7 @@ FACTS = "Revision of the source code, the machine, the seed of the random number
 
 
 class AskedSection(Section):
-    """The section with the signals, the known parameters, and the methods."""
+    """The section with the damping models, the signals and the known parameters."""
 
     order = 20
     name = "asked"
@@ -46,31 +46,6 @@ class AskedSection(Section):
                 "moment of inertia."
             )
         sentences += _systems(run)
-        posterior = run.study.get("posterior") or {}
-        noise = posterior.get("noise")
-        suffix = f", with {words.method(noise)} noise" if isinstance(noise, str) else ""
-        if run.under_law:
-            suffix = ", with deviations from the laws, and white noise for the rest of the residual"
-        used = {
-            "Estimators": (run.study.get("estimators") or {}).get("use"),
-            "Posteriors": posterior.get("samplers"),
-            "Evidence": (run.study.get("evidence") or {}).get("methods"),
-        }
-        if not only_answered(run):
-            for what, names in used.items():
-                if names:
-                    text = names if isinstance(names, str) else fmt.listing(map(words.method, names))
-                    sentences.append(f"{what}: {text}{suffix * (what == 'Posteriors')}.")
-                elif names is not None:
-                    sentences.append(f"{what}: switched off.")
-        elif any(a.content.candidates for a in answers(run)):
-            sampled = any(run.task_results("sampled", signal) for signal in run.signals)
-            more = "; the most probable ones were also sampled" if sampled else ""
-            sentences.append(
-                f"The damping models were compared by linear approximations about the best fit of each{more}."
-            )
-        if run.info.get("seed") is not None:
-            sentences.append(f"The seed {run.info['seed']} determines all random numbers.")
         text = json.dumps(run.study, indent=2, ensure_ascii=False)
         details = collapsible(
             "All settings, with their defaults", Markup("<pre>{}</pre>").format(escape(text))
