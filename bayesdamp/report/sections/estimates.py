@@ -23,10 +23,8 @@ from bayesdamp.report.figures.estimators import (
 from bayesdamp.report.results.estimators import (
     FACTORS,
     STAGES,
-    ErrorSeries,
     category_of,
     compare_estimators,
-    error_interval,
     error_series,
     estimates_of,
     sort_by_category,
@@ -340,7 +338,7 @@ class ComparisonSection(Section):
 
 
 class SweepsSection(Section):
-    """The section with the errors against noise, sampling and length: a figure and two tables for each series."""
+    """The section with the errors against noise, sampling and length: a figure for each series."""
 
     order = 37
     name = "sweeps"
@@ -351,7 +349,7 @@ class SweepsSection(Section):
         return len(run.signals) >= 3 and bool(error_series(run))
 
     def render(self, run: RunFolder) -> str:
-        """Return a figure and tables of the errors along each series."""
+        """Return a figure of the errors along each series."""
         parts: list[object] = []
         for along in error_series(run):
             model, methods = words.model(along.model), sort_by_category(method for method, _ in along.errors)
@@ -369,40 +367,8 @@ class SweepsSection(Section):
             )
             draw = partial(sweep, along, methods)
             figure = run.drawings.add(f"sweep-{along.model}-{along.factor}", caption, draw)
-            tables = [_error_table(along, methods, stage) for stage in STAGES]
-            parts += [
-                heading(f"{model}: errors against the {along.factor}"),
-                figure,
-                collapsible("The numbers of this figure", *tables),
-            ]
+            parts += [heading(f"{model}: errors against the {along.factor}"), figure]
         return stack(*parts)
-
-
-def _error_table(along: ErrorSeries, methods: list[str], stage: str) -> Table:
-    """Return a table of the errors of one stage by method, at each value of the factor, with the Cramér–Rao bound.
-
-    They are root mean squares in per cent of the true coefficient, with their 95 % interval over the repeats.
-    """
-    headers = [words.stage(stage), *(fmt.as_entered(v) for v in along.values)]
-    lines = [TableLine(["Cramér–Rao bound", *(fmt.number(b, 2) for b in along.bounds)], "best")]
-    for method in methods:
-        errors = along.errors.get((method, stage))
-        if errors is None:
-            continue
-        cells = []
-        each, answers = along.each[method, stage], along.answers[method, stage]
-        for error, own, (answered, tried) in zip(errors, each, answers):
-            low, high = error_interval(own)
-            limits = f" ({fmt.number(low, 2)} to {fmt.number(high, 2)})" if math.isfinite(low) else ""
-            some = f", {answered} of {tried}" if answered < tried and math.isfinite(error) else ""
-            cells.append(fmt.number(error, 2) + limits + some)
-        lines.append(TableLine([words.method(method), *cells]))
-    caption = (
-        f"Root mean square error of the coefficients of {words.model(along.model)} damping, in % of the true values. "
-        f"Each column is a value of: {FACTORS[along.factor]}. In brackets: the 95 % interval of the error, from the "
-        'repeats. "3 of 5" after an error means that only 3 of 5 repeats gave an estimate.'
-    )
-    return Table(headers, lines, (0,), caption)
 
 
 PLUGINS = (EstimatesSection(), ComparisonSection(), SweepsSection())
