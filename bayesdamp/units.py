@@ -87,6 +87,8 @@ UNITS = {
     )
 }
 """Units by name, as in study files and options."""
+DECIBELS = ("dB", "dBm", "dBV", "dBu", "dBmV", "dBuV", "dBW", "dBA", "dBFS", "dBc")
+"""Units of the levels of envelopes, 20 log10 of the amplitude."""
 
 
 def unit_named(name: str) -> Unit:
@@ -97,3 +99,8 @@ def unit_named(name: str) -> Unit:
 def quantity_unit(unit: str, quantity: str) -> str:
     """Return `Unit.of(quantity)` of the unit with this name. Raises KeyError if it is not in `UNITS`."""
     return UNITS[unit].of(quantity)
+
+
+def level_unit(unit: str) -> str:
+    """Return the unit of an envelope's levels: "dB of 1 V" for unit "V"; a unit of DECIBELS is returned unchanged."""
+    return unit if unit in DECIBELS else f"dB of 1 {unit}"

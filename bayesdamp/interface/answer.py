@@ -57,7 +57,7 @@ BY_LAW = ("ratio", "low", "high")
 answer."""
 CURVE_POINTS = 40
 """Number of points of the damping curve that is measured without a law."""
-OF_LAW = (*BY_LAW, "fit", "residual", "exponent", "law/", "work/")
+OF_LAW = (*BY_LAW, "fit", "residual", "law/", "work/")
 """Prefixes of the names of all arrays that depend on a damping law; they are left out if the record contradicts every
 law."""
 RUN = "run/"

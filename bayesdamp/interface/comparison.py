@@ -22,11 +22,11 @@ from bayesdamp.interface.result import GivenAxes, Result, get_axes, show_in_note
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.priors import Prior
-from bayesdamp.records.envelope.record import EnvelopeRecord, level_unit
+from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.store import DAMPING_CURVES, TaskResult
 from bayesdamp.store.files import save_bytes
 from bayesdamp.types import OK, InputError
-from bayesdamp.units import UNITS, Unit, unit_named
+from bayesdamp.units import UNITS, Unit, level_unit, unit_named
 from bayesdamp.verdict.parts import Grade, decay_table, ratios_table
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
@@ -163,13 +163,13 @@ class Comparison(Result):
         Parameters
         ----------
         ax
-            Four axes, for example from `plt.subplots(2, 2)`; three for an envelope. By default new ones.
+            Four axes, for example from `plt.subplots(2, 2)`; two for an envelope. By default new ones.
 
         Returns
         -------
         tuple of Axes
             The axes of record, damping ratio against amplitude, residual, and energy by term. For an envelope, the axes
-            of record, residual and exponent.
+            of record and residual.
 
         Raises
         ------
@@ -179,20 +179,21 @@ class Comparison(Result):
         from matplotlib import rc_context
 
         from bayesdamp.report.drawing import RC, WIDTH
-        from bayesdamp.report.figures.answer import ANSWER_HEIGHT, draw_answer, draw_envelope
+        from bayesdamp.report.figures.answer import ANSWER_HEIGHT, ENVELOPE_HEIGHT, draw_answer, draw_envelope
         from bayesdamp.report.words import divisor
 
         first = next((i for i, a in enumerate(self.answers) if a.arrays), None)
         if first is None:
             raise InputError(f"nothing to draw: {self.verdict.sentence}")
         answer, unit = self.answers[first], unit_named(self.units[first])
+        show_in_notebook()
         if answer.content.envelope is not None:
-            three = get_axes(ax, 3, size=(WIDTH, ANSWER_HEIGHT))
-            draw_envelope(three, answer.arrays, answer.verdict, level_unit(answer.content.envelope.unit))
-            return three
+            with rc_context(RC):
+                two = get_axes(ax, 2, columns=2, size=(WIDTH, ENVELOPE_HEIGHT))
+                draw_envelope(two, answer.arrays, answer.verdict, level_unit(answer.content.envelope.unit))
+            return two
         own, quantity = unit.displacement, answer.verdict.quantity
         recorded = f"{own.quantity_name(quantity)} / {divisor(own.of(quantity))}"
-        show_in_notebook()
         with rc_context(RC):
             four = get_axes(ax, 4, columns=2, size=(WIDTH, ANSWER_HEIGHT))
             arrays = picture_in_unit(answer.arrays, unit)

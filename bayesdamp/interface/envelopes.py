@@ -12,7 +12,7 @@ from bayesdamp.inference.envelope.posterior import RateLikelihood
 from bayesdamp.inference.envelope.sums import distinguishable_sums, list_assumptions
 from bayesdamp.interface.answer import Answer
 from bayesdamp.physics.amplitude import SUMS
-from bayesdamp.records.envelope.record import EnvelopeRecord, level_unit
+from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.records.envelope.window import EnvelopeWindow
 from bayesdamp.serial import join, split
 from bayesdamp.store.contents import AnswerContent, EnvelopeContent
@@ -23,8 +23,8 @@ from bayesdamp.verdict.types import Verdict
 
 STORED_READINGS = 4000
 """Approximate number of readings that are stored for the figure of a record."""
-LIKELIHOOD, PICTURE = "likelihood/", "picture"
-"""Names of stored arrays: the prefix of the likelihoods of decay rates, and the figure as the bytes of a PNG file."""
+LIKELIHOOD = "likelihood/"
+"""Prefix of the names of stored arrays: those of the likelihoods of decay rates."""
 
 
 def analyse(
@@ -74,7 +74,7 @@ def answer_envelope(
     seed: int,
     repeated: bool,
 ) -> Answer:
-    """Return the answer on an envelope, with its figure.
+    """Return the answer on an envelope, with the arrays of its figure.
 
     Parameters
     ----------
@@ -94,15 +94,14 @@ def answer_envelope(
     -------
     Answer
         Its arrays are `t` in s and `level` in dB (thinned to about `STORED_READINGS`), the fields `curve/...` of
-        `inference.envelope.decay.Curve` if there is a decay, the figure `picture`, and the likelihoods.
+        `inference.envelope.decay.Curve` if there is a decay, and the likelihoods.
 
     Raises
     ------
     InputError
         If a sum has more than three terms, if a term cannot be used for an envelope, or if no sum is left.
     """
-    from bayesdamp.report.figures.answer import picture  # imports slowly
-    from bayesdamp.report.figures.record import thin_line
+    from bayesdamp.report.figures.record import thin_line  # imports slowly
 
     chosen, left_out = distinguishable_sums(sums)
     result = analyse(record, window, seed, chosen)
@@ -110,8 +109,6 @@ def answer_envelope(
     arrays = {"t": t, "level": level}
     if result.curve is not None:
         arrays |= {f"curve/{name}": values for name, values in vars(result.curve).items()}
-    drawn = picture(arrays, result.verdict, level_unit(record.unit))
-    arrays[PICTURE] = np.frombuffer(drawn, np.uint8)
     likelihoods = result.likelihoods if repeated else {}
     numbers = {name: split(value, arrays, f"{LIKELIHOOD}{name}") for name, value in likelihoods.items()}
     w = result.verdict.window

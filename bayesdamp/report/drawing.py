@@ -214,7 +214,7 @@ class Drawings:
             The HTML, which contains the figure as SVG, or as PNG if the SVG is larger than `LARGEST_SVG`. A figure that
             is wider than `NARROW_WIDTH` scrolls sideways on a phone.
         """
-        name = _file_name(name)
+        name = re.sub(r"[^\w.=+-]+", "-", name)
         with mpl.rc_context(RC):
             figure = draw()
             svg, png = _encode(figure)
@@ -231,25 +231,6 @@ class Drawings:
             Markup(' class="wide"' if width > NARROW_WIDTH else ""), kind, base64.b64encode(content).decode(),
             caption, width, round(LEAST_ZOOM * width), caption,
         )  # fmt: skip
-
-    def show(self, name: str, caption: str, png: bytes) -> Markup:
-        """Return the HTML that shows a figure that is already a PNG (as bytes); save it if there is a folder.
-
-        The file is `name`.png; characters that a file name should not contain are replaced. caption: plain text below
-        the figure, which is also its alternative text.
-        """
-        name = _file_name(name)
-        if self.folder is not None:
-            write_bytes(self.folder / f"{name}.png", png)
-        self.names.append(name)
-        return Markup(
-            '<figure><img loading="lazy" src="data:image/png;base64,{}" alt="{}"><figcaption>{}</figcaption></figure>'
-        ).format(base64.b64encode(png).decode(), caption, caption)
-
-
-def _file_name(name: str) -> str:
-    """Return the name with a hyphen in place of characters that a file name should not contain."""
-    return re.sub(r"[^\w.=+-]+", "-", name)
 
 
 def _encode(figure: Figure) -> tuple[bytes, bytes]:

@@ -48,7 +48,7 @@ def test_envelopes_in_decibels_are_recognised_and_answered(tmp_path, capsys):
     rows = list(csv.DictReader((out / "verdicts.csv").read_text().splitlines()))
     assert [row["record"] for row in rows] == ["r1", "r2", "specimen"]
     assert float(rows[0]["quality_factor"]) == verdicts[0]["quality_factor"]["value"]
-    assert (out / "report.html").read_text().count("data:image/png") == 2
+    assert (out / "report.html").read_text().count("data:image/svg+xml") == 2
 
 
 def test_a_bad_file_is_named_and_the_others_are_answered(tmp_path, capsys):

@@ -114,8 +114,6 @@ class Findings:
     undetermined, inseparable : tuple
         Parameters of the most probable sum that the record does not determine, and pairs of parameters of which it
         determines only a combination.
-    exponents : tuple of float
-        Quantiles of the exponent at the probabilities `exponent.LEVELS`; empty where there is no exponent.
     midline : float
         Drift of the midline over the record, as a fraction of the first amplitude, from the residual of the most
         probable candidate or rival; 0 where it is not significant.
@@ -151,7 +149,6 @@ class Findings:
     cycles: float
     undetermined: tuple[str, ...] = ()
     inseparable: tuple[tuple[str, str], ...] = ()
-    exponents: tuple[float, ...] = ()
     midline: float = 0.0
     frequency_at: Quantity | None = None
     over_law: tuple[Quantity, ...] = ()
@@ -248,7 +245,6 @@ def compute_findings(
         cycles=data.cycles,
         undetermined=undetermined,
         inseparable=inseparable,
-        exponents=comparison.exponents,
         midline=midline_drift(leading),
         frequency_at=frequency_of_draws(every, wanted[-1]) if wanted else None,
         over_law=ratio_over_law(every, wanted, np.random.default_rng([seed, 3])) if approximate else (),
@@ -419,10 +415,10 @@ def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.n
 
     t, record, fit, residual: times in s, recorded values, the motion of the best candidate (with deviations if it has
     any) and their difference record − fit, thinned samples or amplitudes of blocks, (p,). amplitude, ratio, low, high:
-    the damping ratio (median) against amplitude in rad or m with the ends of its 95 % interval, (a,). exponent:
-    quantiles of the exponent, if there are any. law/SUM: damping ratio of the fit of each candidate's sum under exact
-    laws and the best restoring law, at `amplitude`. work/TERM: energy lost in a cycle by each term of the best sum in
-    this fit, per unit of inertia, in rad²/s² or m²/s², at `amplitude`. Values are nan where no orbit has the amplitude.
+    the damping ratio (median) against amplitude in rad or m with the ends of its 95 % interval, (a,). law/SUM: damping
+    ratio of the fit of each candidate's sum under exact laws and the best restoring law, at `amplitude`. work/TERM:
+    energy lost in a cycle by each term of the best sum in this fit, per unit of inertia, in rad²/s² or m²/s², at
+    `amplitude`. Values are nan where no orbit has the amplitude.
     """
     data = comparison.data
     best = comparison.result(numbers.best)
@@ -438,8 +434,6 @@ def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.n
     for name, of in (("amplitude", "amplitude"), ("ratio", "value"), ("low", "low"), ("high", "high")):
         arrays[name] = np.array([getattr(r, of) for r in numbers.curve])
     amplitude = arrays["amplitude"]
-    if numbers.exponents:
-        arrays["exponent"] = np.array(numbers.exponents)
     terms, solver = comparison.terms, comparison.solvers[numbers.best.restoring]
     orbits = [orbit_of(best, float(a)) for a in amplitude]
     energy = np.array([np.nan if o is None else o.energy for o in orbits])

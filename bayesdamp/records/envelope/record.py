@@ -16,10 +16,8 @@ from bayesdamp.physics.amplitude import Scale, scales_needed
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.records.read import ColumnName, read_record
 from bayesdamp.types import InputError
-from bayesdamp.units import UNITS
+from bayesdamp.units import DECIBELS, UNITS
 
-DECIBELS = ("dB", "dBm", "dBV", "dBu", "dBmV", "dBuV", "dBW", "dBA", "dBFS", "dBc")
-"""Units of levels, 20 log10 of the amplitude."""
 POWER = ("W", "mW", "uW", "nW", "pW", "V^2", "V2", "m^2", "m2")
 """Units of power, which is proportional to the square of the amplitude."""
 MAX_NEGATIVE = 0.2
@@ -74,11 +72,6 @@ class EnvelopeRecord:
         if self.logarithmic:
             return level, self.unit
         return 10.0 ** (level / (10.0 if self.unit in POWER else 20.0)), self.unit
-
-
-def level_unit(unit: str) -> str:
-    """Return the unit of a record's levels: "dB of 1 V" for unit "V"; a unit of DECIBELS is returned unchanged."""
-    return unit if unit in DECIBELS else f"dB of 1 {unit}"
 
 
 def unit_in(name: str) -> str | None:

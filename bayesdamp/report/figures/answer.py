@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Mapping, Sequence
 from itertools import cycle
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
@@ -25,13 +23,14 @@ from bayesdamp.report.drawing import (
     label_with_plain_numbers,
     legend_columns,
 )
-from bayesdamp.report.figures.posterior import outline
 from bayesdamp.report.figures.record import USED, thin_line
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named
 
 ANSWER_HEIGHT = 6.2
 """Height of the figure of an answer, in inches."""
+ENVELOPE_HEIGHT = 3.4
+"""Height of the figure of an answer on an envelope, in inches."""
 LAW_FREE_COLOUR = "#c9b27c"
 """Colour of the 95 % band of the damping ratio that is measured directly, without assuming a damping law."""
 MOST_POINTS = 1200
@@ -40,19 +39,9 @@ MOST_COLOURED = 6
 """Largest number of records in an overview that are drawn in different colours and with a legend."""
 LEGEND_ROW = 0.17
 """Height of a row of a legend, in inches."""
-MARKED_EXPONENTS = ((0.0, "Coulomb", "coulomb"), (1.0, "viscous", "viscous"), (2.0, "quadratic", "quadratic"))
-"""Exponents p of a damping force ∝ |velocity|^p that are marked on the axis of p, each with its label and its damping
-term."""
-EXPONENT_ENDS = (-0.12, 3.05)
-"""Ends of the axis of the exponent p of a damping force ∝ |velocity|^p; the prior of p is uniform between 0 and 3."""
-CUBIC_EXPONENT = (3.0, "cubic", "cubic")
-"""A further mark on the axis of the exponent, as in `MARKED_EXPONENTS`, if the damping of an envelope has a cubic
-term."""
 FIT_COLOUR, BAND_COLOUR = USED, "#D55E00"
 """Colours in the figure of an envelope: of the fit with its band; and of the lines at the start and end of the decay
 and the ± 2 sd band of the readings' noise."""
-PANEL_POSITIONS = ((0.075, 0.12, 0.53, 0.78), (0.68, 0.42, 0.305, 0.48), (0.68, 0.12, 0.305, 0.12))
-"""Left, bottom, width and height of the three panels in the figure of an envelope, as fractions of the figure."""
 
 
 def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str) -> Figure:
@@ -221,67 +210,24 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
     return figure
 
 
-def exponent(draws: np.ndarray, interval: tuple[float, float, float], title: str) -> Figure:
-    """Draw the posterior of the exponent p of a damping force ∝ |velocity|^p, with its median and 95 % interval below.
-
-    Parameters
-    ----------
-    draws
-        Draws of the exponent, or equally probable quantiles, (n,).
-    interval
-        Median of the exponent, and the low and the high end of its 95 % interval.
-    title
-        Title of the figure.
-    """
-    figure = Figure(figsize=(WIDTH, 1.9))
-    draw_exponent(figure.subplots(), draws, interval, title)
-    fix_margins(figure, left=0.12, top=0.5)
+def envelope(arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str) -> Figure:
+    """Draw an envelope with its fit, and the residual; the arguments are those of `draw_envelope`."""
+    figure = Figure(figsize=(WIDTH, ENVELOPE_HEIGHT))
+    draw_envelope(figure.subplots(1, 2, width_ratios=(3, 2)), arrays, verdict, unit)
     return figure
-
-
-def draw_exponent(
-    ax: Axes,
-    draws: np.ndarray | None,
-    interval: tuple[float, float, float],
-    title: str = "",
-    marked: Sequence[tuple[float, str, str]] = MARKED_EXPONENTS,
-) -> None:
-    """Draw the posterior of the exponent p of a damping force ∝ |velocity|^p on the given axes.
-
-    The density of `draws` (any number of values of p) is drawn from 0 to 3 and left out if they are None. Below it is
-    `interval`: the median as a dot, and the 95 % interval from the low to the high end as a bar. `marked` lists the
-    exponents that are marked on the axis, each with its label and the damping term that determines its colour.
-    """
-    value, low, high = interval
-    for place, name, term in marked:
-        ax.axvline(place, color=colour(term), lw=1.2, ls=(0, (4, 2)))
-        side = "left" if place == 0.0 else "center" if place < 3.0 else "right"
-        ax.text(place, 1.14, name, color=colour(term), fontsize=8, ha=side, va="bottom")
-    if draws is not None:
-        grid, height = outline(draws)
-        inside = (grid >= 0.0) & (grid <= 3.0)
-        ax.fill_between(grid[inside], 0.0, height[inside], color=MUTED, alpha=0.35, lw=0)
-        ax.plot(grid[inside], height[inside], color=INK, lw=1.0)
-    at = 0.4 if draws is None else -0.13
-    ax.plot([low, high], [at, at], color=INK, lw=2.4)
-    ax.plot([value], [at], "o", color=INK, ms=5)
-    ax.set(xlim=EXPONENT_ENDS, ylim=(-0.3, 1.12), yticks=[])
-    ax.spines["left"].set_visible(False)
-    ax.set(xticks=[0, 0.5, 1, 1.5, 2, 2.5, 3], xlabel="exponent of the velocity")
-    ax.set_title(title, loc="left", pad=16)
 
 
 def draw_envelope(
     axes: Sequence[Axes], arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str
 ) -> None:
-    """Draw the level of an envelope with the fit, the residual, and the exponent of the damping force.
+    """Draw the level of an envelope with the fit, and the residual.
 
     If the record contains no free decay, only the level is drawn.
 
     Parameters
     ----------
     axes
-        Three axes, for record, residual and exponent. Axes without content are switched off.
+        Two axes, for record and residual. Those of the residual are switched off if there is none.
     arrays
         The record: times `t` in s and the `level` of the readings in dB. The decay, if there is one: `curve/...`, the
         fields of `inference.envelope.decay.Curve`.
@@ -290,24 +236,10 @@ def draw_envelope(
     unit
         Unit of the level for the label of its axis, such as "dB" or "dB of 1 V".
     """
-    whole, rest, below = axes
+    whole, rest = axes
     whole.plot(*thin_line(arrays["t"], arrays["level"], MOST_POINTS), color=MUTED, lw=0.7)
-    whole.set_xlabel("time / s", color=INK)
-    whole.set_ylabel(f"level / {unit}", color=INK)
     title = f"{verdict.record}: {named(verdict.damping)}" if verdict.damping else verdict.record
-    whole.set_title(title, loc="left", fontsize=9)
-    whole.tick_params(labelsize=8)
-    if verdict.exponent is None:
-        below.set_axis_off()
-    else:
-        e, cubic = verdict.exponent, any(share.term == "cubic" for share in verdict.energy)
-        draw_exponent(
-            below,
-            None,
-            (e.value, e.low, e.high),
-            marked=(*MARKED_EXPONENTS, CUBIC_EXPONENT) if cubic else MARKED_EXPONENTS,
-        )
-        below.tick_params(labelsize=8)
+    whole.set(title=title, xlabel="time / s", ylabel=f"level / {unit}")
     if "curve/t" not in arrays or verdict.window is None:
         rest.set_axis_off()
         return
@@ -322,16 +254,4 @@ def draw_envelope(
     rest.fill_between(t, -2 * scatter, 2 * scatter, color=BAND_COLOUR, alpha=0.15, lw=0)
     rest.plot(t, level - fit, color=INK, lw=0.8)
     rest.axhline(0.0, color=FIT_COLOUR, lw=0.8)
-    rest.set_xlabel("time / s", color=INK, fontsize=8.5)
-    rest.set_title("mean readings minus the fit, in dB; ± 2 sd", loc="left", fontsize=9)
-    rest.tick_params(labelsize=8)
-
-
-def picture(arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str) -> bytes:
-    """Draw an envelope in a new figure as `draw_envelope` does, and return it as the bytes of a PNG file."""
-    figure = Figure(figsize=(9.6, 4.2), dpi=90)
-    canvas = FigureCanvasAgg(figure)
-    draw_envelope([figure.add_axes(place) for place in PANEL_POSITIONS], arrays, verdict, unit)
-    png = io.BytesIO()
-    canvas.print_png(png, metadata={"Software": "bayesdamp"})
-    return png.getvalue()
+    rest.set(title="Mean readings minus the fit", xlabel="time / s", ylabel="dB")

@@ -13,7 +13,7 @@ from bayesdamp.formatting import Table
 from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
-from bayesdamp.report.figures.answer import MOST_COLOURED, exponent, overview
+from bayesdamp.report.figures.answer import MOST_COLOURED, overview
 from bayesdamp.report.figures.record import draw_motions
 from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
 from bayesdamp.report.results.run import (
@@ -33,6 +33,7 @@ from bayesdamp.report.results.run import (
 from bayesdamp.report.sections import Section, by_signal, collapsible, fill, heading, paragraph, stack
 from bayesdamp.store.contents import ComparedCandidate
 from bayesdamp.types import OK
+from bayesdamp.units import level_unit
 from bayesdamp.verdict.parts import (
     Coefficient,
     Grade,
@@ -44,7 +45,7 @@ from bayesdamp.verdict.parts import (
     ratios_table,
 )
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import energy_sentences, is_extrapolated, is_specified, power_in_words
+from bayesdamp.verdict.words import energy_sentences, is_extrapolated, is_specified
 
 SHAPES = (
     "a level curve means viscous damping, a rise towards small amplitudes means friction, and a rise towards large "
@@ -74,11 +75,8 @@ MEASURED = (
 LEVELS = (
     "Left: the recorded level of the oscillation (grey), the start and the end of the part that is used (vertical "
     "lines), the level of the noise floor (dotted line, if there is one), and the fit of the most probable damping "
-    "model, including its deviation from the law (blue line; band: ± 2 standard deviations). Upper right: readings "
-    "averaged over short intervals, minus the fit, in dB (orange band: ± 2 standard deviations of the noise). Lower "
-    "right: the power of the velocity with which the damping force grows (dot: median; bar: 95 % interval). Dashed "
-    "lines mark the powers of pure Coulomb (0), viscous (1) and quadratic (2) damping, and of cubic damping (3) if the "
-    "damping has such a term."
+    "model, including its deviation from the law (blue line; band: ± 2 standard deviations). Right: readings averaged "
+    "over short intervals, minus the fit (orange band: ± 2 standard deviations of the noise)."
 )
 MOTIONS = (
     "Left: the record (grey) and the amplitude of each oscillation that was found in it (coloured lines). Right: these "
@@ -91,12 +89,6 @@ EXCITED = (
     "Left: the record. Right: its amplitude in each period (half the range of the samples, as a displacement) on a "
     "logarithmic scale. Without excitation the amplitude would only decrease. Here it rises and falls randomly, so the "
     "rate at which it sometimes decreases does not give the damping."
-)
-EXPONENT = (
-    "Posterior of the exponent if the damping force is described by a single power of the velocity: probability "
-    "density (grey area; arbitrary scale), median (dot) and 95 % interval (bar). Dashed lines mark the exponents of "
-    "Coulomb (0), viscous (1) and quadratic (2) damping. A peak on a dashed line means that damping; a peak between "
-    "two lines means a sum, or none of the three."
 )
 PARTS_OF_SD = (
     "The standard deviation (sd) has two parts: one is due to the noise of the record, the other to deviations of the "
@@ -176,8 +168,9 @@ class AnswerSection(Section):
                     *([f"The decay {v.window.why.replace('; ', ' and ')}."] if v.window else []),
                     *remarks,
                 )
-                png = answer.arrays["picture"].tobytes()
-                parts.append(run.drawings.show(f"answer-{signal}", LEVELS, png))
+                about = answer.content.envelope
+                draw = partial(figures.envelope, answer.arrays, v, level_unit(about.unit if about else ""))
+                parts.append(run.drawings.add(f"answer-{signal}", LEVELS, draw))
                 if v.decay_rate:
                     parts.append(decay_table(v.decay_rate, v.quality_factor_at))
                 if v.damping:
@@ -269,8 +262,8 @@ def _numbers(v: Verdict) -> list[tuple[str, str]]:
 def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     """Return the figures and tables of an answer on an oscillation.
 
-    These are the figure of the answer, the posterior of the exponent, and tables of the damping ratios, of the
-    coefficients and (folded) of all compared models.
+    These are the figure of the answer, and tables of the damping ratios, of the coefficients and (folded) of all
+    compared models.
     """
     v, signal = answer.verdict, answer.signal
     own, quantity = run.unit(signal).displacement, run.quantity(signal)
@@ -281,11 +274,6 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     if "free/amplitude" not in answer.arrays:
         caption += UNMEASURED
     parts: list[object] = [run.drawings.add(f"answer-{signal}", caption, draw)]
-    e, draws = v.exponent, answer.arrays.get("exponent")
-    if e is not None and draws is not None:
-        title = f"The damping force {power_in_words(e, v.damping)}"
-        draw = partial(exponent, draws, (e.value, e.low, e.high), title)
-        parts.append(run.drawings.add(f"exponent-{signal}", EXPONENT, draw))
     parts.append(ratios_table(v.damping_ratio, RATIOS, parts=True))
     if v.coefficients:
         caption = (
