@@ -21,8 +21,6 @@ from bayesdamp.calibrate.problem import (
 )
 from bayesdamp.config import Simulation, Study
 from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.physics.damping import parse_model
-from bayesdamp.physics.trajectories import simulate
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import LogNormal
 from bayesdamp.store.contents import RecoveryContent
@@ -32,10 +30,10 @@ RECORDS_PER_TASK = 4
 """Number of records that one task simulates."""
 
 
-def compute_chunk(study: Study, kind: str, first: int) -> Product:
+def compute_chunk(study: Study, series: str, first: int) -> Product:
     """Draw the records of one task, numbered from `first`, and compute the probabilities of the models.
 
-    kind: "recovery" draws from and compares all models, "single" only models with one term.
+    series: name of the series of records, which determines their random numbers together with the study's seed.
 
     Returns
     -------
@@ -43,33 +41,26 @@ def compute_chunk(study: Study, kind: str, first: int) -> Product:
         The content is a `RecoveryContent`. Arrays for c = `RECORDS_PER_TASK` records and the m models in `models` of
         the content: model (c,), the index of the true model, from 0; probability (c, m) of each model, with equal prior
         probabilities; log_evidence (c, m) in nats; design (c, 2), whose columns are the noise (fraction of the
-        reference amplitude) and the number of cycles; loss (c,), the fraction of the amplitude that the motion loses.
-        For records that are not used (their outcome is not `ok`), all probabilities are NaN, and so is the evidence of
-        models after the first that failed.
+        reference amplitude) and the number of cycles. For records that are not used (their outcome is not `ok`), all
+        probabilities are NaN, and so is the evidence of models after the first that failed.
     """
-    models, began = models_of(study, kind), time.perf_counter()
+    models, began = study.models.compare, time.perf_counter()
     outcomes, evidence_outcomes = (
         [OK] * RECORDS_PER_TASK,
         [[""] * len(models) for _ in range(RECORDS_PER_TASK)],
     )
     truth = np.zeros(RECORDS_PER_TASK, int)
-    design, loss = np.full((RECORDS_PER_TASK, 2), np.nan), np.full(RECORDS_PER_TASK, np.nan)
+    design = np.full((RECORDS_PER_TASK, 2), np.nan)
     evidence = np.full((RECORDS_PER_TASK, len(models)), np.nan)
     for i in range(RECORDS_PER_TASK):
         number = first + i
-        design[i] = design_of(study, kind, number)
-        generators = _generators(study, kind, models, *design[i])
-        rng = record_rng(study.seed, kind, number)
+        design[i] = design_of(study, number)
+        generators = _generators(study, *design[i])
+        rng = record_rng(study.seed, series, number)
         truth[i] = rng.integers(len(models))
-        drawn = generators[truth[i]].draw(rng, f"{kind}-{number}")
-        loss[i] = _loss(drawn)
-        if kind == "single" and loss[i] < study.recovery.least_loss:
-            outcomes[i] = (
-                f"not used: the amplitude falls by less than {100 * study.recovery.least_loss:g} % during the record"
-            )
-            continue
+        drawn = generators[truth[i]].draw(rng, f"{series}-{number}")
         for m, source in enumerate(generators):
-            labels = (kind, number, source.model)
+            labels = (series, number, source.model)
             result, outcomes[i] = run_safely(_evidence, study, source, drawn, labels)
             if result is None:
                 break
@@ -86,32 +77,22 @@ def compute_chunk(study: Study, kind: str, first: int) -> Product:
         "log_evidence": evidence,
         "probability": np.exp(evidence - logsumexp(evidence, axis=1, keepdims=True)),
         "design": design,
-        "loss": loss,
     }
     return Product(content, arrays, seconds=time.perf_counter() - began)
 
 
-def models_of(study: Study, kind: str) -> list[str]:
-    """Return the models that are drawn and compared: all of the study; for the kind "single" those with one term."""
-    models = list(study.models.compare)
-    return [m for m in models if len(parse_model(m)) == 1] if kind == "single" else models
-
-
-def design_of(study: Study, kind: str, number: int) -> tuple[float, float]:
+def design_of(study: Study, number: int) -> tuple[float, float]:
     """Return the noise (fraction of the reference amplitude) and the number of cycles of record `number`, from 0.
 
     A cycle is one of the reference frequency. Records take all combinations of the study's noise levels and cycles in
-    turn; those of the kind "single" all have its single_noise and single_cycles.
+    turn.
     """
-    table = study.recovery
-    if kind == "single":
-        return table.single_noise, table.single_cycles
-    levels = list(product(table.noise, table.cycles))
+    levels = list(product(study.recovery.noise, study.recovery.cycles))
     return levels[number % len(levels)]
 
 
-def _generators(study: Study, kind: str, models: list[str], noise: float, cycles: float) -> list[Generator]:
-    """Return a generator for each model, in their order, for records with this number of reference cycles.
+def _generators(study: Study, noise: float, cycles: float) -> list[Generator]:
+    """Return a generator for each model of the study, in their order, for records with this number of reference cycles.
 
     The prior of the noise's standard deviation is log-normal and has its median at `noise` times the reference
     amplitude.
@@ -124,12 +105,10 @@ def _generators(study: Study, kind: str, models: list[str], noise: float, cycles
             f"{study.source}: calibrate --models needs a simulated first signal, and amplitude and frequency in "
             "[system], with which noise and duration of the records scale"
         )
-    samples = table.single_samples if kind == "single" else table.samples
-    source = source.model_copy(
-        update={"duration": 2 * math.pi * cycles / system.frequency, "samples": samples}
-    )
+    duration = 2 * math.pi * cycles / system.frequency
+    source = source.model_copy(update={"duration": duration, "samples": table.samples})
     prior = {"noise_sd": LogNormal(median=noise * system.amplitude, sigma=table.noise_sigma)}
-    return [make_generator(study, m, source=source, priors=prior) for m in models]
+    return [make_generator(study, m, source=source, priors=prior) for m in study.models.compare]
 
 
 def _evidence(
@@ -150,46 +129,27 @@ def _evidence(
     return evidence.log_evidence, evidence.outcome
 
 
-def _loss(drawn: DrawnRecord) -> float:
-    """Return the fraction of the amplitude that the motion loses between its first and its last cycle.
-
-    It is 1 − a_last/a_first, the largest displacements from the equilibrium in the last and first natural period.
-    """
-    target, t = drawn.target, drawn.signal.t
-    p = {**target.known, **drawn.truth}
-    theta = simulate(target.oscillator, p, t, tolerance=1e-4 * abs(p["theta0"]) + 1e-9)
-    rest = target.oscillator.equilibrium(p, float(theta[-1]))
-    period = 2 * math.pi / target.oscillator.natural_frequency(p, rest)
-    swings = np.abs(theta - rest)
-    first, last = swings[t <= period].max(), swings[t >= t[-1] - period].max()
-    return float(1.0 - last / first)
-
-
 def check(study: Study) -> None:
     """Check, before anything is computed, that records of the study's models can be drawn.
 
     Raises
     ------
     InputError
-        If there are fewer than two models to compare (fewer than two of a single term, if recovery.single is not 0), or
-        `make_generator` cannot draw records of one of them.
+        If there are fewer than two models to compare, or `make_generator` cannot draw records of one of them.
     """
-    for kind in ("recovery", "single") if study.recovery.single else ("recovery",):
-        models = models_of(study, kind)
-        if len(models) < 2:
-            raise InputError(
-                f"{study.source}: models.compare has {len(models)} models to compare; give two or more"
-            )
-        _generators(study, kind, models, *design_of(study, kind, 0))
+    count = len(study.models.compare)
+    if count < 2:
+        raise InputError(f"{study.source}: models.compare has {count} models to compare; give two or more")
+    _generators(study, *design_of(study, 0))
 
 
 def key_parts(study: Study) -> dict[str, Any]:
-    """Return the settings, by name, on which the result of a task depends besides its kind and first record."""
+    """Return the settings, by name, on which the result of a task depends besides its first record."""
     resolved = study.resolved()
     return {
         "signal": resolved["signals"][0],
         "models": resolved["models"],
         "noise": study.posterior.noise,
-        "recovery": study.recovery.model_dump(exclude={"records", "single"}),
+        "recovery": study.recovery.model_dump(exclude={"records"}),
         "seed": study.seed,
     }

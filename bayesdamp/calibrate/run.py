@@ -32,6 +32,8 @@ from bayesdamp.store import Store, TaskResult, provenance, write_json, write_tab
 from bayesdamp.store.contents import ChunkContent, RanksContent
 from bayesdamp.types import OK
 
+RECOVERY = "recovery"
+"""Name of the series of records of a model recovery."""
 DONE, SOME_FAILED = 0, 3
 """Exit statuses: everything is computed, or the program failed on some records."""
 MOST_TRIES = 20
@@ -43,8 +45,8 @@ records ends with fewer usable records."""
 class RecordSeries:
     """A series of simulated records.
 
-    kind: "ranks" tests the posteriors of one `model`; "recovery" tests the probabilities of all models of the study,
-    and "single" those of the models with one term. wanted: number of usable records at which the series is complete.
+    kind: "ranks" tests the posteriors of one `model`; "recovery" tests the probabilities of all models of the study.
+    wanted: number of usable records at which the series is complete.
     """
 
     kind: str
@@ -97,8 +99,7 @@ def run_calibration(
     out
         The folder of the results.
     records
-        Number of usable records for each model (with `models`, for all models together, and the largest number of
-        records with a single term), instead of the study's.
+        Number of usable records for each model (with `models`, for all models together), instead of the study's.
     models
         Whether to test the probabilities of models (model recovery) instead of the posteriors of parameters.
     workers
@@ -124,17 +125,14 @@ def run_calibration(
     """
     console = console or Console(stderr=True)
     if records is not None:
-        recover = {"records": records, "single": min(study.recovery.single, records)}
         study = replace(
             study,
             calibration=study.calibration.model_copy(update={"records": records}),
-            recovery=study.recovery.model_copy(update=recover),
+            recovery=study.recovery.model_copy(update={"records": records}),
         )
-    table = study.recovery
     if models:
         recovery.check(study)
-        wanted = {"recovery": table.records, "single": table.single}
-        every = [RecordSeries(kind, count) for kind, count in wanted.items() if count]
+        every = [RecordSeries(RECOVERY, study.recovery.records)]
     else:
         ranks.check(study)
         compared = study.compare(study.signals[0])
@@ -179,9 +177,9 @@ def _write(study: Study, store: Store, results: Mapping[str, Sequence[TaskResult
     of their series.
     """
     if models:
-        columns, rows = tables.recovery_table(results)
+        columns, rows = tables.recovery_table(results[RECOVERY])
         write_table(store.folder / "recovery.csv", columns, rows)
-        summary = tables.recovery_summary(results)
+        summary = tables.recovery_summary(results[RECOVERY])
     else:
         rows = tables.calibration_rows(study, results)
         write_table(store.folder / "calibration.csv", tables.COLUMNS, rows)

@@ -34,10 +34,10 @@ COLUMNS = (
 """Columns of calibration.csv; the docstring of `calibration_rows` explains them."""
 RANK_COLUMNS = ("model", "sampler", "parameter", "ranks")
 """Columns of ranks.csv. A field in `ranks` has the ranks of the truth in all records, separated by spaces."""
-RECORD_COLUMNS = ("series", "record", "noise", "cycles", "loss", "model", "outcome", "doubts")
-"""First columns of recovery.csv: the noise (fraction of the reference amplitude), the number of cycles, the fraction of
-the amplitude that is lost, the true model, and the number of models whose evidence is doubtful, among others. A column
-with the probability of each damping sum follows."""
+RECORD_COLUMNS = ("record", "noise", "cycles", "model", "outcome", "doubts")
+"""First columns of recovery.csv: the noise (fraction of the reference amplitude), the number of cycles, the true model,
+and the number of models whose evidence is doubtful, among others. A column with the probability of each damping sum
+follows."""
 
 Row = dict[str, Any]
 Results = Mapping[str, Sequence[TaskResult]]
@@ -209,83 +209,63 @@ def _outcomes(contents: Iterable[ChunkContent]) -> Row:
     return {"tried": sum(outcomes.values()), "counted": outcomes.pop(OK, 0), "refused": dict(outcomes)}
 
 
-def recovery_table(results: Results) -> tuple[tuple[str, ...], list[Row]]:
+def recovery_table(chunks: Sequence[TaskResult]) -> tuple[tuple[str, ...], list[Row]]:
     """Return columns and rows of recovery.csv: all simulated records, with the probability of each model.
 
-    The probabilities of a record that is not used are NaN.
+    The probabilities of a record that is not used are NaN. chunks: results of all tasks.
     """
     rows: list[Row] = []
-    models = dict.fromkeys(m for chunks in results.values() for m in RecoveryContent.of(chunks[0]).models)
-    for name, chunk in ((name, chunk) for name, chunks in results.items() for chunk in chunks):
+    models = RecoveryContent.of(chunks[0]).models
+    for chunk in chunks:
         content, arrays = RecoveryContent.of(chunk), chunk.arrays
         for i, outcome in enumerate(content.outcomes):
             noise, cycles = arrays["design"][i]
             doubts = sum(evidence != OK for evidence in content.evidence_outcomes[i])
-            shares = zip(content.models, arrays["probability"][i])
             row = {
-                "series": name,
                 "record": content.first + i,
                 "noise": float(noise),
                 "cycles": float(cycles),
-                "loss": round(float(arrays["loss"][i]), 4),
-                "model": content.models[arrays["model"][i]],
+                "model": models[arrays["model"][i]],
                 "outcome": outcome,
                 "doubts": doubts if outcome == OK else None,
             }
+            shares = zip(models, arrays["probability"][i], strict=True)
             rows.append({**row, **{model: float(f"{p:.6g}") for model, p in shares}})
     return (*RECORD_COLUMNS, *models), rows
 
 
-def recovery_summary(results: Results) -> Row:
-    """Return the summary of a model recovery for run.json, by name of the series.
+def recovery_summary(chunks: Sequence[TaskResult]) -> Row:
+    """Return the summary of a model recovery for run.json.
 
-    It contains the numbers of tried and counted records, the confusion matrix (a row for each true model, a column for
-    each most probable model), the tests of the models' probabilities, and the mean natural log of the probability of
-    the true model (`log_score`).
+    Its entry `recovery` contains the numbers of tried and counted records, the confusion matrix (a row for each true
+    model, a column for each most probable model), the tests of the models' probabilities, and the mean natural log of
+    the probability of the true model (`log_score`). chunks: results of all tasks.
     """
-    summary: Row = {"alarm": FALSE_ALARM}
-    for name, chunks in results.items():
-        contents = [RecoveryContent.of(c) for c in chunks]
-        models = contents[0].models
-        good = np.concatenate([c.accepted for c in contents]).astype(bool)
-        truth, p, design = (_join(chunks, name)[good] for name in ("model", "probability", "design"))
-        evidences = [
-            o for c in contents for row, ok in zip(c.evidence_outcomes, c.accepted) if ok for o in row
-        ]
-        top = p.argmax(axis=1)
-        hit, highest = top == truth, p.max(axis=1)
-        right = p[np.arange(truth.size), truth]
-        confusion = np.zeros((len(models), len(models)), int)
-        np.add.at(confusion, (truth, top), 1)
-        by_design = []
-        for noise, cycles in sorted(set(map(tuple, design.tolist()))):
-            inside = np.all(design == (noise, cycles), axis=1)
-            sizes = {"noise": noise, "cycles": cycles, "records": int(inside.sum())}
-            means = {"share": float(hit[inside].mean()), "probability": float(highest[inside].mean())}
-            by_design.append({**sizes, **means})
-        by_model = []
-        for m, model in enumerate(models):
-            count = int(np.sum(truth == m))
-            sizes = {"true": count, "expected": float(p[:, m].sum()), "p": statistics.hits_p(count, p[:, m])}
-            by_model.append({"model": model, **sizes})
-        summary[name] = {
-            "models": models,
-            **_outcomes(contents),
-            "evidences": len(evidences),
-            "doubtful": sum(outcome != OK for outcome in evidences),
-            "confusion": confusion,
-            "hits": _hits(hit, highest),
-            "bins": _adjust(_bins(hit, highest)),
-            "by_model": _adjust(by_model),
-            "log_score": float(np.mean(np.log(np.maximum(right, 1e-300)))) if right.size else math.nan,
-            "log_score_expected": float(np.mean(np.sum(p * np.log(np.maximum(p, 1e-300)), axis=1)))
-            if right.size
-            else math.nan,
-            "log_score_ignorant": -math.log(len(models)),
-            "by_design": by_design,
-            "seconds": sum(c.seconds for c in chunks),
-        }
-    return summary
+    contents = [RecoveryContent.of(c) for c in chunks]
+    models = contents[0].models
+    good = np.concatenate([c.accepted for c in contents]).astype(bool)
+    truth, p = (_join(chunks, name)[good] for name in ("model", "probability"))
+    evidences = [o for c in contents for row, ok in zip(c.evidence_outcomes, c.accepted) if ok for o in row]
+    top = p.argmax(axis=1)
+    hit, highest = top == truth, p.max(axis=1)
+    right = p[np.arange(truth.size), truth]
+    confusion = np.zeros((len(models), len(models)), int)
+    np.add.at(confusion, (truth, top), 1)
+    expected = np.sum(p * np.log(np.maximum(p, 1e-300)), axis=1)
+    recovery = {
+        "models": models,
+        **_outcomes(contents),
+        "evidences": len(evidences),
+        "doubtful": sum(outcome != OK for outcome in evidences),
+        "confusion": confusion,
+        "hits": _hits(hit, highest),
+        "bins": _adjust(_bins(hit, highest)),
+        "log_score": float(np.mean(np.log(np.maximum(right, 1e-300)))) if right.size else math.nan,
+        "log_score_expected": float(np.mean(expected)) if right.size else math.nan,
+        "log_score_ignorant": -math.log(len(models)),
+        "seconds": sum(c.seconds for c in chunks),
+    }
+    return {"alarm": FALSE_ALARM, "recovery": recovery}
 
 
 def _hits(hit: np.ndarray, p: np.ndarray) -> Row:

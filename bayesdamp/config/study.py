@@ -316,9 +316,7 @@ class RecoveryTable(StudySection):
     records: number of simulated records. noise, noise_sigma: the noise sd of a record has a log-normal prior; its
     median is one of the values of noise, in fractions of the reference amplitude, and noise_sigma is the standard
     deviation of its logarithm. cycles: lengths of records, in cycles of the reference frequency. Records take all
-    combinations of noise and cycles in turn. samples: number of samples of a record. single: number of further records
-    with a single damping term, which have single_noise, single_cycles and single_samples; those that lose less than
-    the fraction least_loss of their amplitude are not counted.
+    combinations of noise and cycles in turn. samples: number of samples of a record.
     """
 
     records: Count = 1000
@@ -326,11 +324,6 @@ class RecoveryTable(StudySection):
     noise_sigma: Positive = 0.3
     cycles: Levels = Field((5.0, 10.0, 20.0, 50.0), description="a list of positive numbers")
     samples: Samples = 600
-    single: int = Field(0, ge=0, le=MOST_RECORDS, description="a whole number from 0 to 1,000,000")
-    single_noise: Positive = 0.01
-    single_cycles: Positive = 10.0
-    single_samples: Samples = 1000
-    least_loss: float = Field(0.3, ge=0, lt=1, description="a fraction from 0 to below 1")
 
 
 @dataclass(frozen=True)

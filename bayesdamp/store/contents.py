@@ -392,7 +392,7 @@ class RanksContent(ChunkContent):
 
 @dataclass(frozen=True)
 class RecoveryContent(ChunkContent):
-    """Model recovery for the records of a task (`recovery/FIRST`, `single/FIRST`): which model has the most evidence.
+    """Model recovery for the records of a task (`recovery/FIRST`): which model has the most evidence.
 
     The log evidence itself is in the arrays of the result. models: names of the models. evidence_outcomes: for each
     record, the outcome of the evidence of each model ("ok", or why it is unreliable or missing).

@@ -18,7 +18,7 @@ TABLES: dict[str, type[BaseModel]] = {
     "evidence": s.EvidenceTable, "calibration": s.CalibrationTable, "recovery": s.RecoveryTable,
     "plugins": s.PluginsTable,
 }  # fmt: skip
-HUGE = ("samples", "repeats", "draws", "chains", "warmup", "records", "gaps", "bins", "best", "single")
+HUGE = ("samples", "repeats", "draws", "chains", "warmup", "records", "gaps", "bins", "best")
 
 
 def study(content: str, name: str, line: str = "") -> Case:

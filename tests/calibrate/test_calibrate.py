@@ -24,7 +24,7 @@ from validation.rows import read_rows, where
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 STUDY = study_text(
     'models = { compare = ["viscous", "coulomb"] }',
-    "calibration = { records = 120 }\nrecovery = { records = 240, single = 200 }",
+    "calibration = { records = 120 }\nrecovery = { records = 240 }",
     "posterior = { warmup = 100, draws = 250 }",
     simulate="viscous = 0.05, duration = 10.0, samples = 300, noise_sd = 0.003",
     name="record",
@@ -69,10 +69,10 @@ def test_the_included_studies_can_be_run():
     ranks.check(load_study(STUDIES / "calibration.toml"))
     study = load_study(STUDIES / "model_recovery.toml")
     recovery.check(study)
-    levels = {recovery.design_of(study, "recovery", i) for i in range(16)}
+    levels = {recovery.design_of(study, i) for i in range(16)}
     assert len(levels) == 8
     assert study.recovery.records >= 10 * len(levels)
-    assert len(recovery.models_of(study, "recovery")) == 7
+    assert len(study.models.compare) == 7
 
 
 def test_simulated_records_have_the_prior_and_the_noise_that_the_posterior_uses(tmp_path):
@@ -192,9 +192,9 @@ def test_both_samplers_are_calibrated_and_detect_a_wrong_likelihood(tmp_path, mi
 def simulated_chunks(sharper: float):
     """Return a function that draws chunks of probabilities whose log odds are `sharper` times the right ones."""
 
-    def chunk(study, kind, first):
-        rng = np.random.default_rng([first, len(kind)])
-        models, size = recovery.models_of(study, kind), recovery.RECORDS_PER_TASK
+    def chunk(study, series, first):
+        rng = np.random.default_rng([first, len(series)])
+        models, size = study.models.compare, recovery.RECORDS_PER_TASK
         odds = 1.5 * rng.standard_normal((size, len(models)))
         right = np.exp(odds - logsumexp(odds, axis=1, keepdims=True))
         truth = [rng.choice(len(models), p=p) for p in right]
@@ -203,28 +203,24 @@ def simulated_chunks(sharper: float):
             "first": first, "models": models, "outcomes": ["ok"] * size, "accepted": [True] * size,
             "evidence_outcomes": [["ok"] * len(models)] * size,
         }  # fmt: skip
-        design = np.array([recovery.design_of(study, kind, first + i) for i in range(size)])
+        design = np.array([recovery.design_of(study, first + i) for i in range(size)])
         arrays = {"model": np.array(truth), "probability": stated, "log_evidence": odds, "design": design}
-        return Product(RecoveryContent.of_meta(meta), {**arrays, "loss": np.ones(size)})
+        return Product(RecoveryContent.of_meta(meta), arrays)
 
     return chunk
 
 
 @pytest.mark.parametrize(("sharper", "inside"), [(1.0, True), (2.0, False)])
 def test_overconfident_probabilities_are_detected(tmp_path, monkeypatch, sharper, inside):
-    """False-alarm rate 1 % for each series. Right probabilities have the log score that they predict."""
+    """False-alarm rate 1 %. Right probabilities have the log score that they predict."""
     study, out = load_study(write(tmp_path)), tmp_path / "out"
     monkeypatch.setattr(recovery, "compute_chunk", simulated_chunks(sharper))
     assert run_calibration(study, out, models=True, workers=1) == 0
-    result = json.loads((out / "run.json").read_text())["result"]
-    for series in ("recovery", "single"):
-        hits = result[series]["hits"]
-        assert (hits["low"] <= hits["excess"] <= hits["high"]) is inside
-        confused = sum(map(sum, result[series]["confusion"]))
-        assert confused == hits["records"] == (240 if series == "recovery" else 200)
-        gap = result[series]["log_score_expected"] - result[series]["log_score"]
-        assert (gap < 0.15) is inside
-    assert len(read_rows(out / "recovery.csv")) == 440
+    result = json.loads((out / "run.json").read_text())["result"]["recovery"]
+    hits = result["hits"]
+    assert (hits["low"] <= hits["excess"] <= hits["high"]) is inside
+    assert sum(map(sum, result["confusion"])) == hits["records"] == 240
+    assert (result["log_score_expected"] - result["log_score"] < 0.15) is inside
+    assert len(read_rows(out / "recovery.csv")) == 240
     page = (out / "report.html").read_text(encoding="utf-8")
     assert ("is inside the 99 % band" in page) is inside
-    assert result["recovery"]["by_model"][0]["p_holm"] > 0.001 or not inside

@@ -44,11 +44,6 @@ CHECKS = (
 )
 Counts = Mapping[str, Mapping[str, np.ndarray]]
 """For each sampler and parameter, the number of records in which the true value had each rank, (draws + 1,)."""
-SERIES = {
-    "recovery": "All models, over noise and length",
-    "single": "Single damping terms, in records that lose a large part of their amplitude",
-}
-"""Headings of the series of a model recovery, by their names in run.json."""
 MODELS_EXPLAINED = (
     "A damping model is drawn from a uniform prior, its parameters are drawn from their priors, and a record is "
     "simulated. The noise levels and lengths of the records are chosen in advance, and the inference knows them. The "
@@ -56,16 +51,6 @@ MODELS_EXPLAINED = (
     "probability p is the true one in a fraction p of the records.",
     "Records that show no oscillation are left out. This decision uses the record alone, so the probabilities remain "
     "valid.",
-)
-
-
-BY_MODEL = (
-    "Number of simulated records with each damping model, and the number that is expected from the models' "
-    "probabilities. p (Holm): the p value of the difference, corrected for the number of models."
-)
-DESIGNS = (
-    "How often the most probable model is the true one, by the noise (median of its standard deviation, in % of the "
-    "reference amplitude) and the number of cycles of the simulated records."
 )
 
 
@@ -234,49 +219,39 @@ class RecoveredSection(Section):
         return run.info.get("kind") == "model recovery"
 
     def render(self, run: RunFolder) -> str:
-        """Return the section's HTML, with a part for each series of simulated records (`SERIES`).
-
-        Each part says how often the most probable model was the true one, how often the probabilities let expect this,
-        and which models were confused.
-        """
+        """Return the section's HTML: how often the most probable model is the true one, and which ones are confused."""
         result = run.info["result"]
-        parts: list[object] = [paragraph(sentence) for sentence in MODELS_EXPLAINED]
-        for name, title in SERIES.items():
-            if name not in result:
-                continue
-            own = result[name]
-            hits = own["hits"]
-            inside = "inside" if hits["low"] <= hits["excess"] <= hits["high"] else "outside"
-            low, excess, high = (fmt.fixed_decimals(hits[k], 1) for k in ("low", "excess", "high"))
-            share = 100 * hits["hits"] / max(hits["records"], 1)
-            interval = f"{100 * hits['share_low']:.1f} to {100 * hits['share_high']:.1f} %"
-            claim = (
-                f"The most probable model was the true one in {hits['hits']} of {hits['records']} records "
-                f"({share:.1f} %, 95 % interval {interval}); {hits['expected']:.1f} are "
-                f"expected from the models' probabilities. The difference of {excess} records is {inside} the "
-                f"{100 * (1 - result['alarm']):g} % band that is expected by chance, {low} to {high}."
-            )
-            score, expected, ignorant = (
-                fmt.fixed_decimals(own[f"log_score{k}"], 3) for k in ("", "_expected", "_ignorant")
-            )
-            reasons = "; ".join(f"{n} ({sentence})" for sentence, n in own["refused"].items())
-            scores = (
-                f"Mean natural-log probability of the true model: {score} nats ({expected} nats are expected from the "
-                f"probabilities; guessing would give {ignorant} nats). Flagged as unreliable, but counted: "
-                f"{own['doubtful']} of {own['evidences']} evidence values. Usable: {own['counted']} of {own['tried']} "
-                "simulated records"
-                f"{f'; left out: {reasons}' if reasons else ''}."
-            )
-            parts += [heading(title), paragraph(claim), paragraph(scores), *_tables(own)]
-        return stack(*parts)
+        own = result["recovery"]
+        hits = own["hits"]
+        inside = "inside" if hits["low"] <= hits["excess"] <= hits["high"] else "outside"
+        low, excess, high = (fmt.fixed_decimals(hits[k], 1) for k in ("low", "excess", "high"))
+        share = 100 * hits["hits"] / max(hits["records"], 1)
+        interval = f"{100 * hits['share_low']:.1f} to {100 * hits['share_high']:.1f} %"
+        claim = (
+            f"The most probable model was the true one in {hits['hits']} of {hits['records']} records "
+            f"({share:.1f} %, 95 % interval {interval}); {hits['expected']:.1f} are "
+            f"expected from the models' probabilities. The difference of {excess} records is {inside} the "
+            f"{100 * (1 - result['alarm']):g} % band that is expected by chance, {low} to {high}."
+        )
+        score, expected, ignorant = (
+            fmt.fixed_decimals(own[f"log_score{k}"], 3) for k in ("", "_expected", "_ignorant")
+        )
+        reasons = "; ".join(f"{n} ({sentence})" for sentence, n in own["refused"].items())
+        scores = (
+            f"Mean natural-log probability of the true model: {score} nats ({expected} nats are expected from the "
+            f"probabilities; guessing would give {ignorant} nats). Flagged as unreliable, but counted: "
+            f"{own['doubtful']} of {own['evidences']} evidence values. Usable: {own['counted']} of {own['tried']} "
+            "simulated records"
+            f"{f'; left out: {reasons}' if reasons else ''}."
+        )
+        return stack(*map(paragraph, (*MODELS_EXPLAINED, claim, scores)), *_tables(own))
 
 
 def _tables(result: Mapping[str, Any]) -> list[Table]:
-    """Return the confusion matrix of the models, and tables of how reliable their probabilities are.
+    """Return the confusion matrix of the models, and a table of how reliable their probabilities are.
 
-    `result` is that of one series (a key of `SERIES`) in run.json. The further tables compare expected with observed
-    numbers of correct answers: by the probability of the best model, by model, and by the noise and the number of
-    cycles of the simulated records.
+    `result` is that of the model recovery in run.json. The second table compares expected with observed fractions of
+    correct answers, by the probability of the most probable model.
     """
     names = [words.model(m) for m in result["models"]]
     lines = [[name, *map(str, row)] for name, row in zip(names, result["confusion"], strict=True)]
@@ -286,17 +261,14 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     def fixed(name: str, places: int = 3) -> Callable[[Mapping[str, Any]], str]:
         return lambda row: fmt.fixed_decimals(row[name], places)
 
-    p_values: dict[str, Callable[[Mapping[str, Any]], str]] = {
-        "p": lambda row: fmt.number(row["p"], 2),
-        "p (Holm)": lambda row: fmt.number(row["p_holm"], 2),
-    }
     by_probability: dict[str, Callable[[Mapping[str, Any]], str]] = {
         "probability of the most probable model": lambda b: f"{b['from']:g} to {b['to']:g}",
         "records": lambda b: str(b["records"]),
         "mean": fixed("probability"),
         "fraction correct": fixed("share"),
         **{name: fixed(name) for name in ("low", "high")},
-        **p_values,
+        "p": lambda b: fmt.number(b["p"], 2),
+        "p (Holm)": lambda b: fmt.number(b["p_holm"], 2),
     }
     caption = (
         "How often the most probable model is the true one, for records grouped by the probability of that model. "
@@ -308,24 +280,7 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     def kind(b: Mapping[str, Any]) -> str:
         return "" if b["low"] <= b["share"] <= b["high"] else "alert"
 
-    bins = Table.of(result["bins"], by_probability, (0,), caption, kind)
-    by_model: dict[str, Callable[[Mapping[str, Any]], str]] = {
-        "model": lambda m: words.model(m["model"]),
-        "records with this model": lambda m: str(m["true"]),
-        "expected from the probabilities": fixed("expected", 1),
-        **p_values,
-    }
-    by_design: dict[str, Callable[[Mapping[str, Any]], str]] = {
-        "noise sd": lambda d: f"{100 * d['noise']:g} %",
-        "cycles": lambda d: fmt.as_entered(d["cycles"]),
-        "records": lambda d: str(d["records"]),
-        "fraction correct": fixed("share"),
-        "mean probability of the most probable model": fixed("probability"),
-    }
-    designs = (
-        [Table.of(result["by_design"], by_design, caption=DESIGNS)] if len(result["by_design"]) > 1 else []
-    )
-    return [confusion, bins, Table.of(result["by_model"], by_model, caption=BY_MODEL), *designs]
+    return [confusion, Table.of(result["bins"], by_probability, (0,), caption, kind)]
 
 
 PLUGINS = (CalibratedSection(), RecoveredSection())
