@@ -1,4 +1,4 @@
-// Sort tables by a click on a header, filter long tables, and unfold everything for printing. Needs no network.
+// Sort tables by a click on a header, and unfold everything for printing. Needs no network.
 "use strict";
 const SECONDS = { h: 3600, min: 60, s: 1, ms: 1e-3 };
 const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
@@ -42,17 +42,6 @@ for (const table of document.querySelectorAll("table")) {
     header.addEventListener("click", () => sort(table, column, header));
     header.addEventListener("keydown", (event) => { if (event.key === "Enter") sort(table, column, header); });
   });
-  if (rows.length < 16) continue;
-  const field = document.createElement("input");
-  field.className = "filter";
-  field.type = "search";
-  field.placeholder = `filter ${rows.length} rows`;
-  field.setAttribute("aria-label", "Filter the rows of this table");
-  field.addEventListener("input", () => {
-    const wanted = field.value.toLowerCase();
-    for (const row of rows) row.hidden = !row.textContent.toLowerCase().includes(wanted);
-  });
-  table.parentNode.before(field);  // between caption and table
 }
 
 const shut = new Set();
