@@ -438,11 +438,8 @@ class Posterior:
 
     names: of the parameters. log_likelihood: of each draw. stats: statistics of the sampler for each draw. summaries:
     of each parameter. divergences: number of divergent transitions, None for samplers without them. evaluations: number
-    of likelihood evaluations. ensembles: number of groups of chains that share their moves. effective: effective number
-    of posterior draws, if the draws come from an approximation. running: names of parameters whose estimates from the
-    samples up to a time are in `arrays`, as `running/...`; empty for samplers that do not compute them. diagnostics:
-    further diagnostics of the sampler. seconds: computing time. outcome: `ok`, or why the draws are unreliable or
-    missing.
+    of likelihood evaluations. ensembles: number of groups of chains that share their moves. diagnostics: further
+    diagnostics of the sampler. seconds: computing time. outcome: `ok`, or why the draws are unreliable or missing.
     """
 
     sampler: str
@@ -457,9 +454,6 @@ class Posterior:
     divergences: int | None = None
     evaluations: int = 0
     ensembles: int | None = None
-    effective: float | None = None
-    running: tuple[str, ...] = ()
-    arrays: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True)

@@ -160,9 +160,7 @@ def moments_and_quantiles(values: np.ndarray) -> dict[str, float]:
     }
 
 
-def summarise(
-    draws: np.ndarray, ensembles: int | None = None, effective: float | None = None
-) -> dict[str, float]:
+def summarise(draws: np.ndarray, ensembles: int | None = None) -> dict[str, float]:
     """Summarise the posterior draws of one parameter by moments, quantiles and convergence diagnostics.
 
     Parameters
@@ -172,9 +170,6 @@ def summarise(
     ensembles : int, optional
         Number of independent groups of consecutive chains, if the chains of a group are not independent (emcee's
         walkers). R̂ then compares the groups instead of the chains.
-    effective : float, optional
-        Effective number of draws from importance weights, if the draws are independent ones of an approximation. It is
-        then used for both effective sample sizes, and R̂ is nan.
 
     Returns
     -------
@@ -187,9 +182,9 @@ def summarise(
         chains = draws.reshape(ensembles, -1, draws.shape[1]).swapaxes(1, 2).reshape(ensembles, -1)
     return {
         **moments_and_quantiles(draws.reshape(-1)),
-        "ess_bulk": ess_bulk(draws) if effective is None else effective,
-        "ess_tail": ess_tail(draws) if effective is None else effective,
-        "rhat": rhat(chains) if effective is None else float("nan"),
+        "ess_bulk": ess_bulk(draws),
+        "ess_tail": ess_tail(draws),
+        "rhat": rhat(chains),
     }
 
 

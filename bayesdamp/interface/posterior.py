@@ -93,8 +93,6 @@ class Posterior(Result, types.Posterior):
         Number of evaluations of the likelihood.
     ensembles
         Number of ensembles of chains that exchange information (emcee), for the diagnostics.
-    effective
-        Effective sample size of the draws of an approximation, from their importance weights; None for other samplers.
     diagnostics
         Other results of the sampler.
     seed
@@ -240,7 +238,7 @@ class Posterior(Result, types.Posterior):
         if derived and self.names:
             for name, values in self.derived.data_vars.items():
                 if np.all(np.isfinite(values.values)):
-                    row = diagnostics.summarise(values.values, self.ensembles, self.effective)
+                    row = diagnostics.summarise(values.values, self.ensembles)
                     rows[str(name)] = {**row, "unit": values.attrs["units"]}
         parts = ["sd_noise", "sd_law"] if self.fit.law is not None else []
         return data_frame(rows.values(), [*SUMMARY_COLUMNS, *parts, "unit"], index=rows)
@@ -437,15 +435,15 @@ def sample(
     independent run, which moves its draws in steps from the linear approximation to the full equation of motion; it
     needs no warmup. The other samplers use motions that are linear in the deviations. They integrate the deviations
     out, sample the parameters, and then draw deviations for each draw. They agree with "smc" if the deviations are
-    small. kalman assumes that laws hold exactly.
+    small.
 
     Parameters
     ----------
     fit
         The fit.
     sampler
-        A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if the fit assumes exact laws), emcee,
-        kalman, laplace or variational. If laws may hold approximately, also smc (the default).
+        A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if the fit assumes exact laws) or emcee.
+        If laws may hold approximately, also smc (the default).
     chains, warmup
         Number of chains, at least 2, and number of draws that each chain discards at its beginning, at least 10. For
         emcee the chains are its walkers, of which it may use more than requested.
@@ -510,7 +508,9 @@ def draw(fit: Fit, sampler: str, settings: Settings) -> tuple[types.Posterior, A
     """
     law = fit.law
     if law is not None and sampler == TEMPERED:
-        drawn = sample_motions(law, settings.chains, settings.draws, settings.seed)
-    else:
-        drawn = SAMPLERS.get(sampler).sample_and_summarise(*fit.engine, settings)
-    return (drawn, NO_DRAWS[0]) if law is None else law.complete(drawn, settings.seed)
+        drawn, u = sample_motions(law, settings.chains, settings.draws, settings.seed)
+        return law.with_parts_of_sds(drawn), u
+    drawn = SAMPLERS.get(sampler).sample_and_summarise(*fit.engine, settings)
+    if law is None:
+        return drawn, NO_DRAWS[0]
+    return law.with_parts_of_sds(drawn), law.draw_deviations(drawn.draws, settings.seed)

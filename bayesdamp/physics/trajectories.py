@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -83,7 +82,6 @@ class Trajectories:
             amplitude = 1.0  # the body is at rest
         self._solver = Solver(osc.damping, osc.restoring, t, quantity, amplitude, frequency, 0.0, t[[0, -1]])
         self._active = np.ones(len(osc.damping), bool)
-        self._short: dict[float, Solver] = {}
         self._tolerance = None
         if tolerance is not None:  # convert to the error of one step, relative to the amplitude
             order = QUANTITIES.index(quantity)
@@ -137,18 +135,6 @@ class Trajectories:
         """
         return self._solve(p, PARAMETERS)
 
-    def after(self, p: Mapping[str, float], gap: float) -> np.ndarray:
-        """Return angle, velocity and acceleration, (3,), `gap` s after the start, for parameters p by name.
-
-        The units are rad, rad/s and rad/s² (or m for rad). The values are NaN if the trajectory diverges, or if a
-        damping term needs the equilibrium and there is none.
-        """
-        if gap not in self._short:
-            ends = np.array([0.0, max(gap, 1e-12 / self._solver.frequency)])
-            self._short[gap] = replace(self._solver, t=ends, knots=ends, quantity="angle")
-        motion = self._solve(p, NONE, self._short[gap])
-        return np.full(3, np.nan) if motion is None else motion.states[-1, :3]
-
     @property
     def kernel_names(self) -> tuple[str, ...]:
         """Return the names of the solver's parameters, in the order of the derivatives of a `Motion`."""
@@ -163,16 +149,15 @@ class Trajectories:
         sets = zip(*(np.asarray(v, float).tolist() for v in values.values()), strict=True)
         return np.stack([self.record(dict(zip(values, numbers))) for numbers in sets])
 
-    def _solve(self, p: Mapping[str, float], tangents: int, solver: Solver | None = None) -> Motion | None:
+    def _solve(self, p: Mapping[str, float], tangents: int) -> Motion | None:
         values = {**self._given, **p}
         if self._rests:
             rest = self._rest(p)
             if rest is None:
                 return None
             values["rest"] = rest
-        solver = solver or self._solver
-        vector = np.array([float(values[name]) for name in solver.names])
-        return solver.solve(
+        vector = np.array([float(values[name]) for name in self._solver.names])
+        return self._solver.solve(
             vector, self._active, tangents=tangents, tolerance=self._tolerance, epsilon=_epsilon(p)
         )
 

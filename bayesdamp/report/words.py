@@ -68,7 +68,7 @@ def law(name: str) -> str:
 
 
 _METHODS = {
-    "nuts": "NUTS", "kalman": "Kalman filter", "laplace": "Laplace", "pinn": "PINN", "rnn": "RNN", "sindy": "SINDy",
+    "nuts": "NUTS", "laplace": "Laplace", "pinn": "PINN", "rnn": "RNN", "sindy": "SINDy",
     "weak_sindy": "weak SINDy", "importance": "importance sampling", "bridge": "bridge sampling",
     "combined": "adopted evidence", "smc": "sequential Monte Carlo", "nested": "nested sampling",
     "neural_ode": "neural ODE", "koopman": "Koopman", "student_t": "Student t",

@@ -18,7 +18,7 @@ GROUPS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("sampler", "draws"), [("nuts", 30), ("emcee", 40), ("laplace", 30)])
+@pytest.mark.parametrize(("sampler", "draws"), [("nuts", 30), ("emcee", 40)])
 def test_the_number_of_draws_is_the_requested_one(sampler: str, draws: int) -> None:
     """Also if they are too few, which the outcome of NUTS says."""
     post = bd.sample(fit(), sampler, warmup=20, draws=draws)
@@ -39,7 +39,7 @@ def test_pointwise_terms_sum_to_the_log_likelihood() -> None:
 
 def test_the_prior_of_two_terms_has_one_scale() -> None:
     """The expected log prior is computed from half-normal densities, averaged over the scales that terms share."""
-    post = bd.sample(bd.fit(record(), bd.Model("viscous+quadratic", "linear")), "laplace", draws=10)
+    post = bd.sample(bd.fit(record(), bd.Model("viscous+quadratic", "linear")), warmup=20, draws=10)
     priors = post.fit.priors
     terms = [n for n, p in priors.items() if isinstance(p, SharedHalfNormal)]
     draws = {n: post.draws[..., i] for i, n in enumerate(post.names)}

@@ -103,14 +103,14 @@ def test_a_pruned_candidate_is_not_sampled(tmp_path) -> None:
     text = study_text(
         ESTIMATED,
         'models = { compare = ["viscous", "quadratic", "viscous+quadratic"], prune = 50.0 }',
-        WEIGHED.replace("[]", '["laplace"]'),
+        WEIGHED.replace("[]", '["nuts"]'),
         simulate="viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003",
     )
     study, out = write_study(tmp_path, text), tmp_path / "out"
     assert run_study(study, out, workers=1) == 0
     store = Store(out)
     sampled = {n for n in store.names() if n.startswith("posterior/")}
-    assert sampled == {f"posterior/rig/0/{m}/laplace" for m in ("viscous", "viscous+quadratic")}
+    assert sampled == {f"posterior/rig/0/{m}/nuts" for m in ("viscous", "viscous+quadratic")}
     best, second = (
         EvidenceContent.of(store.read(f"evidence/rig/0/{m}/laplace")).evidence.log_evidence
         for m in ("viscous", "viscous+quadratic")

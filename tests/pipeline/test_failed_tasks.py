@@ -11,7 +11,7 @@ SIMULATE = "viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003"
 STUDY = study_text(
     ESTIMATED,
     'models = { compare = ["viscous"] }',
-    'posterior = { samplers = ["laplace"], noise = ["gaussian", "student_t"] }',
+    'posterior = { samplers = ["nuts"], noise = ["gaussian", "student_t"] }',
     'evidence = { methods = ["laplace", "importance"], referee = "never" }',
     simulate=SIMULATE,
     name="good",

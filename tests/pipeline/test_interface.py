@@ -21,7 +21,7 @@ MODEL = "viscous+coulomb"
 STUDY = study_text(
     "estimators = { use = [] }",
     f'models = {{ compare = ["{MODEL}"], prior = {{ coulomb = {{ prior = "halfnormal", scale = 0.02 }} }} }}',
-    'posterior = { samplers = ["laplace"], deviation = "none", chains = 2, warmup = 10, draws = 50 }',
+    'posterior = { samplers = ["nuts"], deviation = "none", chains = 2, warmup = 10, draws = 50 }',
     "evidence = { methods = ['laplace'], referee = 'never' }",
     simulate="viscous = 0.05, theta0 = 0.3, omega0 = 0.0, epsilon = 0.05, duration = 6, samples = 200, noise_sd = 3e-3",
     system='restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = "free", epsilon = "free", '
@@ -44,12 +44,13 @@ def test_the_evidence_and_the_draws_are_those_of_the_interface(deviation: str) -
     study, candidate = finished(deviation)
     evidence = candidate.store.read(f"evidence/{candidate.path}/laplace").meta["evidence"]["log_evidence"]
     assert bd.evidence(candidate.fit, "laplace").log_evidence == evidence
-    name = f"posterior/{candidate.path}/laplace"
-    draws, seed = candidate.store.read(name).arrays["draws"], task_seed(study, name) % 2**31
+    name = f"posterior/{candidate.path}/nuts"
+    seed = task_seed(study, name) % 2**31
+    draws = candidate.store.read(name).arrays["draws"][:, :50]  # a study adds draws to too few ones
     rows = read_table(candidate.store.folder / "posteriors.csv")
-    row = next(r for r in rows if (r["sampler"], r["parameter"]) == ("laplace", "zeta"))
+    row = next(r for r in rows if (r["sampler"], r["parameter"]) == ("nuts", "zeta"))
     assert row["deviation"] == deviation
-    sample = partial(bd.sample, candidate.fit, "laplace", chains=2, warmup=10, draws=50)
+    sample = partial(bd.sample, candidate.fit, "nuts", chains=2, warmup=10, draws=50)
     np.testing.assert_array_equal(sample(seed=seed).draws, draws)
     assert not np.array_equal(sample(seed=seed + 1).draws, draws)
     if deviation == "law":

@@ -125,7 +125,7 @@ def test_a_simulated_record_without_an_oscillation_is_refused_and_the_others_are
     text = QUICK.replace(signal_text("clean", f"{SIMULATE} 0.0"), "").replace(
         '"viscous", "quadratic"', '"viscous"'
     )
-    text = text.replace("samplers = []", 'samplers = ["laplace"]')
+    text = text.replace("samplers = []", 'samplers = ["nuts"]')
     text += signal_text("short", f"{SIMULATE} 0.003".replace("10.0", "0.3"))
     out = tmp_path / "out"
     assert run_study(write_study(tmp_path, text), out, workers=1) == 0

@@ -14,7 +14,7 @@ from tests.studies import study_text, write_study
 STUDY = study_text(
     'estimators = { use = ["least_squares"] }',
     'models = { compare = ["viscous"] }',
-    'posterior = { samplers = ["laplace"], noise = NOISE, draws = 500 }',
+    'posterior = { samplers = ["nuts"], noise = NOISE, draws = 500 }',
     "evidence = { methods = [] }",
     simulate="viscous = 0.05, duration = 10.0, samples = 200, noise_sd = 0.003",
     name="noisy",

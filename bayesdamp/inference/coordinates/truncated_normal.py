@@ -11,15 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
-from bayesdamp.inference.model.target import Target
 from bayesdamp.numerics.orthant import draw
-from bayesdamp.types import Refusal
 
-GRADIENT_STEP = 0.01
-"""Step of the finite differences of gradients that give the full Hessian of the log posterior in `laplace`, in
-posterior sds."""
 LEAST_INSIDE = 0.02
 """`TruncatedNormal.draw` draws from a normal distribution and rejects draws with negative values where these are not
 allowed. If less than this fraction of the draws is accepted, it uses the approximate sampler of `numerics.orthant`
@@ -33,28 +27,26 @@ zero."""
 
 
 class TruncatedNormal:
-    """The distribution N(mean, covariance) of d scores, in which the reflected scores are restricted to values ≥ 0.
+    """A normal distribution of d scores, truncated at zero, whose log density has a given gradient at a point.
 
-    Scores are parameters transformed to standard normal priors; reflected ones are those of half-normal priors. mean:
-    (d,). covariance: (d, d). reflected: boolean mask of the restricted scores, (d,). walls: indices of those reflected
-    scores whose mean is less than `FAR_WALL_SDS` sds above zero; the restriction of the others is ignored.
+    Scores are parameters transformed to standard normal priors; reflected ones are those of half-normal priors.
+
+    Parameters
+    ----------
+    at, gradient : ndarray, shape (d,)
+        The point, and the gradient there. The mean before the truncation is at + covariance @ gradient.
+    covariance : ndarray, shape (d, d)
+        The covariance before the truncation.
+    reflected : ndarray of bool, shape (d,)
+        Which scores are restricted to values ≥ 0. The restriction of those whose mean is at least `FAR_WALL_SDS` sds
+        above zero is ignored; `walls` has the indices of the others.
     """
 
-    def __init__(self, mean: np.ndarray, covariance: np.ndarray, reflected: np.ndarray) -> None:
-        self.mean, self.covariance, self.reflected = mean, 0.5 * (covariance + covariance.T), reflected
-        self.walls = np.flatnonzero(reflected & (mean < FAR_WALL_SDS * np.sqrt(np.diag(covariance))))
-
-    @classmethod
-    def about(
-        cls, at: np.ndarray, gradient: np.ndarray, covariance: np.ndarray, reflected: np.ndarray
-    ) -> TruncatedNormal:
-        """Return the truncated normal distribution whose log density has a given gradient at a point.
-
-        at: the point, (d,). gradient: (d,). covariance: before the truncation, (d, d). reflected: mask of the
-        coordinates that are restricted to values ≥ 0, (d,). The mean before the truncation is at + covariance @
-        gradient.
-        """
-        return cls(at + covariance @ gradient, covariance, reflected)
+    def __init__(
+        self, at: np.ndarray, gradient: np.ndarray, covariance: np.ndarray, reflected: np.ndarray
+    ) -> None:
+        self.mean, self.covariance = at + covariance @ gradient, 0.5 * (covariance + covariance.T)
+        self.walls = np.flatnonzero(reflected & (self.mean < FAR_WALL_SDS * np.sqrt(np.diag(covariance))))
 
     @cached_property
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
@@ -91,15 +83,6 @@ class TruncatedNormal:
             draws = np.concatenate([draws, z[inside]])
         return draws[:n]
 
-    def log_density(self, z: np.ndarray) -> np.ndarray:
-        """Return the log density (nats), up to a constant, at points z, (n, d): (n,).
-
-        It is −∞ if a coordinate in `walls` is negative. The restriction of other coordinates is ignored.
-        """
-        white = np.linalg.solve(np.linalg.cholesky(self.covariance), (z - self.mean).T)
-        inside = np.all(z[:, self.walls] >= 0, axis=1)
-        return np.where(inside, -0.5 * np.sum(white**2, axis=0), -np.inf)
-
 
 def truncated_near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> TruncatedNormal:
     """Return a truncated normal whose log density has the same gradient at z, (d,), as the log posterior.
@@ -109,34 +92,7 @@ def truncated_near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) ->
     """
     reflected = likelihood.target.reflected
     at = np.where(reflected, np.abs(z), z)
-    return TruncatedNormal.about(at, likelihood.gradient(at)[1], factor @ factor.T, reflected)
-
-
-def laplace(target: Target, mode: Mode) -> TruncatedNormal:
-    """Return Laplace's approximation at a mode: a truncated normal with the log posterior's gradient and full Hessian.
-
-    The Hessian is computed by finite differences of gradients about the mode; reflected scores (of parameters with
-    half-normal priors) that are nearer to zero than two steps are first moved to two steps from zero. For a mode with a
-    reflected score at zero, the gradient is not zero and the mean of the normal distribution is negative. The unknown
-    scale of the priors of coefficients is fixed at the value in `Mode.near`.
-
-    Raises
-    ------
-    Refusal
-        If the Hessian is not finite or not positive definite.
-    """
-    reflected, factor = target.reflected, mode.factor
-    at = np.where(reflected, np.maximum(np.abs(mode.z), 2 * GRADIENT_STEP * mode.sd()), mode.z)
-
-    def slope(z: np.ndarray) -> np.ndarray:
-        return mode.near.gradient(z)[1]
-
-    white = negative_hessian(slope, at, factor, GRADIENT_STEP)
-    if not np.all(np.isfinite(white)) or np.linalg.eigvalsh(white)[0] <= 0:
-        raise Refusal(
-            "the posterior has no normal approximation: its Hessian at the mode is not positive definite"
-        )
-    return TruncatedNormal.about(at, slope(at), factor @ np.linalg.inv(white) @ factor.T, reflected)
+    return TruncatedNormal(at, likelihood.gradient(at)[1], factor @ factor.T, reflected)
 
 
 def negative_hessian(

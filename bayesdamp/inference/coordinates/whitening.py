@@ -544,9 +544,7 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
     values, vectors = np.linalg.eigh(whole)
     inverse = np.linalg.inv(factor)
     root = factor @ vectors / np.sqrt(np.maximum(values, LEAST_CURVATURE))
-    normal = TruncatedNormal.about(
-        centre, slope_at(mode.near, shear, centre), root @ root.T, target.reflected
-    )
+    normal = TruncatedNormal(centre, slope_at(mode.near, shear, centre), root @ root.T, target.reflected)
     return Whitening(centre, normal.moments[1], inverse.T @ (whole - linear) @ inverse, True, shear)
 
 
@@ -597,7 +595,7 @@ def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal
     centre of `expansion`. Scores with half-normal priors are restricted to values ≥ 0.
     """
     at, factor = expansion(target, mode, shear)
-    return TruncatedNormal.about(at, slope_at(mode.near, shear, at), factor @ factor.T, target.reflected)
+    return TruncatedNormal(at, slope_at(mode.near, shear, at), factor @ factor.T, target.reflected)
 
 
 def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
@@ -611,5 +609,5 @@ def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
     reflected, d = mode.likelihood.target.reflected, mode.z.size
     at = np.where(reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)
     _, gradient, information = mode.near.under(combination).curvature(at)
-    centre, factor = TruncatedNormal.about(at, gradient, np.linalg.inv(information), reflected).moments
+    centre, factor = TruncatedNormal(at, gradient, np.linalg.inv(information), reflected).moments
     return Whitening(shear.straight(centre), factor, np.zeros((d, d)), True, shear)

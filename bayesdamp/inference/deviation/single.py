@@ -270,27 +270,25 @@ class Single:
         parameters = self.result.fit.parameters
         return parameters.values(u[..., : parameters.free.size])[..., parameters.free]
 
-    def complete(self, posterior: Posterior, seed: int) -> tuple[Posterior, Array]:
-        """Add two parts of each parameter's sd to the summaries of a posterior; return it and its draws of u.
+    def with_parts_of_sds(self, posterior: Posterior) -> Posterior:
+        """Return a posterior with two parts of each parameter's sd in its summaries.
 
-        The returned posterior is a copy without `arrays["u"]`. The draws have the shape (chain, draw, K). `sd_noise` is
-        the part that noise alone would cause under exact laws, at most the sd; `sd_law` = √(sd² − sd_noise²) is from
-        deviations from the laws. Where the posterior has no draws of the deviations g and h, they are drawn given the
-        parameters.
+        `sd_noise` is the part that noise alone would cause under exact laws, at most the sd; `sd_law` =
+        √(sd² − sd_noise²) is from deviations from the laws.
         """
         summaries = {}
         for n, summary in posterior.summaries.items():
             noise = min(self.noise_sds[n], summary["sd"])
             law = float(np.sqrt(summary["sd"] ** 2 - noise**2))
             summaries[n] = {**summary, "sd_noise": noise, "sd_law": law}
-        arrays = {n: a for n, a in posterior.arrays.items() if n != "u"}
-        whole = replace(posterior, summaries=summaries, arrays=arrays)
-        if "u" in posterior.arrays:
-            return whole, posterior.arrays["u"]
-        scores = [self.state.priors[n].score(posterior.draws[..., i]) for i, n in enumerate(self.names)]
+        return replace(posterior, summaries=summaries)
+
+    def draw_deviations(self, draws: np.ndarray, seed: int) -> Array:
+        """Draw the deviations g and h given draws of the parameters, (chain, draw, p); return u, (chain, draw, K)."""
+        scores = [self.state.priors[n].score(draws[..., i]) for i, n in enumerate(self.names)]
         z = np.stack(scores, axis=-1)
         u = self.with_deviations(z.reshape(-1, z.shape[-1]), [seed, 4])
-        return whole, u.reshape(*z.shape[:2], -1)
+        return u.reshape(*z.shape[:2], -1)
 
     def quantities(self) -> dict[str, Quantity]:
         """Return median, 95 % interval and parts of the sd (see `Quantity`) of each inferred parameter, by name.
@@ -581,7 +579,7 @@ def _rebuild(
     return Single(replace(comparison, results=(result,)), result, state)
 
 
-def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Posterior:
+def sample_motions(single: Single, chains: int, draws: int, seed: int) -> tuple[Posterior, Array]:
     """Draw from the posterior by solving the motion of each draw, without a linear model.
 
     Each chain is an independent run of sequential Monte Carlo.
@@ -599,12 +597,12 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
 
     Returns
     -------
-    Posterior
+    posterior : Posterior
         Its `draws` are the inferred parameters, (chain, draw, parameter), in the order of `Single.names`. Its
-        `arrays["u"]` are draws of all unknowns, (chain, draw, K): the parameters as standard normal scores, then the
-        deviations g and h from the laws. Its `diagnostics` are the log of the mean evidence of the chains in nats, and
-        the standard error of this. Effective sample sizes are at most the number of different draws, because resampling
-        makes copies.
+        `diagnostics` are the log of the mean evidence of the chains in nats, and the standard error of this. Effective
+        sample sizes are at most the number of different draws, because resampling makes copies.
+    u : ndarray, shape (chain, draw, K)
+        Draws of all unknowns: the parameters as standard normal scores, then the deviations g and h from the laws.
     """
     began, runs, rows = time.perf_counter(), [], []
     for chain in range(chains):
@@ -630,7 +628,7 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
         weights = np.exp(logs - log_evidence)
         stderr = float(np.linalg.norm(weights * errors) / weights.sum())
         log_evidence = float(np.logaddexp.reduce(logs) - np.log(chains))
-    return Posterior(
+    posterior = Posterior(
         sampler="smc",
         names=single.names,
         draws=values,
@@ -643,5 +641,5 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> Poster
         seconds=time.perf_counter() - began,
         outcome=outcome,
         summaries=summaries,
-        arrays={"u": u},
     )
+    return posterior, u

@@ -68,13 +68,9 @@ class Settings:
 
 
 class Sampler(ABC):
-    """A method that draws from the posterior of a target, given its mode.
-
-    approximate: whether the draws are independent draws of an approximation of the posterior instead of a Markov chain.
-    """
+    """A method that draws from the posterior of a target, given its mode."""
 
     name: str
-    approximate: bool = False
 
     @abstractmethod
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
@@ -87,9 +83,9 @@ class Sampler(ABC):
     def sample_and_summarise(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Return the result of `sample`, with summaries of the parameters and with the time that sampling took, in s.
 
-        If the sampler gives no summaries, they are computed for each parameter. An outcome "ok" of draws without
-        importance weights is then replaced by `verdict(summaries)`, which is "ok" or a sentence on the first parameter
-        whose chains have not converged or are too short.
+        If the sampler gives no summaries, they are computed for each parameter. An outcome "ok" is then replaced by
+        `verdict(summaries)`, which is "ok" or a sentence on the first parameter whose chains have not converged or are
+        too short.
         """
         began = time.perf_counter()
         posterior = self.sample(target, mode, settings)
@@ -97,10 +93,8 @@ class Sampler(ABC):
         if posterior.summaries or not posterior.draws.size:
             return posterior
         columns = zip(posterior.names, np.moveaxis(posterior.draws, -1, 0), strict=True)
-        ensembles, effective = posterior.ensembles, posterior.effective
-        summaries = {n: summarise(x, ensembles, effective) for n, x in columns}
-        judged = posterior.outcome == OK and effective is None
-        outcome = verdict(summaries) if judged else posterior.outcome
+        summaries = {n: summarise(x, posterior.ensembles) for n, x in columns}
+        outcome = verdict(summaries) if posterior.outcome == OK else posterior.outcome
         return replace(posterior, summaries=summaries, outcome=outcome)
 
 

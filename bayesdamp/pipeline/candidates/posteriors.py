@@ -73,12 +73,10 @@ def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Pro
     partial = {n: int(np.sum(~np.isfinite(v))) for n, v in derived.items() if not np.all(np.isfinite(v))}
     for n, v in derived.items():
         if n not in partial:
-            summary[n] = diagnostics.summarise(v, posterior.ensembles, posterior.effective)
+            summary[n] = diagnostics.summarise(v, posterior.ensembles)
     unit = units(signal.unit)
     content = PosteriorContent(
-        posterior=replace(
-            posterior, draws=NO_DRAWS[0], log_likelihood=NO_DRAWS[1], stats={}, arrays={}, summaries={}
-        ),
+        posterior=replace(posterior, draws=NO_DRAWS[0], log_likelihood=NO_DRAWS[1], stats={}, summaries={}),
         units={
             n: unit.get(n) or parameter_unit(n, candidate.restoring, signal.unit, signal.quantity)
             for n in summary
@@ -89,7 +87,7 @@ def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Pro
         file=file.relative_to(folder).as_posix(),
         ratios=ratios,
     )
-    arrays = {"draws": posterior.draws, **_curves(candidate, motions, u), **posterior.arrays}
+    arrays = {"draws": posterior.draws, **_curves(candidate, motions, u)}
     return Product(content, arrays, posterior.outcome, posterior.seconds)
 
 

@@ -1,4 +1,4 @@
-"""Draw posteriors: marginals, pairs and running estimates."""
+"""Draw posteriors: marginals and pairs."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from bayesdamp.report import words
-from bayesdamp.report.drawing import INK, MUTED, WIDTH, colour
+from bayesdamp.report.drawing import INK, WIDTH, colour
 
 _BINS = 160
 """Number of grid points of a drawn density."""
@@ -22,9 +21,6 @@ TRUE_LINE_STYLE: dict[str, Any] = {"color": INK, "lw": 0.9, "ls": (0, (2, 2))}
 """Style of a line at a true value."""
 _POSITIVE = frozenset({"noise_sd", "noise_time", "epsilon", "stiffness"})
 """Parameters that cannot be negative, besides the damping coefficients."""
-SETTLING_FRACTION = 0.15
-"""Fraction of the record, from its beginning, that does not affect the range of the vertical axis in
-`draw_running_estimates`, because the band of a running estimate is still very wide there."""
 
 Draws = Mapping[str, Mapping[str, np.ndarray]]
 """For each sampler and parameter its draws, of any shape."""
@@ -219,45 +215,3 @@ def _legend(figure: Figure, handles: Sequence[Artist], truth: Mapping[str, float
     if any(np.isfinite(v) for v in truth.values()):
         handles = [*handles, Line2D([], [], **TRUE_LINE_STYLE, label="truth")]
     figure.legend(handles=handles, loc="outside upper left", ncols=len(handles))
-
-
-def draw_running_estimates(
-    model: str,
-    t: np.ndarray,
-    estimates: Mapping[str, Sequence[np.ndarray]],
-    units: Mapping[str, str],
-    truth: Mapping[str, float],
-) -> Figure:
-    """Draw a Kalman filter's estimates of the damping coefficients, from the record up to each time, against time.
-
-    Parameters
-    ----------
-    model
-        Name of the model.
-    t
-        Times in s, (n,).
-    estimates
-        For each coefficient, three arrays (n,). The filter goes over the record several times (passes) until its result
-        converges: mean and sd in the last pass, drawn with a ± 2 sd band, and mean in the first pass.
-    units, truth
-        Units, and true values (missing or nan if not known), by coefficient.
-    """
-    figure = Figure(figsize=(WIDTH, 1.9 * len(estimates) + 0.4))
-    axes = figure.subplots(len(estimates), 1, sharex=True, squeeze=False)[:, 0]
-    for ax, (name, (mean, sd, first)) in zip(axes, estimates.items(), strict=True):
-        low, high = np.maximum(mean - 2 * sd, 0.0), mean + 2 * sd
-        ax.fill_between(t, low, high, color=colour(model), alpha=0.22, lw=0)
-        ax.plot(t, mean, color=colour(model), lw=1.3)
-        ax.plot(t, first, color=MUTED, lw=0.9, ls=(0, (3, 2)))
-        _mark(ax.axhline, truth.get(name))
-        late = t >= t[0] + SETTLING_FRACTION * (t[-1] - t[0])
-        bottom, top = float(low[late].min()), float(high[late].max())
-        pad = 0.1 * (top - bottom)
-        ax.set(ylim=(max(bottom - pad, 0.0), top + pad), ylabel=words.axis(name, units.get(name, "")))
-    figure.axes[-1].set_xlabel("time / s")
-    handles: list[Artist] = [
-        Patch(color=colour(model), alpha=0.35, label="estimate from the record so far, ± 2 sd"),
-        Line2D([], [], color=MUTED, lw=0.9, ls=(0, (3, 2)), label="first pass"),
-    ]
-    _legend(figure, handles, truth)
-    return figure

@@ -193,7 +193,7 @@ class RecordChecks:
         """Yield a check of each sampler of `model`.
 
         It is a failed one with the sampler's outcome if this is neither `ok` nor among `UNLISTED_OUTCOMES`; else it
-        gives the largest R̂ (if there are chains) and the smallest effective sample size.
+        gives the largest R̂ and the smallest effective sample size.
         """
         outcomes = {(r["sampler"], r["outcome"]) for r in self._rows(self.run.posteriors)}
         for sampler, outcome in sorted(outcomes):
@@ -203,13 +203,10 @@ class RecordChecks:
             if any(r["outcome"] != OK for r in rows):
                 continue
             sizes = [min(r["ess_bulk"], r["ess_tail"]) for r in rows if math.isfinite(r["ess_bulk"])]
-            rhat = max((r["rhat"] for r in rows if math.isfinite(r["rhat"])), default=math.nan)
-            size = f", effective sample size at least {min(sizes):,.0f}" if sizes else ""
-            if math.isfinite(rhat):
-                yield Check(f"{_name(sampler)} converged: R̂ at most {rhat:.3f}{size}.")
-            else:
-                close = f"{words.method(sampler)} is close to the posterior{size}"
-                yield Check(f"The importance weights show that {close}.")
+            rhats = [r["rhat"] for r in rows if math.isfinite(r["rhat"])]
+            if sizes and rhats:
+                text = f"R̂ at most {max(rhats):.3f}, effective sample size at least {min(sizes):,.0f}"
+                yield Check(f"{_name(sampler)} converged: {text}.")
 
     def _maxima(self) -> Iterator[Check]:
         """Yield a failed check if the posterior of `model` has another maximum with more than `LARGEST_OTHER`."""

@@ -46,7 +46,7 @@ SHIPPED = {
     "calibration": ("calibrated", "recovered"),
     "estimates": ("estimates", "comparison", "sweeps"),
     "evidence": ("evidence", "sensitivity", "priors"),
-    "posteriors": ("posteriors", "running"),
+    "posteriors": ("posteriors",),
     "record": ("record", "fit_quality"),
     "study": ("asked", "provenance"),
 }

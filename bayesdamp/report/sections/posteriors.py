@@ -1,4 +1,4 @@
-"""Show the posteriors, and the running estimates of the damping."""
+"""Show the posteriors."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.report import words
-from bayesdamp.report.figures.posterior import draw_running_estimates, marginals, pairs
+from bayesdamp.report.figures.posterior import marginals, pairs
 from bayesdamp.report.results.run import Row, RunFolder, coefficients, models_by_rank, rows_of, truth
 from bayesdamp.report.sections import SignalSection, by_model, collapsible, is_drawn, repeat_column
 from bayesdamp.store.contents import PosteriorContent
@@ -26,8 +26,6 @@ COLUMNS: dict[str, Callable[[Row], str]] = {
     "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
 }
 """Columns of the tables of parameters, each with a function that writes the cell of a row of posteriors.csv."""
-PASSES = ("restarted/mean", "restarted/sd", "online/mean")
-"""Arrays of a Kalman filter's running estimates: mean and sd in the last pass, and mean in the first pass."""
 TABLE = (
     "Parameters, and quantities derived from them: mean, standard deviation (sd) and 95 % interval of the posterior, "
     "with the diagnostics of the sampler. The draws are reliable if R̂ ≤ 1.01, the effective sample sizes (ESS) are at "
@@ -35,8 +33,7 @@ TABLE = (
     "ratio, the decrement, the damping capacity and the energy lost in a cycle are at the reference amplitude, from "
     "which the half-life starts. The reference amplitude is that of the record unless the study states another one. "
     "The logarithmic decrement is the decrease of ln A in a cycle, where A is the amplitude; if it is "
-    "small, it is 2π times the damping ratio. Rows without R̂ are not from chains: they are from the answer's "
-    "sequential Monte Carlo, or from an approximation, whose ESS is that of importance weights."
+    "small, it is 2π times the damping ratio. Rows without R̂ are from the answer's sequential Monte Carlo."
 )
 REPEATS = (
     "Damping coefficients in each repeat: mean, standard deviation (sd) and 95 % interval of the posterior, whether "
@@ -175,53 +172,4 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
     return parts
 
 
-class RunningSection(SignalSection):
-    """The section with a Kalman filter's running estimate of each damping coefficient against time."""
-
-    order = 55
-    name = "running"
-    title = "The damping estimate during the record"
-    draws_models = True
-    lead = (
-        "The damping coefficients as a Kalman filter estimates them after each sample. The first pass of the filter "
-        "uses every sample once. Each further pass starts from the same priors and linearises the motion about the "
-        "result of the pass before."
-    )
-
-    def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether a Kalman filter ran on the record."""
-        return any("running/t" in task_result.arrays for task_result in run.task_results("posterior", signal))
-
-    def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return figures of the estimated damping coefficients against time, with bands of ± 2 standard deviations."""
-        repeat = run.repeats(signal)[0]
-        models: dict[str, list[object]] = {}
-        for place, model in enumerate(models_by_rank(run, signal, repeat)):
-            results = run.task_results("posterior", signal, repeat, model) if is_drawn(run, place) else ()
-            for task_result in results:
-                if "running/t" not in task_result.arrays:
-                    continue
-                content = PosteriorContent.of(task_result)
-                listed, arrays = content.posterior.running, task_result.arrays
-                estimates = {
-                    n: [arrays[f"running/{part}"][:, listed.index(n)] for part in PASSES]
-                    for n in coefficients(run, model)
-                    if n in listed
-                }
-                true = {n: truth(run, signal, n) for n in estimates}
-                draw = partial(
-                    draw_running_estimates, model, arrays["running/t"], estimates, content.units, true
-                )
-                caption = (
-                    f"Coefficients of {words.model(model)} damping as estimated by "
-                    f"{words.method(task_result.parts.method)} from the part of the record {signal} up to each time: "
-                    "mean (solid line) ± 2 standard deviations (band) in the last pass, and mean in the first pass "
-                    "(dashed line)."
-                )
-                models.setdefault(model, []).append(
-                    run.drawings.add(f"running-{signal}-{model}", caption, draw)
-                )
-        return by_model(models)
-
-
-PLUGINS = (PosteriorsSection(), RunningSection())
+PLUGINS = (PosteriorsSection(),)
