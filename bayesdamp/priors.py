@@ -238,11 +238,6 @@ class SharedHalfNormal(_Reflected):
         inside = shared_log_density(self.score(x) ** 2, 1) - math.log(self.numbers[0])
         return np.where(x >= 0, inside, -np.inf)
 
-    def slope(self, x: ArrayLike) -> np.ndarray:
-        """Return the derivative of `log_density` at x ≥ 0."""
-        z = self.score(x)
-        return -shared_precision(z**2, 1) * z / self.numbers[0]
-
     def describe(self) -> str:
         """Return the prior in words, for tables; it is the same text for every coefficient."""
         return (
@@ -304,13 +299,11 @@ def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
     return np_.log(total) + top[..., 0] + constant, precision
 
 
-def log_prior_of(
-    z: np.ndarray, positive: np.ndarray, shared: np.ndarray, scales: ArrayLike = SHARED_SIGMAS
-) -> np.ndarray:
-    """Return the log prior density, shape (...), of scores z, (..., d).
+def log_prior_of(z: np.ndarray, shared: np.ndarray, scales: ArrayLike = SHARED_SIGMAS) -> np.ndarray:
+    """Return the log prior density, shape (...), of scores z, (..., d), of which all may be negative.
 
-    positive: mask (d,) of scores that are not negative (half-normal priors); the density is −∞ if one of them is
-    negative. shared: mask (d,) of scores with a common unknown scale, one of `scales`; the others are standard normal.
+    shared: mask (d,) of scores with a common unknown scale, one of `scales`; the others are standard normal. For scores
+    ≥ 0 (half-normal priors) the density is twice as large for each of them.
     """
     plain = z[..., ~shared]
     value = -0.5 * np.sum(plain**2, axis=-1) - plain.shape[-1] * _HALF_LOG_2PI
@@ -318,8 +311,7 @@ def log_prior_of(
         count = int(shared.sum())
         value = value + shared_log_density(np.sum(z[..., shared] ** 2, axis=-1), count, scales)
         value = value - count * math.log(2.0)
-    value = value + int(positive.sum()) * math.log(2.0)
-    return np.where(np.all(z[..., positive] >= 0, axis=-1), value, -np.inf)
+    return value
 
 
 def joint_log_density(

@@ -95,7 +95,8 @@ class Parameters(Scores):
         It is the density of z, not of the parameters, and −∞ where a score that must be ≥ 0 is negative. The common
         scale of the priors of coefficients is averaged over `SHARED_SIGMAS`.
         """
-        return log_prior_of(z, self.positive, self.shared)
+        value = log_prior_of(z, self.shared) + int(self.positive.sum()) * np.log(2.0)
+        return np.where(np.all(z[..., self.positive] >= 0, axis=-1), value, -np.inf)
 
     @cached_property
     def _fixed(self) -> np.ndarray:

@@ -16,11 +16,10 @@ import numpy as np
 from bayesdamp.inference.model.target import Target
 from bayesdamp.machine import at_once
 from bayesdamp.physics.trajectories import Trajectories
-from bayesdamp.priors import shared_log_density
+from bayesdamp.priors import log_prior_of
 
 NOISE_STEP = 1e-2
 """Step of the second differences by the noise parameters, in units of their standard normal scores (prior sds)."""
-HALF_LOG_2PI = 0.5 * float(np.log(2 * np.pi))
 
 
 @dataclass(frozen=True)
@@ -134,15 +133,7 @@ class Likelihood:
         A reflected score has a half-normal prior and only its absolute value matters; here its prior density is that of
         a normal distribution over both signs, so negative values are allowed (see `folded`).
         """
-        shared, scales = self.target.shared, np.asarray(self.scales)
-        value = -0.5 * np.einsum("...i,...i", z, z) - z.shape[-1] * HALF_LOG_2PI
-        if not shared.any():
-            return value
-        own, count = z[..., shared], int(np.sum(shared))
-        squares = np.einsum("...i,...i", own, own)
-        # The density of scores that share a scale is for values ≥ 0, hence the log 2.
-        instead = shared_log_density(squares, count, scales) - count * (np.log(2.0) - HALF_LOG_2PI)
-        return value + 0.5 * squares + instead
+        return log_prior_of(z, self.target.shared, self.scales)
 
     def log_noise(self, residual: np.ndarray, z: np.ndarray) -> float:
         """Return the log density (nats) of residuals, (n,), in the unit of the record; −∞ if it is not finite.
