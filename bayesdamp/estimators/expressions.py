@@ -1,188 +1,50 @@
-"""Define expressions of the velocity v, and search for them by genetic programming (the library Operon).
+"""Search for expressions of the velocity v by genetic programming (the library Operon), as expressions of SymPy.
 
-An expression is a sum of products of v, |…| and tanh(…), which is simplified whenever it is built.
+An expression is a sum of products of v, |…| and tanh(…).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import chain
 from typing import Any
 
 import numpy as np
 import pyoperon
+import sympy
 
 op: Any = pyoperon  # compiled, and without stubs
 
+V: Any = sympy.Symbol("v", real=True)
+"""The velocity in all expressions."""
 SMALL = 1e-3
 """tanh(x) is replaced by x if |x| is not larger than this; the relative error is then 3e-7 at most."""
 
 
-@dataclass(frozen=True)
-class Atom:
-    """A factor of a product: the variable (kind "v"), or the function "abs" or "tanh" of `inner`."""
-
-    kind: str
-    inner: Expression | None = None
+def values_of(expression: Any, v: np.ndarray) -> np.ndarray:
+    """Return the values of an expression at velocities v (n,), shape (n,)."""
+    return np.zeros_like(v) + sympy.lambdify(V, expression, "numpy")(v)
 
 
-@dataclass(frozen=True)
-class Expression:
-    """The sum Σ coefficient · Π atoms. terms: the atoms and the coefficient of each product; all products differ."""
-
-    terms: tuple[tuple[tuple[Atom, ...], float], ...]
-
-    @classmethod
-    def constant(cls, value: float) -> Expression:
-        """Return the expression that has the same value for all velocities."""
-        return cls((((), float(value)),))
-
-    @classmethod
-    def variable(cls, weight: float) -> Expression:
-        """Return the expression weight · v, the velocity times a number."""
-        return cls((((Atom("v"),), float(weight)),))
-
-    @property
-    def is_variable(self) -> bool:
-        """Return whether the expression depends on the velocity."""
-        return any(atoms for atoms, _ in self.terms)
-
-    def __add__(self, other: Expression) -> Expression:
-        return _collect([*self.terms, *other.terms])
-
-    def __mul__(self, other: Expression) -> Expression:
-        return _collect([(a + b, x * y) for a, x in self.terms for b, y in other.terms])
-
-    def scaled(self, factor: float) -> Expression:
-        """Return the expression multiplied by a constant factor."""
-        return Expression(tuple((atoms, factor * c) for atoms, c in self.terms))
-
-    def apply(self, kind: str, largest: float = np.inf) -> Expression:
-        """Return |expression| (kind "abs") or tanh(expression) (kind "tanh").
-
-        largest: the largest absolute value of the expression, if known. If this is at most `SMALL`, tanh(x) is nearly
-        x, and the expression itself is returned for "tanh".
-        """
-        if not self.terms:
-            return self
-        if all(not atoms for atoms, _ in self.terms):
-            value = self.terms[0][1]
-            return Expression.constant(abs(value) if kind == "abs" else np.tanh(value))
-        if kind == "tanh" and largest <= SMALL:
-            return self
-        inner, outer = self, 1.0
-        if kind == "abs" and len(self.terms) == 1:
-            ((atoms, c),) = self.terms
-            inner, outer = Expression(((atoms, 1.0),)), abs(c)
-        elif self.terms[0][1] < 0:
-            inner, outer = self.scaled(-1.0), 1.0 if kind == "abs" else -1.0
-        return Expression((((Atom(kind, inner),), outer),))
-
-    def __call__(self, v: np.ndarray) -> np.ndarray:
-        """Return the values of the expression at velocities v (n,), shape (n,)."""
-        total = np.zeros_like(v)
-        for atoms, c in self.terms:
-            product = np.full_like(v, c)
-            for atom in atoms:
-                function = np.abs if atom.kind == "abs" else np.tanh
-                product = product * (v if atom.inner is None else function(atom.inner(v)))
-            total = total + product
-        return total
-
-    def constants(self) -> np.ndarray:
-        """Return all constants, (k,): of each product its coefficient, then the constants inside its functions.
-
-        The coefficient of a product inside |product| is left out: it is always 1.
-        """
-        constants: list[float] = []
-        for atoms, c in self.terms:
-            constants.append(c)
-            for atom in atoms:
-                if atom.inner is not None:
-                    constants.extend(atom.inner.constants()[_is_unit(atom) :])
-        return np.array(constants)
-
-    def with_constants(self, values: Iterable[float]) -> Expression:
-        """Return the expression with its constants replaced by `values`, (k,), in the order of `constants`."""
-        values = iter(values)
-        terms = []
-        for atoms, _ in self.terms:
-            c, filled = float(next(values)), []
-            for atom in atoms:
-                if atom.inner is not None:
-                    inner = chain((1.0,), values) if _is_unit(atom) else values
-                    atom = Atom(atom.kind, atom.inner.with_constants(inner))
-                filled.append(atom)
-            terms.append((tuple(filled), c))
-        return Expression(tuple(terms))
-
-    def stretched(self, scale: float) -> Expression:
-        """Return the expression with v replaced by v/scale."""
-        terms: Expression = Expression(())
-        for atoms, c in self.terms:
-            product = Expression.constant(c)
-            for atom in atoms:
-                if atom.inner is None:
-                    product = product * Expression.variable(1 / scale)
-                else:
-                    product = product * atom.inner.stretched(scale).apply(atom.kind)
-            terms = terms + product
-        return terms
-
-    def without_the_negligible(self, v: np.ndarray, share: float) -> Expression:
-        """Return the expression without products whose rms over v (n,) is at most `share` times that of the sum."""
-        whole = float(np.sqrt(np.mean(self(v) ** 2)))
-        sizes = [np.sqrt(np.mean(Expression((term,))(v) ** 2)) for term in self.terms]
-        return Expression(tuple(term for term, size in zip(self.terms, sizes) if size > share * whole))
-
-    def widths(self) -> list[float]:
-        """Return the width 1/w of every factor tanh(w·v), also inside other functions.
-
-        It is in the unit of v, and negative if w is.
-        """
-        widths = []
-        for atoms, _ in self.terms:
-            for atom in atoms:
-                if atom.inner is None:
-                    continue
-                terms = atom.inner.terms
-                if atom.kind == "tanh" and len(terms) == 1 and terms[0][0] == (Atom("v"),):
-                    widths.append(1 / terms[0][1])
-                widths.extend(atom.inner.widths())
-        return widths
-
-    def __str__(self) -> str:
-        text = ""
-        for atoms, c in self.terms:
-            factors = ["v" if a.inner is None else f"|{a.inner}|" if a.kind == "abs" else f"tanh({a.inner})"
-                       for a in atoms]  # fmt: skip
-            size = f"{abs(c):.6g}" if abs(c) != 1 or not atoms else ""
-            sign = (" − " if c < 0 else " + ") if text else ("−" if c < 0 else "")
-            text += sign + "·".join([size] * bool(size) + factors)
-        return text or "0"
+def without_the_negligible(expression: Any, v: np.ndarray, share: float) -> Any:
+    """Return the expression without products whose rms over v (n,) is at most `share` times that of the sum."""
+    whole, *sizes = (
+        np.sqrt(np.mean(values_of(part, v) ** 2)) for part in (expression, *sympy.Add.make_args(expression))
+    )
+    terms = zip(sympy.Add.make_args(expression), sizes)
+    return sympy.Add(*(term for term, size in terms if size > share * whole))
 
 
-def _is_unit(atom: Atom) -> bool:
-    """Return whether an atom is |product|.
-
-    The coefficient of that inner product is always 1, because `apply` moves its size outside; so it is not a constant
-    to fit.
-    """
-    assert atom.inner is not None
-    return atom.kind == "abs" and len(atom.inner.terms) == 1
+def widths_of(expression: Any) -> list[float]:
+    """Return the width 1/w, in the unit of v, of every factor tanh(w·v), also inside other functions."""
+    arguments = (function.args[0].as_coeff_Mul() for function in expression.atoms(sympy.tanh))
+    return [1 / float(w) for w, rest in arguments if rest == V]
 
 
-def _collect(terms: list[tuple[tuple[Atom, ...], float]]) -> Expression:
-    """Return the sum of terms, with equal products added. Atoms are sorted, and |v|·|v| is written as v·v."""
-    size = Atom("abs", Expression.variable(1.0))
-    total: dict[tuple[Atom, ...], float] = {}
-    for atoms, c in terms:
-        pairs = 2 * (atoms.count(size) // 2)
-        rest = [atom for atom in atoms if atom != size] + [size] * (atoms.count(size) - pairs)
-        product = tuple(sorted([*rest, *[Atom("v")] * pairs], key=repr))
-        total[product] = total.get(product, 0.0) + c
-    return Expression(tuple(sorted(((a, c) for a, c in total.items() if c != 0.0), key=repr)))
+def text_of(expression: Any) -> str:
+    """Return an expression as text, with constants of six digits, such as 0.1·v − 0.05·|v|·v."""
+    rounded = expression.xreplace({c: sympy.Float(c, 6) for c in expression.atoms(sympy.Float)})
+    named = rounded.replace(sympy.Abs, lambda inner: sympy.Symbol(f"|{text_of(inner)}|"))
+    return sympy.sstr(named, full_prec=False).replace("**", "^").replace("*", "·").replace("-", "−")
 
 
 FUNCTIONS = ("Add", "Sub", "Mul", "Tanh", "Abs", "Constant", "Variable")
@@ -195,10 +57,11 @@ DEPTH = 8
 class ScoredExpression:
     """An expression on the Pareto front of length and error.
 
-    length: number of nodes of the tree that Operon found. error: mean square error in the searched data.
+    expression: expression of SymPy. length: number of nodes of the tree that Operon found. error: mean square error in
+    the searched data.
     """
 
-    expression: Expression
+    expression: Any
     length: int
     error: float
 
@@ -286,8 +149,8 @@ def front(
     return candidates, int(population * (search.Generation + 1))
 
 
-def _from_postfix(nodes: list, largest: float) -> Expression:
-    """Convert the nodes of Operon's tree, in postfix order, to an expression.
+def _from_postfix(nodes: list, largest: float) -> Any:
+    """Convert the nodes of Operon's tree, in postfix order, to an expression of SymPy.
 
     A node follows its arguments, the first of which is directly before it.
 
@@ -296,22 +159,21 @@ def _from_postfix(nodes: list, largest: float) -> Expression:
     kinds, stack = op.NodeType, []
     grid = np.linspace(-largest, largest, 129)
     for node in nodes:
+        arguments = [stack.pop() for _ in range(node.Arity)]
         if node.IsVariable:
-            stack.append(Expression.variable(node.Value))
+            value = float(node.Value) * V
         elif node.IsConstant:
-            stack.append(Expression.constant(node.Value))
-        elif node.Type in (kinds.Tanh, kinds.Abs):
-            inner = stack.pop()
-            kind = "tanh" if node.Type == kinds.Tanh else "abs"
-            stack.append(inner.apply(kind, float(np.abs(inner(grid)).max())))
+            value = sympy.Float(float(node.Value))
+        elif node.Type == kinds.Tanh:
+            (inner,) = arguments
+            value = inner if np.abs(values_of(inner, grid)).max() <= SMALL else sympy.tanh(inner)
+        elif node.Type == kinds.Abs:
+            value = sympy.Abs(*arguments)
+        elif node.Type == kinds.Mul:
+            value = sympy.Mul(*arguments)
         else:
-            value = stack.pop()
-            for _ in range(node.Arity - 1):
-                other = stack.pop()
-                if node.Type == kinds.Mul:
-                    value = value * other
-                else:
-                    value = value + (other.scaled(-1.0) if node.Type == kinds.Sub else other)
-            stack.append(value)
+            first, *others = arguments
+            value = first - sympy.Add(*others) if node.Type == kinds.Sub else sympy.Add(*arguments)
+        stack.append(value)
     (expression,) = stack
-    return expression
+    return sympy.expand(expression)

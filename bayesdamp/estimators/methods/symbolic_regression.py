@@ -5,7 +5,7 @@ Section 3.8, equation 21, of the paper that `bayesdamp.estimators` cites.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -29,7 +29,7 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
 
 if TYPE_CHECKING:
-    from bayesdamp.estimators.expressions import Expression, ScoredExpression
+    from bayesdamp.estimators.expressions import ScoredExpression
 
 KNOTS = (5.0, 6.0, 8.0, 11.0, 16.0, 23.0, 32.0)
 """Numbers of spline knots in a period that are tried: more knots resolve the force better but pass more noise."""
@@ -89,7 +89,8 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
     ) -> Estimate:
         """Estimate the coefficients from the chosen expression on the Pareto front; there are no standard errors."""
         optional_package("pyoperon")
-        from bayesdamp.estimators.expressions import front
+        sympy = optional_package("sympy")
+        from bayesdamp.estimators.expressions import V, front, text_of, values_of, without_the_negligible
 
         features = checked_features(signal)
         force = Force(signal, problem, features)
@@ -107,45 +108,45 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
             candidates, models = candidates + more, models + count
         lengths, expressions, least = [], [], np.inf
         for candidate in sorted(candidates, key=lambda c: (c.length, c.error)):
-            if not (candidate.expression.is_variable and candidate.error < least):
+            if not (candidate.expression.has(V) and candidate.error < least):
                 continue  # a shorter candidate has a smaller error
             least = candidate.error
-            expression = candidate.expression.stretched(fastest).scaled(scale)
-            expression = expression.without_the_negligible(force.omega, NEGLIGIBLE)
-            if expression.is_variable:
+            expression = sympy.expand(scale * candidate.expression.xreplace({V: V / fastest}))
+            expression = without_the_negligible(expression, force.omega, NEGLIGIBLE)
+            if expression.has(V):
                 lengths.append(candidate.length)
                 expressions.append(_polish(force, expression))
         if not expressions:
             raise Refusal("no expression describes the damping force better than a constant")
-        errors = np.array([force.error(expression) for expression in expressions])
+        errors = np.array([force.error(values_of(expression, force.omega)) for expression in expressions])
         n = force.independent
         scores = n * np.log(errors + FLOOR) + options.penalty * np.log(n) * np.array(lengths)
         chosen = int(np.argmin(np.where(np.isfinite(scores), scores, np.inf)))
-        expression = expressions[chosen].without_the_negligible(force.omega, NEGLIGIBLE)
+        expression = without_the_negligible(expressions[chosen], force.omega, NEGLIGIBLE)
         values, width, how = _read(force, expression, problem, features)
         start = {"theta0": force.motion.theta0, "omega0": force.motion.omega0}
-        free = {**force.restoring(expression), **start}
+        free = {**force.restoring(values_of(expression, force.omega)), **start}
         values |= {name: free[name] for name in free_names(problem)}
         relative = np.sqrt(errors)
         details = {
-            "chosen": f"f(v) = {expression}",
+            "chosen": f"f(v) = {text_of(expression)}",
             "read": how,
             "epsilon_found": width if width is not None else "none",
             "pareto_chosen": chosen,
             "pareto_length": lengths,
             "pareto_error": relative.tolist(),
-            "pareto_expression": [str(expression) for expression in expressions],
+            "pareto_expression": [text_of(expression) for expression in expressions],
         }
         trace = {"length": np.array(lengths, float), "relative_error": relative}
         return Estimate(self.name, "initial", values, trace=trace, details=details, evaluations=models)
 
 
 class Force:
-    """The damping force −(θ̈ + F_rest(θ)) along a record, and the misfit of expressions of θ̇.
+    """The damping force −(θ̈ + F_rest(θ)) along a record, and the misfit of forces that depend on θ̇.
 
     motion: the smoothed motion. omega: velocities at all samples that are used, (n,), rad/s. independent: effective
     number of independent samples. Unknown restoring parameters, and guessed constants of integration, are eliminated by
-    regression: together with an expression, or before the search with hat functions of θ̇ that are 0 at θ̇ = 0.
+    regression: together with a force, or before the search with hat functions of θ̇ that are 0 at θ̇ = 0.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
@@ -201,36 +202,48 @@ class Force:
         x, y = self.motion.omega[rows], self._damping_force[rows]
         return np.r_[x, -x], np.r_[y, -y]
 
-    def misfit(self, expression: Expression) -> np.ndarray:
-        """Return the residual (m,) of an expression as the damping force, in units of the force's standard deviation.
+    def misfit(self, values: np.ndarray) -> np.ndarray:
+        """Return the residual (m,) of values (n,) of a force at `omega`, in units of the force's standard deviation.
 
-        It is the measured minus the expression's force at the m times of `motion`, both smoothed, without the part that
-        unknown restoring parameters and guessed constants of integration can explain.
+        It is the measured minus this force at the m times of `motion`, both smoothed, without the part that unknown
+        restoring parameters and guessed constants of integration can explain.
         """
-        left = self.target - self.motion.project(expression(self.omega))
+        left = self.target - self.motion.project(values)
         return (left - self._basis @ (self._basis.T @ left)) / np.sqrt(self._variance)
 
-    def error(self, expression: Expression) -> float:
-        """Return the mean square of the expression's `misfit`, as a fraction of the variance of the damping force."""
-        return float(np.mean(self.misfit(expression) ** 2))
+    def error(self, values: np.ndarray) -> float:
+        """Return the mean square of the `misfit` of values (n,), as a fraction of the variance of the damping force."""
+        return float(np.mean(self.misfit(values) ** 2))
 
-    def restoring(self, expression: Expression) -> dict[str, float]:
-        """Return the unknown restoring parameters by name, fitted with the expression as damping force."""
+    def restoring(self, values: np.ndarray) -> dict[str, float]:
+        """Return the unknown restoring parameters by name, fitted with values (n,) at `omega` as damping force."""
         if self._count == 0:
             return {}
-        left = self.target - self.motion.project(expression(self.omega))
+        left = self.target - self.motion.project(values)
         return self._decode(solve(self._columns, left)[: self._count])
 
 
-def _polish(force: Force, expression: Expression) -> Expression:
+def _polish(force: Force, expression: Any) -> Any:
     """Return the expression with constants fitted to the force, or unchanged if that does not lower its error.
 
     It is a short least squares fit of `Force.misfit` that starts from the expression's own constants.
     """
-    start = expression.constants()
+    import sympy
+
+    from bayesdamp.estimators.expressions import V
+
+    constants = sorted(expression.atoms(sympy.Float))
+    symbols = sympy.symbols(f"c:{len(constants)}", real=True)
+    form = expression.xreplace(dict(zip(constants, symbols)))
+    function = sympy.lambdify([V, *symbols], form, "numpy")
+    start = np.array(constants, float)
     unit = np.maximum(np.abs(start), 1e-12)
+
+    def misfit(u: np.ndarray) -> np.ndarray:
+        return force.misfit(function(force.omega, *(u * unit)))
+
     fit = least_squares(
-        lambda u: np.nan_to_num(force.misfit(expression.with_constants(u * unit)), nan=1e3, posinf=1e3),
+        lambda u: np.nan_to_num(misfit(u), nan=1e3, posinf=1e3),
         start / unit,
         method="trf",
         x_scale=1.0,
@@ -239,20 +252,23 @@ def _polish(force: Force, expression: Expression) -> Expression:
         gtol=1e-13,
         max_nfev=8,
     )
-    better = expression.with_constants(fit.x * unit)
-    return better if force.error(better) < force.error(expression) else expression
+    is_better = np.sum(misfit(fit.x) ** 2) < np.sum(misfit(start / unit) ** 2)
+    fitted = dict(zip(symbols, map(sympy.Float, (fit.x * unit).tolist())))
+    return form.xreplace(fitted) if is_better else expression
 
 
 def _read(
-    force: Force, expression: Expression, problem: Problem, features: Features
+    force: Force, expression: Any, problem: Problem, features: Features
 ) -> tuple[dict[str, float], float | None, str]:
     """Return the damping parameters by name, the width of a tanh (rad/s), and a clause on how they were obtained.
 
     The width is that of the expression's tanh(θ̇/width) that is nearest to ε (the known value, or 2 % of the peak
     velocity); None if there is none, or if no term of the model has a tanh.
     """
+    from bayesdamp.estimators.expressions import values_of, widths_of
+
     osc = oscillator(problem)
-    f, epsilon = expression(force.omega), epsilon_of(problem, features)
+    f, epsilon = values_of(expression, force.omega), epsilon_of(problem, features)
     arguments = further_values(problem, features)
 
     def shapes(width: float) -> np.ndarray:
@@ -272,7 +288,7 @@ def _read(
         return {**dict(zip(osc.coefficients, map(float, c))), **further}
 
     fastest = float(np.abs(force.omega).max())
-    own = [abs(width) for width in expression.widths()] if osc.switches else []
+    own = [abs(width) for width in widths_of(expression)] if osc.switches else []
     own = sorted((w for w in own if w > 0), key=lambda width: abs(width - epsilon))
     switch = own[0] if own else None
     near = [width for width in own if abs(width - epsilon) <= MOST_WIDTH_DIFFERENCE * fastest]
