@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from bayesdamp.estimators.shared import (
-    brent,
     checked_features,
     decay_start,
     free_names,
@@ -57,11 +56,13 @@ fraction of their values, or lowers the sum of squares by this fraction."""
 class Minimum(NamedTuple):
     """The result of a search for the minimum of a sum of squares.
 
-    x: best values, (k,). costs: lowest sum of squares so far after each evaluation. converged: whether it converged.
+    x: best values, (k,). cost: lowest sum of squares. evaluations: number of evaluations. converged: whether it
+    converged.
     """
 
     x: np.ndarray
-    costs: np.ndarray
+    cost: float
+    evaluations: int
     converged: bool
 
 
@@ -98,14 +99,13 @@ class _TrajectoryFit:
         values, slopes = self.trajectories.with_slopes(self._parameters(x), self.names)
         return values - self.signal.y, slopes.T
 
-    def mean_square(self, x: np.ndarray, escaped: float) -> float:
-        """Return the mean square of the residuals in the squared unit of the record, or `escaped`.
+    def mean_square(self, x: np.ndarray) -> float:
+        """Return the mean square of the residuals in the squared unit of the record; ∞ if the motion is unbounded.
 
-        It is `escaped` if the trajectory is unbounded. x: the unknowns in natural units, in the order of `names`.
+        x: the unknowns in natural units, in the order of `names`.
         """
         r = self.trajectories.record(self._parameters(x)) - self.signal.y
-        value = float(np.mean(r**2)) if np.all(np.isfinite(r)) else np.inf
-        return value if np.isfinite(value) else escaped
+        return float(np.mean(r**2)) if np.all(np.isfinite(r)) else np.inf
 
 
 def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
@@ -113,7 +113,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
 
     The unknowns are the damping coefficients (not negative), further parameters of damping terms, and every restoring
     parameter, theta0 and omega0 that is not known; values that `first` does not have start from the record's features.
-    A single unknown is first searched by Brent's method. If the fit loses the phase of the record (the rms residual is
+    If the fit loses the phase of the record (the rms residual is
     0.3 of the record's sd or more), it starts again with the first two cycles and doubles this window until it covers
     the record, from the same start and, if this loses the phase too, from the coefficients of `decay_start`. The fit
     with the least sum of squares counts.
@@ -168,31 +168,21 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     floor = np.r_[np.zeros(units.size), lowest, np.full(free, -np.inf)]
     x = _start(fit, units, first, features)
 
-    traces = []
-    if len(names) == 1:
-        escaped = 100.0 * size**2  # as for a residual of ten times the amplitude
-        coefficient, costs = brent(
-            lambda c: fit.mean_square(np.array([c]), escaped), float(x[0]), float(units[0])
-        )
-        x = np.array([coefficient])
-        traces.append(np.sqrt(costs))
     best = least_squares(fit.linearise, x, floor)
     # A root mean square residual above this means that the trajectory has lost the phase of the record.
     lost = 0.3 * float(np.std(signal.y))
     for start in (x, np.array([{**base, **decay_start(problem, features)}[name] for name in names])):
-        if not np.sqrt(best.costs[-1] / signal.t.size) < lost:
+        if not np.sqrt(best.cost / signal.t.size) < lost:
             window = 2.0 * features.period
             while window < signal.t[-1]:
                 start = least_squares(fit.until(window).linearise, start, floor).x
                 window *= 2
             other = least_squares(fit.linearise, start, floor)
-            best = other if other.costs[-1] < best.costs[-1] else best
-    traces.append(np.sqrt(best.costs / signal.t.size))
+            best = other if other.cost < best.cost else best
     residual, jacobian = fit.linearise(best.x)
     if not np.all(np.isfinite(residual)):
         raise Refusal("the trajectory is unbounded for every start that was tried")
 
-    rms = float(np.sqrt(np.mean(residual**2)))
     problems = [] if best.converged else ["the trajectory fit did not converge"]
     zero = [name for name, value, unit in zip(osc.coefficients, best.x, units) if value < 1e-3 * unit]
     if zero:
@@ -220,9 +210,8 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         problems.append(f"the record does not determine {doubted}, or only a combination of them")
     if held:
         stderr.pop("theta0", None)
-    trace = {"rms": np.concatenate([*traces, [rms]])}
-    count, outcome = sum(map(len, traces)), "; ".join(problems) or OK
-    return Estimate(first.estimator, "refined", values, stderr, trace, evaluations=count, outcome=outcome)
+    count, outcome = best.evaluations, "; ".join(problems) or OK
+    return Estimate(first.estimator, "refined", values, stderr, evaluations=count, outcome=outcome)
 
 
 def least_squares(
@@ -233,12 +222,13 @@ def least_squares(
     linearise: maps x to residuals (n,) and their Jacobian (n, k). A step to residuals that are not finite is rejected.
     There are at most `STEPS` steps; `Minimum.converged` says whether they were enough.
     """
-    costs: list[float] = []
+    evaluations, lowest = 0, np.inf
 
     def expand(x: np.ndarray) -> Expansion:
+        nonlocal evaluations, lowest
         r, jacobian = linearise(x)
         cost = float(r @ r) if np.all(np.isfinite(r)) else np.inf
-        costs.append(min(cost, costs[-1]) if costs else cost)
+        evaluations, lowest = evaluations + 1, min(cost, lowest)
         return Expansion(-cost, -2 * jacobian.T @ r, 2 * jacobian.T @ jacobian)
 
     def ended(step: Step) -> bool:
@@ -250,7 +240,7 @@ def least_squares(
         return small or bool(np.all(np.abs(step.move) <= SMALL_STEP * np.abs(step.x))) or cost == 0.0
 
     result = levenberg_marquardt(expand, start, floor, ended, limit=STEPS, schedule=SCHEDULE)
-    return Minimum(result.x, np.array(costs), result.converged)
+    return Minimum(result.x, lowest, evaluations, result.converged)
 
 
 def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Features) -> np.ndarray:
@@ -268,7 +258,7 @@ def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Fe
     if not any(name in first.values for name in fit.names if name not in damping):
         return candidates[0]
     early = fit.until(3 * features.period)
-    return min(candidates, key=lambda x: early.mean_square(x, np.inf))
+    return min(candidates, key=early.mean_square)
 
 
 def misfit(residual: np.ndarray, signal: Signal, features: Features) -> str | None:

@@ -1,4 +1,4 @@
-"""Provide what several estimators use: smoothed motion with derivatives, starting values, and searches for minima."""
+"""Provide what several estimators use: smoothed motion with derivatives, starting values, and a search for minima."""
 
 from __future__ import annotations
 
@@ -501,54 +501,6 @@ def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.nda
     if turns.times.size < 4:
         return np.r_[float(np.mean(y)), np.zeros(degree)]
     return np.polynomial.polynomial.polyfit(turns.times - t[0], midpoints(turns.values), degree)
-
-
-def brent(cost: Callable[[float], float], guess: float, unit: float) -> tuple[float, np.ndarray]:
-    """Minimise `cost` over x ≥ 0 by Brent's bounded method (section 3.3 of the paper that `estimators` cites).
-
-    The first bracket is [guess/3, 3·guess]. While the minimum is at an end of the bracket, the bracket is shifted and
-    searched again; at most 12 brackets are searched.
-
-    Parameters
-    ----------
-    cost
-        The function to minimise.
-    guess
-        Centre of the first bracket; a value below `unit` is replaced by `unit`.
-    unit
-        A small value of x that still matters, which scales the tolerance.
-
-    Returns
-    -------
-    float, ndarray
-        The best x, and the cost of each evaluation.
-    """
-    costs: list[float] = []
-
-    def counted(x: float) -> float:
-        costs.append(cost(x))
-        return costs[-1]
-
-    factor = 3.0
-    centre = max(guess, unit)
-    low, high = centre / factor, centre * factor
-    x = centre
-    for _ in range(12):
-        result = scipy.optimize.minimize_scalar(
-            counted, bounds=(low, high), method="bounded", options={"xatol": 1e-9 * max(centre, unit)}
-        )
-        x = float(result.x)  # pyright: ignore[reportAttributeAccessIssue]
-        margin = 1e-3 * (high - low)
-        if x > high - margin:
-            low, high = x / factor, high * factor**2
-        elif x < low + margin and low > 0.0:
-            low, high = (low / factor**3 if low > unit / factor else 0.0), x * factor
-        else:
-            break
-        centre = max(x, unit)
-    if low == 0.0 and counted(0.0) <= counted(x):
-        x = 0.0
-    return x, np.array(costs)
 
 
 def search_further(

@@ -13,7 +13,6 @@ from scipy.signal import hilbert, savgol_filter
 from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.shared import (
     SCORE,
-    brent,
     checked_features,
     decay_start,
     free_names,
@@ -83,21 +82,12 @@ class Envelope(Estimator[EnvelopeOptions]):
         coefficients = np.maximum([guess[name] for name in match.osc.coefficients], units)
 
         # An unknown start is known only roughly, so its amplitude is fitted too.
-        scaled = "theta0" in free or "omega0" in free
-        if len(match.names) == 1 and not scaled:
-            coefficient, squares = brent(
-                lambda c: float(np.mean(match.log_difference(np.array([c])) ** 2)), coefficients[0], units[0]
-            )
-            x, scale = np.array([coefficient]), 1.0
-        else:
-            x, scale = match.fit(coefficients, scaled)
-            squares = [float(np.mean(match.log_difference(x, scale) ** 2))]
+        x, scale = match.fit(coefficients, scaled="theta0" in free or "omega0" in free)
         parameters = match.parameters(x, scale)
         if not np.all(np.isfinite(match.trajectories.record(parameters))):
             raise Refusal("the trajectory is unbounded for every start that was tried")
         values = {name: float(parameters[name]) for name in (*match.names, *free)}
-        trace = {"log_mismatch": np.sqrt(squares)}
-        return Estimate(self.name, "initial", values, trace=trace, evaluations=match.evaluations)
+        return Estimate(self.name, "initial", values, evaluations=match.evaluations)
 
 
 class _EnvelopeMatch:
