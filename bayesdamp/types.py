@@ -221,9 +221,9 @@ class Estimate:
     """A point estimate of one method at one stage.
 
     estimator, stage: names of the method and of the stage. values: parameter values that the method computes, by name
-    (SI units). stderr: standard errors that the method computes, by parameter. trace: convergence curves by name, each
-    an array of values by iteration. details: further results of the method (selected terms, eigenvalues, a Pareto
-    front, a learnt force), as strings, numbers and lists of these. evaluations, seconds: number of evaluations, and
+    (SI units). stderr: standard errors that the method computes, by parameter. details:
+    further results of the method (selected terms, an expression, a learnt force), as strings, numbers and lists of
+    these. evaluations, seconds: number of evaluations, and
     computing time. outcome: `ok`, why the method failed (there are then no values), or why the values are doubtful.
     """
 
@@ -231,7 +231,6 @@ class Estimate:
     stage: str
     values: Mapping[str, float] = field(default_factory=dict)
     stderr: Mapping[str, float] = field(default_factory=dict)
-    trace: Mapping[str, np.ndarray] = field(default_factory=dict)
     details: Mapping[str, object] = field(default_factory=dict)
     evaluations: int = 0
     seconds: float = 0.0

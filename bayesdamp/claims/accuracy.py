@@ -6,7 +6,9 @@ They are from sections 3 to 6, tables 2 and 3, and figure 10 of the paper.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -151,7 +153,8 @@ def _iterative(comparison: EstimatorComparison) -> Judgement:
 def _generations(runs: Runs) -> Judgement:
     generations = {}
     for damping, truth in TRUTH.items():
-        course = initial_estimate("genetic", damping).trace.get(TERMS.get(damping).parameter, np.array([]))
+        details: Mapping[str, Any] = initial_estimate("genetic", damping).details
+        course = details.get("course", {}).get(TERMS.get(damping).parameter, [])
         away = np.flatnonzero(np.abs(np.asarray(course) / truth - 1) > 0.01)
         generations[damping] = int(away[-1]) + 1 if away.size else 0
     counts, most = ", ".join(f"{d} {n}" for d, n in generations.items()), max(generations.values())

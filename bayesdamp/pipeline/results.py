@@ -294,12 +294,8 @@ def _candidate(folder: Path, key: tuple[str, int, str], results: Sequence[TaskRe
                 mode = ModeContent.of(result)
                 fit = {name: getattr(mode, name) for name in ("values", "sd", "log_posterior")}
         elif kind == "estimate":
-            stages = []
-            for stage in EstimateContent.of(result).stages:
-                prefix = f"{stage.stage}/"
-                trace = {n.removeprefix(prefix): a for n, a in result.arrays.items() if n.startswith(prefix)}
-                stages.append(replace(stage, estimator=method, trace=trace))
-            estimates[method] = tuple(stages)
+            stages = EstimateContent.of(result).stages
+            estimates[method] = tuple(replace(stage, estimator=method) for stage in stages)
         elif kind == "posterior":
             draws = result.arrays.get("draws", np.empty((0, 0, 0)))
             likelihood, content = np.full(draws.shape[:2], np.nan), PosteriorContent.of(result)

@@ -100,8 +100,7 @@ class RecordContent(Content):
 class EstimateContent(Content):
     """The estimates of one estimator for one candidate (`estimate/NAME/REPEAT/CANDIDATE/ESTIMATOR`), by stage.
 
-    stages: the initial estimate and the trajectory fit that starts there, as far as the study asks for them. The arrays
-    of the result are the curves of the stages, such as training losses, under STAGE/NAME.
+    stages: the initial estimate and the trajectory fit that starts there, as far as the study asks for them.
     """
 
     stages: tuple[Estimate, ...] = ()

@@ -47,15 +47,8 @@ METHODS = (
 
 
 DETAILS = {
-    "sindy": {"selected": ["2θ̇", "θ"], "coefficients": [0.0502, -20.1], "knots_per_period": 4.4},
-    "symbolic_regression": {
-        "chosen": "f(v) = 0.1·v",
-        "pareto_chosen": 1,
-        "pareto_length": [1, 3],
-        "pareto_error": [0.2, 1e-3],
-        "pareto_expression": ["v", "0.1·v"],
-    },
-    "koopman": {"generator_eigenvalues_re": [-0.05, -0.05], "generator_eigenvalues_im": [4.48, -4.48]},
+    "sindy": {"selected": ["2θ̇", "θ"], "coefficients": [0.0502, -20.1]},
+    "symbolic_regression": {"chosen": "f(v) = 0.1·v"},
     "neural_ode": {"velocity": [-1.0, 0.0, 1.0], "force": [-0.11, 0.0, 0.1], "law": [-0.1, 0.0, 0.1]},
 }
 """What some methods store besides their estimates."""
@@ -184,12 +177,11 @@ class RunMaker:
                         "stderr": sd if stage == "refined" else math.nan,
                         "evaluations": 300 * i * repeats, "seconds": 0.3 * i * repeats,
                     })  # fmt: skip
-            trace = {"initial/loss": np.exp(-np.arange(200) / 40)} if method == "pinn" else {}
             stages = [
                 {"estimator": method, "stage": stage, "details": {}} for stage in ("initial", "refined")
             ]
             stages[0]["details"] = DETAILS.get(method, {})
-            self.put(f"estimate/{path}/{method}", {"stages": stages}, trace)
+            self.put(f"estimate/{path}/{method}", {"stages": stages}, {})
 
     def posterior(self, place: dict, path: str, kind: str) -> None:
         own = [OWN[term] for term in place["model"].split("+")]

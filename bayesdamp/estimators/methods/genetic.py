@@ -118,15 +118,9 @@ class Genetic(Estimator[GeneticOptions]):
         if not np.isfinite(best[-1]):
             raise Refusal("every trajectory within the search range is unbounded")
         values = genes.decode(np.array(leaders))
-        course = {name: values[name] for name in genes.names}
-        trace = {"best_misfit": np.array(best), "mean_misfit": np.array(mean), **course}
-        ranges = zip(genes.labels, genes.low, genes.high)
-        details = {
-            "generations": len(best) - 1,
-            "searched": [f"{name}: {low:.4g} to {high:.4g}" for name, low, high in ranges],
-        }
-        final = {name: float(each[-1]) for name, each in course.items()}
-        return Estimate(self.name, "initial", final, trace=trace, details=details, evaluations=evaluations)
+        course = {name: values[name].tolist() for name in genes.names}
+        final = {name: each[-1] for name, each in course.items()}
+        return Estimate(self.name, "initial", final, details={"course": course}, evaluations=evaluations)
 
 
 class Genes:
@@ -137,8 +131,8 @@ class Genes:
     parameters follow by harmonic balance. (If stiffness and gravity were searched themselves, most pairs would miss the
     record's frequency and so lose its phase, even if both values are nearly right.) For all other parameters the
     variable is the parameter, scaled to the search range. names: names of
-    the unknown parameters; labels: names of what is varied for each; low, high (d,): its range, in its unit (rad/s for
-    the frequency); positive (d,): whether it must not be negative.
+    the unknown parameters; low, high (d,): the range of what is varied for each, in its unit (rad/s for the frequency);
+    positive (d,): whether it must not be negative.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
@@ -172,8 +166,6 @@ class Genes:
                 centre, half = features.rest, half if signal.quantity == "angle" else a
             ranges.append((centre - half, centre + half))
         self.low, self.high = np.array(ranges).T
-        meaning = {name: "frequency" if name == "stiffness" else "midline" for name in self.balanced}
-        self.labels = [meaning.get(name, name) for name in self.names]
         self.positive = np.arange(len(self.names)) < len(self.osc.terms) + len(self.further)
 
     def decode(self, u: np.ndarray) -> dict[str, np.ndarray]:

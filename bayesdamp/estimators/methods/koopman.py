@@ -75,7 +75,7 @@ class Koopman(Estimator[KoopmanOptions]):
             signal, smoothed, problem, library, features, options.lag
         )
         rank = CLEAN_RANK if smoothed.clean else NOISY_RANK
-        one_step, generator, directions, back = decompose(before, after, lag, rank)
+        generator, directions, back = decompose(before, after, lag, rank)
 
         index = {candidate.damping: i for i, candidate in enumerate(library) if candidate.damping}
         # The observable is 2θ̇, so half of its row expresses θ̈ in the dictionary.
@@ -87,20 +87,7 @@ class Koopman(Estimator[KoopmanOptions]):
             form = osc.law.linear_form(smoothed.everywhere[0], known_restoring(problem))
             values |= form.decode(x[shapes.shape[1] :])
         values |= free_start(problem, smoothed.theta0, smoothed.omega0)
-        of_step, of_generator = np.linalg.eigvals(one_step), np.linalg.eigvals(generator)
-        of_step = of_step[np.argsort(-np.abs(of_step))]
-        of_generator = of_generator[np.argsort(-of_generator.real)]
-        details = {
-            "dictionary": [candidate.name for candidate in library],
-            "lag": lag,
-            "rank": len(one_step),
-            "acceleration": row.tolist(),
-            "step_eigenvalues_re": of_step.real.tolist(),
-            "step_eigenvalues_im": of_step.imag.tolist(),
-            "generator_eigenvalues_re": of_generator.real.tolist(),
-            "generator_eigenvalues_im": of_generator.imag.tolist(),
-        }
-        return Estimate(self.name, "initial", values, details=details, evaluations=2)
+        return Estimate(self.name, "initial", values, evaluations=2)
 
 
 def observe(
@@ -166,8 +153,8 @@ def observe(
 
 def decompose(
     before: np.ndarray, after: np.ndarray, lag: float, rank: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Compute the matrix K of one step and its generator by least squares on leading singular vectors.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compute the generator of the matrix K of one step by least squares on leading singular vectors.
 
     before, after: values of p functions, (m, p) each, `lag` (s) apart. rank: fraction of the largest singular value
     below which singular vectors are left out.
@@ -175,9 +162,9 @@ def decompose(
     Returns
     -------
     tuple
-        The one-step matrix K and its generator in 1/s, (r, r) each, in the basis of r singular vectors; the maps from
-        observables to this basis, (p, r), and back, (r, p). K and the generator multiply column vectors; the maps are
-        for rows (values @ map). The generator is (log K − log K')/(2 lag), with the matrix K' for one step backwards.
+        The generator in 1/s, (r, r), in the basis of r singular vectors; the maps from observables to this basis,
+        (p, r), and back, (r, p). The generator multiplies column vectors; the maps are for rows (values @ map). It is
+        (log K − log K')/(2 lag), with the matrices K of one step forwards and K' of one step backwards.
     """
     both = np.vstack([before, after])
     scale = np.linalg.norm(both, axis=0)
@@ -189,7 +176,7 @@ def decompose(
     backwards = np.linalg.lstsq(after, before, rcond=None)[0].T
     generator = (_log(forwards) - _log(backwards)) / (2.0 * lag)
     back = (vectors[explored] * sizes[explored, None]) * scale
-    return forwards, generator, turn / scale[:, None], back
+    return generator, turn / scale[:, None], back
 
 
 def _log(matrix: np.ndarray) -> np.ndarray:

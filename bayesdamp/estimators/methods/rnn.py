@@ -113,14 +113,12 @@ class Rnn(Estimator[RnnOptions]):
         network = RecurrentNetwork(options.cell, options.units)
         weights = network.draw(rng)
         centre, half, inside = simulator.centre, WIDEST, False
-        answers, errors, losses = [], [], []
+        estimate, sd = centre, half
         for _ in range(MOST_ROUNDS):
             own, others, record = simulator.sequences(centre, half, options.records)
-            weights, loss, error = network.train(weights, own, others, options.epochs)
+            weights, error = network.train(weights, own, others, options.epochs)
             answer = float(network.read(weights, record)[0])
-            losses.append(loss)
-            answers.append(centre + half * answer)
-            errors.append(half * error)
+            estimate, sd = centre + half * answer, half * error
             inside = abs(answer) < 0.95
             centre += half * float(np.clip(answer, -1.0, 1.0))
             if inside and half <= NARROWEST:
@@ -128,17 +126,10 @@ class Rnn(Estimator[RnnOptions]):
             half = max(NARROWEST, min(half / 2, 5.0 * half * error)) if inside else half
         if not inside:
             raise Refusal("the record's damping is outside the range on which the network was trained")
-        parameter, value = simulator.parameter, float(np.exp(answers[-1]))
+        parameter, value = simulator.parameter, float(np.exp(estimate))
         values = {parameter: value, **{name: simulator.base[name] for name in free_names(problem)}}
-        stderr = {parameter: value * errors[-1]}
-        trace = {"loss": np.concatenate(losses), parameter: np.exp(answers)}
-        details = {
-            "cell": options.cell,
-            "range": [float(np.exp(centre - half)), float(np.exp(centre + half))],
-            "relative_error": float(errors[-1]),
-            "stretches": simulator.stretches.count,
-        }
-        return Estimate(self.name, "initial", values, stderr, trace, details, evaluations=simulator.simulated)
+        stderr = {parameter: value * sd}
+        return Estimate(self.name, "initial", values, stderr, evaluations=simulator.simulated)
 
 
 class Stretches:

@@ -70,9 +70,8 @@ class Derivatives:
     t, y (n,): times in s, and samples. theta, omega, alpha (n,): the motion at all samples, in rad, rad/s, rad/s² (or m
     for rad). rows (m,): indices of the samples that the regression uses. project: smooths values (n,) at all samples as
     the record is smoothed, and returns them at the rows, (m,). integrated: number of constants of integration that were
-    guessed. freedom: effective number of independent rows. smoothing: log₁₀ of the smoothing spline's penalty; 0 for a
-    record without noise. spline: the smoothing spline of a recorded angle; None for other quantities, and for a record
-    without noise.
+    guessed. freedom: effective number of independent rows. spline: the smoothing spline of a recorded angle; None for
+    other quantities, and for a record without noise.
     """
 
     rows: np.ndarray
@@ -84,7 +83,6 @@ class Derivatives:
     project: Callable[[np.ndarray], np.ndarray]
     integrated: int
     freedom: float
-    smoothing: float
     spline: OscillationSpline | None = None
 
 
@@ -93,16 +91,13 @@ class SparseModel:
     """A sparse solution.
 
     support (p,): whether each term of the library is used. x (p,): the coefficients in natural units, 0 for unused
-    terms. threshold, ridge: settings of the regression that selected the terms, for columns and target of unit norm
-    (∞ and 0 for a solution without functions of θ). sound: whether its damping coefficients are not negative and its
+    terms. sound: whether its damping coefficients are not negative and its
     terms do not cancel each other. score: extended Bayesian information criterion of the predicted record; the smallest
     is best. It is ∞ if the solution is not sound.
     """
 
     support: np.ndarray
     x: np.ndarray
-    threshold: float
-    ridge: float
     sound: bool
     score: float = np.inf
 
@@ -168,25 +163,12 @@ class Sindy(Estimator[SindyOptions]):
         if unknown:
             values |= restoring_values(problem, state.theta, functions[:, of_theta] @ read.x[of_theta])
         values |= free_start(problem, state.theta[0], state.omega[0])
-        names = [candidate.name for candidate in library]
-        scored = [model for model in path if np.isfinite(model.score)]
         details = {
-            "selected": [names[i] for i in np.flatnonzero(best.support)],
-            "coefficients": [float(c) for c in best.x[best.support]],
-            "read_from": [names[i] for i in np.flatnonzero(read.support)],
-            "library": names,
-            "threshold": best.threshold,
-            "ridge": best.ridge,
-            "log_penalty": state.smoothing,
-            "path_threshold": [model.threshold for model in scored],
-            "path_terms": [int(model.support.sum()) for model in scored],
-            "path_score": [model.score for model in scored],
+            "selected": [library[i].name for i in np.flatnonzero(best.support)],
+            "coefficients": best.x[best.support].tolist(),
         }
-        trace = {"score": np.array(details["path_score"])}
         outcome = compare_selection(library, best.support, own | (of_theta & unknown))
-        return Estimate(
-            self.name, "initial", values, stderr, trace, details, evaluations=len(path), outcome=outcome
-        )
+        return Estimate(self.name, "initial", values, stderr, details, evaluations=len(path), outcome=outcome)
 
 
 def _differentiate(signal: Signal, problem: Problem, features: Features) -> Derivatives:
@@ -197,9 +179,7 @@ def _differentiate(signal: Signal, problem: Problem, features: Features) -> Deri
     if plain.clean:
         rows = np.flatnonzero(np.isin(t, plain.t))
         freedom = float(rows.size)
-        return Derivatives(
-            rows, t, y, *plain.everywhere, plain.project, plain.integrated, freedom, smoothing=0.0
-        )
+        return Derivatives(rows, t, y, *plain.everywhere, plain.project, plain.integrated, freedom)
     spline = OscillationSpline([part.t for part in parts], y, features.period)
     inside = []
     for part in parts:
@@ -218,7 +198,6 @@ def _differentiate(signal: Signal, problem: Problem, features: Features) -> Deri
         project=lambda x: spline.smooth(x)[rows],
         integrated=constants,
         freedom=max(spline.freedom, 4.0),
-        smoothing=spline.log_penalty,
         spline=None if DERIVATIVES[signal.quantity] else spline,
     )
 
@@ -242,15 +221,12 @@ def sparse_models(
     a, b = small[:, :-1], small[:, -1]
     damping, others = np.flatnonzero(dissipates), np.flatnonzero(~dissipates)
 
-    def solution(mask: np.ndarray, threshold: float, ridge: float) -> tuple[SparseModel, float]:
-        """Return the least squares solution with the terms in `mask`, and its residual sum of squares.
-
-        threshold, ridge: settings that selected the terms, which are only recorded.
-        """
+    def solution(mask: np.ndarray) -> tuple[SparseModel, float]:
+        """Return the least squares solution with the terms in `mask`, and its residual sum of squares."""
         x = np.zeros(mask.size)
         x[mask] = np.linalg.lstsq(a[:, mask], b, rcond=1e-12)[0]
         sound = bool(np.all(x[dissipates] >= 0) and np.abs(x).sum() <= MOST_CANCELLATION)
-        model = SparseModel(mask, x / (scale / size), threshold, ridge, sound)
+        model = SparseModel(mask, x / (scale / size), sound)
         return model, float(np.sum((b - a @ x) ** 2))
 
     config_context = optional_package("sklearn").config_context
@@ -275,12 +251,12 @@ def sparse_models(
                 mask = base.copy()
                 mask[others] = weights != 0.0
                 if mask.tobytes() not in with_others:
-                    model, left = solution(mask, threshold, ridge)
+                    model, left = solution(mask)
                     score = freedom * np.log(left + 1e-300) + np.log(freedom) * mask.sum()
                     with_others[mask.tobytes()] = score, model
                 threshold = max(float(weights[weights != 0.0].min()), threshold) * (1 + 1e-9) + 1e-300
         ranked = sorted(with_others.values(), key=lambda pair: (not pair[1].sound, pair[0]))
-        path += [solution(base, np.inf, 0.0)[0], *(model for _, model in ranked[:TESTED])]
+        path += [solution(base)[0], *(model for _, model in ranked[:TESTED])]
     return path
 
 

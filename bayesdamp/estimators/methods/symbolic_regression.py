@@ -123,22 +123,12 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
         scores = n * np.log(errors + FLOOR) + options.penalty * np.log(n) * np.array(lengths)
         chosen = int(np.argmin(np.where(np.isfinite(scores), scores, np.inf)))
         expression = without_the_negligible(expressions[chosen], force.omega, NEGLIGIBLE)
-        values, width, how = _read(force, expression, problem, features)
+        values, how = _read(force, expression, problem, features)
         start = {"theta0": force.motion.theta0, "omega0": force.motion.omega0}
         free = {**force.restoring(values_of(expression, force.omega)), **start}
         values |= {name: free[name] for name in free_names(problem)}
-        relative = np.sqrt(errors)
-        details = {
-            "chosen": f"f(v) = {text_of(expression)}",
-            "read": how,
-            "epsilon_found": width if width is not None else "none",
-            "pareto_chosen": chosen,
-            "pareto_length": lengths,
-            "pareto_error": relative.tolist(),
-            "pareto_expression": [text_of(expression) for expression in expressions],
-        }
-        trace = {"length": np.array(lengths, float), "relative_error": relative}
-        return Estimate(self.name, "initial", values, trace=trace, details=details, evaluations=models)
+        details = {"chosen": f"f(v) = {text_of(expression)}", "read": how}
+        return Estimate(self.name, "initial", values, details=details, evaluations=models)
 
 
 class Force:
@@ -259,11 +249,11 @@ def _polish(force: Force, expression: Any) -> Any:
 
 def _read(
     force: Force, expression: Any, problem: Problem, features: Features
-) -> tuple[dict[str, float], float | None, str]:
-    """Return the damping parameters by name, the width of a tanh (rad/s), and a clause on how they were obtained.
+) -> tuple[dict[str, float], str]:
+    """Return the damping parameters by name, and a clause on how they were obtained.
 
-    The width is that of the expression's tanh(θ̇/width) that is nearest to ε (the known value, or 2 % of the peak
-    velocity); None if there is none, or if no term of the model has a tanh.
+    The width of a tanh in the damping law is ε (the known value, or 2 % of the peak velocity), or the width in the
+    expression that is nearest to ε.
     """
     from bayesdamp.estimators.expressions import values_of, widths_of
 
@@ -290,27 +280,19 @@ def _read(
     fastest = float(np.abs(force.omega).max())
     own = [abs(width) for width in widths_of(expression)] if osc.switches else []
     own = sorted((w for w in own if w > 0), key=lambda width: abs(width - epsilon))
-    switch = own[0] if own else None
     near = [width for width in own if abs(width - epsilon) <= MOST_WIDTH_DIFFERENCE * fastest]
     for width in [*near[:1], epsilon]:
         columns = shapes(width)
         c = solve(columns, f)
         if np.sqrt(np.mean((f - columns @ c) ** 2)) <= MOST_DIFFERENCE * np.sqrt(np.mean(f**2)):
-            return values(c), switch, "constants of the expression, which has the form of the damping law"
+            return values(c), "constants of the expression, which has the form of the damping law"
     smooth = np.column_stack([force.motion.project(column) for column in shapes(epsilon).T])
     projected, omega = force.motion.project(f), force.motion.omega
     if len(osc.terms) == 1:
         c = np.atleast_1d(projected @ omega / (smooth[:, 0] @ omega))
-        return (
-            values(c),
-            switch,
-            "coefficient with which the term dissipates as much energy as the expression",
-        )
-    return (
-        values(solve(smooth, projected)),
-        switch,
-        "coefficients with which the sum of terms fits the expression best",
-    )
+        return values(c), "coefficient with which the term dissipates as much energy as the expression"
+    fitted = values(solve(smooth, projected))
+    return fitted, "coefficients with which the sum of terms fits the expression best"
 
 
 PLUGIN = SymbolicRegression()

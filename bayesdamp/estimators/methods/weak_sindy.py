@@ -116,7 +116,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         x[base] = near
         white = whiten(rows, x, sigma, np.ones(len(library), bool))
 
-        path, names = sparse_path(white, dissipates, sigma), [candidate.name for candidate in library]
+        path = sparse_path(white, dissipates, sigma)
         nothing = replace(solve_support(white, own, sigma), support=np.zeros(own.size, bool))
         best = min(path, key=lambda solution: solution.score, default=nothing)
         # The damping model is given: its terms are always used, and no others, except functions of θ that correct a
@@ -124,11 +124,10 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         guessed = DERIVATIVES[signal.quantity] > 0 and not {"theta0", "omega0"} <= set(problem.system.known)
         allowed = base | (of_theta & guessed)
         support = (best.support & allowed) | own
-        course, fit = [], best
+        fit = best
         for _ in range(ROUNDS):
             fit = solve_support(white, support, sigma)
             white = whiten(rows, fit.x, sigma, support)
-            course.append(float(fit.x[own][0]))
 
         values, stderr = damping_values(problem, library, fit.x, fit.stderr)
         if not all_known:
@@ -140,20 +139,12 @@ class WeakSindy(Estimator[WeakSindyOptions]):
             smoothed = motion(signal, problem, features)
             values |= free_start(problem, smoothed.theta0, smoothed.omega0)
         details = {
-            "selected": [names[i] for i in np.flatnonzero(best.support)],
-            "coefficients": [float(c) for c in best.x[best.support]],
-            "library": names,
-            "threshold": best.threshold,
-            "width_in_periods": width,
-            "test_functions": int(rows.inertia.size),
-            "path_threshold": [solution.threshold for solution in path],
-            "path_terms": [int(solution.support.sum()) for solution in path],
-            "path_score": [solution.score for solution in path],
+            "selected": [library[i].name for i in np.flatnonzero(best.support)],
+            "coefficients": best.x[best.support].tolist(),
         }
-        trace, outcome = {"coefficient": np.array(course)}, compare_selection(library, best.support, allowed)
-        evaluations = len(path) + ROUNDS
+        outcome, evaluations = compare_selection(library, best.support, allowed), len(path) + ROUNDS
         return Estimate(
-            self.name, "initial", values, stderr, trace, details, evaluations=evaluations, outcome=outcome
+            self.name, "initial", values, stderr, details, evaluations=evaluations, outcome=outcome
         )
 
 

@@ -172,19 +172,10 @@ def estimate(
     loss = Collocation(signal, problem, features, rng, options)
     count, last = loss.network.count, loss.network.count + len(loss.coefficients)
     training = train(descend(loss.evaluate, loss.first), options.rounds, lambda x: x[count:last])
-    if not np.all(np.isfinite(training.losses)):
+    if not np.isfinite(training.loss):
         raise Refusal("the training of the network gave numbers that are not finite")
-    watched = training.watched * loss.units[: last - count]
     values = dict(zip((*loss.coefficients, *loss.restoring), (training.x[count:] * loss.units).tolist()))
     x = torch.from_numpy(training.x)
     angle, velocity = loss.motion(x, loss.begin_inputs)[0].tolist()
     values |= free_start(problem, loss.rest + loss.a * angle, loss.a * loss.w * velocity)
-    trace = {"loss": training.losses, **dict(zip(loss.coefficients, watched.T))}
-    details = {
-        "start": options.start,
-        "started_from": watched[0].tolist(),
-        "data_rms": loss.data(x).norm().item(),  # in amplitudes
-        "physics_rms": loss.physics(x).norm().item() / loss.physics_weight**0.5,  # in units of Aω²
-    }
-    count, outcome = training.evaluations, training.outcome
-    return Estimate("pinn", "initial", values, {}, trace, details, evaluations=count, outcome=outcome)
+    return Estimate("pinn", "initial", values, evaluations=training.evaluations, outcome=training.outcome)

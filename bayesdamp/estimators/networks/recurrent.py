@@ -69,7 +69,7 @@ class RecurrentNetwork:
         own: tuple[np.ndarray, np.ndarray],
         others: tuple[np.ndarray, np.ndarray],
         epochs: int,
-    ) -> tuple[np.ndarray, list[float], float]:
+    ) -> tuple[np.ndarray, float]:
         """Train the weights further, until the error on the sequences `others` has not fallen for `PATIENCE` rounds.
 
         Parameters
@@ -84,9 +84,8 @@ class RecurrentNetwork:
 
         Returns
         -------
-        ndarray, list of float, float
-            The weights with the smallest root mean square error on `others`; the loss after each round, which is the
-            mean square error on `own`; and the smallest error on `others`.
+        ndarray, float
+            The weights with the smallest root mean square error on `others`, and this error.
         """
         sequences, targets = torch.from_numpy(own[0]), own[1]
         unit = len(targets) ** -0.5
@@ -98,15 +97,14 @@ class RecurrentNetwork:
                 lambda: unit * jacobian(lambda rows: self.answers(rows, sequences), rows)[1].numpy(),
             )
 
-        losses, errors, best = [], [], weights
+        errors, best = [], weights
         for point in descend(evaluate, weights):
-            losses.append(point.loss)
             errors.append(float(np.sqrt(np.mean((self.read(point.x, others[0]) - others[1]) ** 2))))
             if errors[-1] == min(errors):
                 best = point.x
-            if min(errors) < min(errors[-PATIENCE:]) or len(losses) > epochs:
+            if min(errors) < min(errors[-PATIENCE:]) or len(errors) > epochs:
                 break
-        return best, losses, min(errors)
+        return best, min(errors)
 
     @torch.no_grad()
     def read(self, weights: np.ndarray, sequences: np.ndarray) -> np.ndarray:

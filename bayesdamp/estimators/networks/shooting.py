@@ -256,18 +256,17 @@ def estimate(
     if not np.all(np.isfinite(training.watched)):
         raise Refusal("the training of the network gave trajectories that are not finite")
     x, coefficients = training.x, training.watched * loss.units
-    values = dict(zip(loss.coefficients, coefficients[-1].tolist()))
+    values = dict(zip(loss.coefficients, coefficients.tolist()))
     values |= dict(zip(loss.restoring, (x[loss.count : loss.physical] * loss.free_units.numpy()).tolist()))
     angle, velocity = x[loss.physical : loss.physical + 2].tolist()
     values |= free_start(problem, loss.rest + loss.a * angle, loss.a * loss.w * velocity)
     peak = loss.paths(torch.from_numpy(x))[..., 1].abs().max().item()
     grid = torch.linspace(-peak, peak, GRID, dtype=REAL)
-    law = loss.damping_shapes(loss.a * loss.w * grid) @ torch.from_numpy(coefficients[-1])
+    law = loss.damping_shapes(loss.a * loss.w * grid) @ torch.from_numpy(coefficients)
     details = {
         "velocity": (loss.a * loss.w * grid).tolist(),
         "force": (loss.a * loss.w**2 * loss.force(torch.from_numpy(x), grid)).tolist(),
         "law": law.tolist(),
     }
-    trace = {"loss": training.losses, **dict(zip(loss.coefficients, coefficients.T))}
     count, outcome = training.evaluations, training.outcome
-    return Estimate("neural_ode", "initial", values, {}, trace, details, evaluations=count, outcome=outcome)
+    return Estimate("neural_ode", "initial", values, details=details, evaluations=count, outcome=outcome)

@@ -243,12 +243,12 @@ def descend(evaluate: Callable[[np.ndarray], Evaluated], x: np.ndarray) -> Itera
 class Training:
     """The result of a training.
 
-    x (k,): the last unknowns. losses (r,), watched (r, m): the loss and the watched numbers of each of r rounds.
-    evaluations: number of evaluations of the residuals. outcome: OK, or a sentence that it had not converged.
+    x (k,), loss, watched (m,): the unknowns, the loss and the watched numbers of the last round. evaluations: number of
+    evaluations of the residuals. outcome: OK, or a sentence that it had not converged.
     """
 
     x: np.ndarray
-    losses: np.ndarray
+    loss: float
     watched: np.ndarray
     evaluations: int
     outcome: str
@@ -284,8 +284,7 @@ def train(
     Returns
     -------
     Training
-        The unknowns after the last round, and the course of the training. If it did not converge within `rounds`, the
-        outcome says so.
+        The last round. If the training did not converge within `rounds`, the outcome says so.
     """
     course: list[Round] = []
     watched: list[np.ndarray] = []
@@ -304,8 +303,7 @@ def train(
         if len(course) > rounds:
             outcome = f"training had not converged after {rounds} rounds"
             break
-    losses = np.array([point.loss for point in course])
-    return Training(course[-1].x, losses, np.array(watched), course[-1].evaluations, outcome)
+    return Training(course[-1].x, course[-1].loss, watched[-1], course[-1].evaluations, outcome)
 
 
 class ScaledRecord:

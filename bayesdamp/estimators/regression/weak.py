@@ -206,7 +206,6 @@ class Solution:
     support (p,): whether each term is used. left: residual sum of squares. expected: its expectation from the noise of
     inertia and columns. sound: whether the terms can be distinguished despite the noise; otherwise the coefficients are
     not corrected for bias. score: Bayesian information criterion for errors of known size; the smallest is best.
-    threshold: the smallest |x|/stderr of its terms.
     """
 
     support: np.ndarray
@@ -216,7 +215,6 @@ class Solution:
     expected: float
     sound: bool
     score: float = np.inf
-    threshold: float = np.inf
 
 
 def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Solution:
@@ -270,7 +268,7 @@ def sparse_path(white: WhiteRows, dissipates: np.ndarray, sigma: float) -> list[
                 variance = solution.expected / white.count + floor**2
                 score = solution.left / variance + white.count * np.log(variance)
                 score += mask.sum() * np.log(white.count)
-                path.append(replace(solution, score=float(score), threshold=float(t.min())))
+                path.append(replace(solution, score=float(score)))
             others = np.flatnonzero(mask & ~dissipates)
             if others.size == 0:
                 break

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
-
 from bayesdamp.estimators import ESTIMATORS, run as run_estimator
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
@@ -31,8 +27,7 @@ from bayesdamp.types import OK, Refusal
 def compute_estimate(candidate: StudyCandidate, method: str, seed: int) -> Product:
     """Run one estimator in the stages of the study: its initial estimate, and the trajectory fit that starts there.
 
-    The content is an `EstimateContent`. The arrays are the curves of the stages (such as training losses), named
-    STAGE/NAME. `method` is the name of an estimator or of a variant.
+    The content is an `EstimateContent`. `method` is the name of an estimator or of a variant.
     """
     use = candidate.study.estimators
     stages = run_estimator(
@@ -43,8 +38,7 @@ def compute_estimate(candidate: StudyCandidate, method: str, seed: int) -> Produ
         stages=use.stages,
         seed=seed,
     )
-    trace = {f"{stage.stage}/{n}": np.asarray(v) for stage in stages for n, v in stage.trace.items()}
-    return Product(EstimateContent(tuple(replace(stage, trace={}) for stage in stages)), trace)
+    return Product(EstimateContent(tuple(stages)))
 
 
 COMPUTE = {

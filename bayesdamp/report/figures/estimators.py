@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import NullFormatter
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
@@ -32,31 +31,6 @@ the row, as a fraction of the height."""
 _MARKS = "osD^vP*Xph<>"
 LOWEST_ERROR, HIGHEST_ERROR = 1e-7, 1e3
 """Limits in per cent to which `sweep` clips errors."""
-
-
-def traces(curves: Mapping[str, np.ndarray]) -> Figure:
-    """Draw the progress of iterative methods, a panel for each curve.
-
-    A vertical axis is logarithmic if all finite values are positive and span more than two decades.
-
-    Parameters
-    ----------
-    curves
-        For each title, the values by iteration, (n,).
-    """
-    columns = min(MOST_IN_ROW, len(curves))
-    rows = -(-len(curves) // columns)
-    figure = Figure(figsize=(WIDTH * max(0.3, columns / MOST_IN_ROW), 1.6 * rows + 0.1))
-    for i, (title, curve) in enumerate(curves.items()):
-        ax = figure.add_subplot(rows, columns, i + 1)
-        ax.plot(np.arange(len(curve)), curve, color=INK, lw=0.9)
-        finite = curve[np.isfinite(curve)]
-        if finite.size and finite.min() > 0 and finite.max() > 100 * finite.min():
-            ax.set_yscale("log")
-            ax.yaxis.set_minor_formatter(NullFormatter())
-        ax.set_title(title, fontsize=8)
-        ax.set_xlabel("iteration")
-    return figure
 
 
 def estimate_panels(estimates: Sequence[CoefficientEstimates]) -> Figure:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
@@ -18,7 +17,6 @@ from bayesdamp.report.figures.estimators import (
     estimate_panels,
     force,
     sweep,
-    traces,
 )
 from bayesdamp.report.results.estimators import (
     FACTORS,
@@ -52,19 +50,6 @@ from bayesdamp.types import OK
 
 Details = Mapping[str, Any]
 """Further results of an estimator by name, as it stores them."""
-MOST_LISTED = 20
-"""Largest number of values of a list that is shown among the further results of a method; the others are curves."""
-TABULATED = {
-    "selected", "coefficients", "chosen", "pareto_chosen", "pareto_length", "pareto_error", "pareto_expression",
-    "path_threshold", "path_terms", "path_score",
-}  # fmt: skip
-"""Names of details that have a table of their own, or that are intermediate steps."""
-TRACES = (
-    "The title of each panel names the method, the stage (initial: the method's own estimate; refined: the trajectory "
-    "fit that starts there) and the quantity that is drawn: a damping coefficient, or a measure of the misfit or of "
-    "the size of the model. The rms of a trajectory fit is its root mean square residual in the unit of the record. "
-    "For SINDy and symbolic regression the axis counts models of different sparsity or length instead of iterations."
-)
 PANELS = (
     "Each method's own estimate (open circle) and the result of the trajectory fit that starts there (filled circle), "
     "in repeat 1. An arrow with a number stands for an estimate that is off the axis. Dashed line: the true value, if "
@@ -123,38 +108,18 @@ class EstimatesSection(SignalSection):
                 continue
             models[model] = [_table(run, signal, model, rows)]
             if is_drawn(run, place):
-                models[model] = _drawn(run, signal, repeat, model, models[model])
+                models[model] = [*_drawn(run, signal, model), *models[model]]
             models[model] += _further_results(run, signal, model) if model == best else []
         return by_model(models)
 
 
-def _drawn(run: RunFolder, signal: str, repeat: int, model: str, tables: list[object]) -> list[object]:
-    """Return the figure of the estimates, the given `tables`, and the figure of the iterations, for one model.
-
-    The figure of the estimates is left out without two values to compare, the other without an iterative method.
-    """
-    content = [*tables]
+def _drawn(run: RunFolder, signal: str, model: str) -> list[object]:
+    """Return the figure of the estimates for one model; an empty list without two values to compare."""
     compared = [e for e in estimates_of(run, signal, model) if len(e.methods) + bool(e.posterior) > 1]
-    if compared:
-        caption = (
-            f"Coefficients of {words.model(model)} damping, estimated from the record {signal}. {PANELS}"
-        )
-        draw = partial(estimate_panels, compared)
-        content.insert(0, run.drawings.add(f"estimates-{signal}-{model}", caption, draw))
-    curves = {
-        f"{words.method(task_result.parts.method)}: {name.replace('_', ' ').replace('/', ' ')}": curve
-        for task_result in run.task_results("estimate", signal, repeat, model)
-        for name, curve in task_result.arrays.items()
-        if curve.ndim == 1 and curve.size >= 3 and np.issubdtype(curve.dtype, np.number)
-    }
-    if curves:
-        caption = (
-            f"Progress of the iterative methods on the record {signal} under {words.model(model)} damping. "
-            f"{TRACES}"
-        )
-        figure = run.drawings.add(f"traces-{signal}-{model}", caption, partial(traces, curves))
-        content.append(collapsible("How the iterative methods converged", figure))
-    return content
+    if not compared:
+        return []
+    caption = f"Coefficients of {words.model(model)} damping, estimated from the record {signal}. {PANELS}"
+    return [run.drawings.add(f"estimates-{signal}-{model}", caption, partial(estimate_panels, compared))]
 
 
 def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Table:
@@ -219,7 +184,7 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Tabl
 
 
 def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
-    """Return what some methods compute besides the coefficients: terms, expressions, forces, settings.
+    """Return what some methods compute besides the coefficients: terms, expressions, forces.
 
     The list is empty if no method stored any.
     """
@@ -245,19 +210,6 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
         )
         parts.append(Table(["method", "damping"], damping, (0, 1), caption))
     for method, details in by_method.items():
-        if "pareto_expression" in details:
-            front = zip(details["pareto_length"], details["pareto_error"], details["pareto_expression"])
-            chosen = details.get("pareto_chosen")
-            lines = [
-                TableLine([str(length), fmt.number(error, 3), text], "best" if i == chosen else "")
-                for i, (length, error, text) in enumerate(front)
-            ]
-            caption = (
-                "The expressions for the damping force that have the smallest error for their length (number of nodes "
-                "in the expression tree). v: velocity. Bold: the chosen expression."
-            )
-            table = Table(["length", "relative error", "expression"], lines, (2,), caption)
-            parts.append(collapsible(f"The Pareto front of {words.method(method)}", table))
         if {"velocity", "force", "law"} <= set(details):
             curves = (details[k] for k in ("velocity", "force", "law"))
             draw = partial(force, *curves, model, run.unit(signal).base)
@@ -267,30 +219,7 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
                 "divided by the mass or the moment of inertia."
             )
             parts.append(run.drawings.add(f"force-{method}-{signal}-{model}", caption, draw))
-        rest = [
-            [name.replace("_", " "), _plain(value)]
-            for name, value in details.items()
-            if name not in TABULATED
-            and (
-                isinstance(value, (str, int, float))
-                or (isinstance(value, list) and len(value) <= MOST_LISTED)
-            )
-        ]
-        if rest:
-            parts.append(
-                collapsible(
-                    f"Settings and further results: {words.method(method)}",
-                    Table(["quantity", "value"], rest, (0, 1)),
-                )
-            )
     return [Markup("<h4>Further results of the methods</h4>"), stack(*parts)] if parts else []
-
-
-def _plain(value: object) -> str:
-    """Return a setting as text: a number, a word, or a list of these."""
-    if isinstance(value, list):
-        return fmt.listing(map(_plain, value))
-    return fmt.number(value, 4) if isinstance(value, float) else str(value)
 
 
 class ComparisonSection(Section):

@@ -32,7 +32,6 @@ def test_a_training_neither_uses_nor_changes_the_random_numbers_and_settings_of_
     assert initial("pinn", *record, **SHORT["pinn"]).values == first.values
     assert torch.equal(before, torch.get_rng_state())
     assert settings == (torch.get_num_threads(), torch.get_default_dtype())
-    assert {"loss", "zeta"} <= set(first.trace)
     assert initial("pinn", *record, seed=2, **SHORT["pinn"]).values != first.values
 
 
@@ -45,7 +44,6 @@ def test_networks_recover_the_damping_of_the_papers_pendulum(name, damping):
     estimate = initial(name, *pendulum(damping, samples=2000))
     assert error(estimate.values[parameter], truth) < INITIAL[name] / 4
     assert estimate.outcome == "ok"
-    assert estimate.trace[parameter][-1] == estimate.values[parameter]
     if name == "neural_ode":
         velocity, force, law = (np.array(estimate.details[key]) for key in ("velocity", "force", "law"))
         assert force == pytest.approx(-force[::-1], abs=1e-12)
