@@ -24,12 +24,12 @@ end, and between. Simulated records come from SciPy's DOP853, and the truth from
 The last column is the error of a method over that of bayesdamp on the records that both answered, a geometric mean.
 The brackets contain 95 % intervals. Seconds are CPU seconds of one thread without imports.
 
-Decrement, the Hilbert envelope with one line, half power and curve_fit give one number for all amplitudes, which is
-scored at each. Their errors show that the damping depends on the amplitude, not that bayesdamp
-fits better than a good script. The script is such a one, of about 130 lines, as an engineer could write it in an
-afternoon. It solves the motion of viscous, Coulomb and quadratic damping on a cubic spring or a pendulum by Runge-Kutta
-steps, fits each of the seven sums by least squares, weighs the sums by BIC, names a sum at a weight of 0.95, and
-averages intervals from the Jacobians over the sums. It gets the same input as the other methods.
+Decrement and curve_fit give one number for all amplitudes, which is scored at each. Their errors show that the damping
+depends on the amplitude, not that bayesdamp fits better than a good script. The script is such a one, of about 130
+lines, as an engineer could write it in an afternoon. It solves the motion of viscous, Coulomb and quadratic damping on
+a cubic spring or a pendulum by Runge-Kutta steps, fits each of the seven sums by least squares, weighs the sums by BIC,
+names a sum at a weight of 0.95, and averages intervals from the Jacobians over the sums. It gets the same input as the
+other methods.
 
 - **family**: sums of viscous, Coulomb and quadratic damping on four springs, noise of 0.3 to 3 %, 8 to 60 cycles. Each
   is drawn until its true sum is 12 nats or more ahead of every sum that lacks one of its terms, so that the record can
@@ -44,11 +44,10 @@ averages intervals from the Jacobians over the sums. It gets the same input as t
 """
 HOW = """## How each was run
 
-- Decrement: peaks at least 0.7 periods apart, a straight line through their logarithms. For this and the next three,
+- Decrement: peaks at least 0.7 periods apart, a straight line through their logarithms. For this and the next one,
   the rest position is the mean of the last whole cycles, at most five.
-- Hilbert: without the first and last cycle; one line through ln(envelope), or at each amplitude a line through a
-  quarter of its range on either side.
-- Half power: the spectrum of the whole record, without a window, padded with zeros.
+- Hilbert: without the first and last cycle; at each amplitude a line through a quarter of the range of ln(envelope) on
+  either side.
 - curve_fit: an exponentially decaying cosine, starting at the frequency of the spectrum; the interval is 1.96 sd of its
   covariance.
 - PySINDy: its thresholded least squares (0.1 in SI units), its smoothed differences, a library of x, v, sign v, v|v|.

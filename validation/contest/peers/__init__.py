@@ -17,9 +17,7 @@ OURS = "bayesdamp"
 """Name of the peer that is bayesdamp."""
 ROSTER: dict[str, Callable[[np.ndarray, np.ndarray, tuple[float, ...]], Reply]] = {
     "logarithmic decrement": textbook.decrement,
-    "Hilbert envelope, one line": textbook.envelope,
-    "Hilbert envelope, a line at each amplitude": textbook.local_envelope,
-    "half-power bandwidth": textbook.half_power,
+    "Hilbert envelope, a line at each amplitude": textbook.envelope,
     "SciPy curve_fit, decaying cosine": textbook.decaying_cosine,
     "PySINDy": sindy.answer,
     "an engineer's script": script.answer,

@@ -1,4 +1,4 @@
-"""Define the textbook methods: logarithmic decrement, Hilbert envelope, half-power bandwidth, decaying cosine."""
+"""Define the textbook methods: logarithmic decrement, Hilbert envelope, decaying cosine."""
 
 from __future__ import annotations
 
@@ -29,8 +29,6 @@ NEAR = 0.25
 fraction of the range of ln(envelope)."""
 LEAST_SAMPLES = 8
 """Least number of samples of the envelope to which a line is fitted; with fewer, the record is refused."""
-PADDING = 16
-"""Factor by which padding with zeros lengthens the record, so that the peak of its spectrum has several points."""
 GUESS = 0.02
 """Damping ratio from which the fit of a decaying cosine starts."""
 
@@ -54,12 +52,6 @@ def decrement(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Re
 
 
 def envelope(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Return the damping ratio from one line through the whole log Hilbert envelope, the same for all amplitudes."""
-    times, size, omega = _envelope(t, y)
-    return one_number(_ratio(times, size, omega), amplitudes)
-
-
-def local_envelope(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
     """Return damping ratios from a line through the log envelope near each amplitude (Feldman's FREEVIB, MSSP 8, 1994).
 
     Raises Refusal if the envelope has too few samples near an amplitude.
@@ -95,27 +87,6 @@ def _ratio(times: np.ndarray, size: np.ndarray, omega: float) -> float:
     """Return the damping ratio from the slope of a line through the log envelope `size`; omega: frequency in rad/s."""
     rate = -float(np.polyfit(times, size, 1)[0])
     return rate / float(np.hypot(rate, omega))
-
-
-def half_power(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
-    """Return the damping ratio, for all amplitudes, as half the half-power bandwidth over the frequency of the peak.
-
-    The spectrum is that of the whole record without a window function.
-
-    Raises Refusal if the peak does not fall to half power on both sides.
-    """
-    grid, values = even(t, y)
-    x = about_rest(grid, values, spectral_peak(grid, values))
-    size = np.abs(np.fft.rfft(x, PADDING * x.size))
-    top = int(np.argmax(size[PADDING:])) + PADDING
-    level = size[top] / np.sqrt(2)
-    low, high = np.flatnonzero(size[:top] < level), np.flatnonzero(size[top:] < level)
-    if not (low.size and high.size):
-        raise Refusal("the spectrum's peak does not fall to half its power")
-    a, b = int(low[-1]), top + int(high[0])
-    left = a + (level - size[a]) / (size[a + 1] - size[a])
-    right = b - (level - size[b]) / (size[b - 1] - size[b])
-    return one_number(float(0.5 * (right - left) / top), amplitudes)
 
 
 def decay(t: np.ndarray, size: float, ratio: float, omega: float, phase: float, rest: float) -> np.ndarray:
