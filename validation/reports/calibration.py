@@ -1,19 +1,18 @@
 """Write the page of a calibration or a model recovery: `python -m validation.reports.calibration FOLDER`.
 
-FOLDER has the run. The page states what this number of records can decide: the size of an effect that a test detects.
+FOLDER has the run.
 """
 
 from __future__ import annotations
 
 import json
 import sys
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binom, binomtest, norm
+from scipy.stats import norm
 
 from bayesdamp.calibrate.tables import FALSE_ALARM
 from bayesdamp.formatting import markdown_table as table
@@ -22,37 +21,7 @@ from validation.rows import read_rows, where
 LEVEL = 0.95
 """Probability of the intervals on which the page reports."""
 POWER = 0.8
-"""Probability with which a test must detect an effect whose size the page states (conventional)."""
-
-
-@lru_cache
-def rejected(n: int, level: float, alarm: float) -> np.ndarray:
-    """Return a mask (n + 1,): whether a binomial test rejects k of n intervals containing the truth, for k = 0 to n.
-
-    The test is exact and two-sided, with the false-alarm rate `alarm`; its null hypothesis is that an interval contains
-    the truth with probability `level`.
-    """
-    return np.array([binomtest(k, n, level).pvalue < alarm for k in range(n + 1)])
-
-
-def power(n: int, level: float, alarm: float, width: float) -> float:
-    """Return the probability that the test of `rejected` detects intervals with `width` times the correct width.
-
-    level: stated probability of the intervals. The posterior is normal, and `n` records are tested with the false-alarm
-    rate `alarm`.
-    """
-    inside = 2 * norm.cdf(width * norm.ppf(0.5 + 0.5 * level)) - 1
-    return float(binom.pmf(np.arange(n + 1), n, inside)[rejected(n, level, alarm)].sum())
-
-
-def narrowest_passed(n: int, level: float, alarm: float) -> float:
-    """Return the largest relative width below 1 of intervals that the coverage test still detects; 0 without one.
-
-    Detected means that the probability (`power`) is at least `POWER`. Widths have steps of 0.01. n, level, alarm:
-    number of records, stated probability of the intervals, and false-alarm rate of the test.
-    """
-    percents = (percent / 100 for percent in range(99, 0, -1))
-    return next((width for width in percents if power(n, level, alarm, width) >= POWER), 0.0)
+"""Probability with which a test must detect an error whose size the page states (conventional)."""
 
 
 def calibration(run: dict[str, Any], rows: pd.DataFrame) -> str:
@@ -61,8 +30,6 @@ def calibration(run: dict[str, Any], rows: pd.DataFrame) -> str:
     posterior, classical = (result["families"][name] for name in ("posterior", "classical"))
     counts = {model: int(count["counted"]) for model, count in result["counts"].items()}
     fewest = min(counts.values())
-    single = narrowest_passed(fewest, LEVEL, 0.05)
-    whole = narrowest_passed(fewest, LEVEL, FALSE_ALARM / max(posterior["tests"], 1))
     lines = []
     for model, count in counts.items():
         own = where(rows, model=model, method="nuts", level=LEVEL)["value"]
@@ -78,9 +45,7 @@ On {sum(counts.values())} records, {posterior["wrong"]} of {posterior["tests"]} 
 The parameters of each record, including its noise, are drawn from the priors of the inference \
 ({run["description"].rstrip(".")}). If the inference is correct, the ranks of the truth among the draws of NUTS and \
 emcee are uniform (Talts et al. 2018), and intervals contain the truth at their stated rate. The Holm correction \
-covers all checks of a table. There are at least {fewest} records for each damping. With {fewest} records, a single \
-check (5 %) detects 95 % intervals of one parameter that are {1 - single:.0%} too narrow in every record with a \
-probability of {POWER:g}; with the correction for the whole table, they must be {1 - whole:.0%} too narrow.
+covers all checks of a table. There are at least {fewest} records for each damping.
 
 {table(["damping", "records", "attempted", coverage], lines)}
 
