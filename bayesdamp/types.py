@@ -37,20 +37,11 @@ class InputError(BayesdampError):
 
     what: the fault, and what to do. where: the file, record, option or argument; at: the position in it, such as a
     line; both may be empty. arguments: names of arguments of `read` by which the user can resolve the
-    error; the message names the corresponding command line options. likely: most probable values of some of these
-    arguments, by name.
+    error; the message names the corresponding command line options.
     """
 
-    def __init__(
-        self,
-        what: str,
-        where: str = "",
-        at: str = "",
-        arguments: Sequence[str] = (),
-        likely: Mapping[str, str] | None = None,
-    ) -> None:
+    def __init__(self, what: str, where: str = "", at: str = "", arguments: Sequence[str] = ()) -> None:
         self.what, self.where, self.at, self.arguments = what, where, at, tuple(arguments)
-        self.likely = dict(likely or {})
         place = ", ".join(filter(None, (where, at)))
         options = ", ".join(f"--{_OPTIONS.get(a, a).replace('_', '-')}" for a in self.arguments)
         super().__init__((f"{place}: {what}" if place else what) + (f" ({options})" if options else ""))
@@ -58,7 +49,7 @@ class InputError(BayesdampError):
     def naming(self, name: Callable[[str], str]) -> InputError:
         """Return the error with arguments named `name(argument)` in its message, instead of as options.
 
-        Its own `arguments` and `likely` are empty.
+        Its own `arguments` are empty.
         """
         named = ", ".join(map(name, self.arguments))
         return InputError(f"{self.what} ({named})" if named else self.what, self.where, self.at)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -32,17 +31,6 @@ _VALID = {
 }
 """Valid values of the options for reading files, by option. `time_unit` may also be any name in `SECONDS`, such as
 "sec"."""
-LONGEST_SUGGESTION = 290
-"""Number of characters to which an error with a suggested command is shortened. The command, and 60 characters of the
-error, are kept even if this is longer."""
-_OPTIONS = {"value": "angle", "rate": "rate"}
-"""Map from an argument of `read_records` that is missing in an error to the option with which a user can provide it."""
-_PLACEHOLDERS = {"rate": "HZ", "angle": "NAME"}
-"""Placeholders in a suggested command for values that are not known."""
-_INTRODUCTION = "to specify all missing or doubtful settings in one command (check its values): "
-MOST_SUGGESTED_OPTIONS = 3
-"""Largest number of times that a file is read on trial, each time with one more missing option filled in, to suggest a
-single command that provides all of them."""
 
 
 @dataclass(frozen=True)
@@ -136,22 +124,6 @@ class ReadingOptions:
             time_unit=self.time_unit,
         )
 
-    def interpret(self, raw: RawRecord) -> tuple[str, str, tuple[Finding, ...]]:
-        """Return the unit and the quantity of a record, and findings on what looks wrong with it.
-
-        If the unit is not in `UNITS`, there are no findings.
-        """
-        unit, quantity = unit_or_guess(raw, self.unit, self.quantity)
-        doubtful = findings(raw, unit, quantity, self.unit is not None) if unit in UNITS else ()
-        return unit, quantity, doubtful
-
-    def assumes_rad(self, raw: RawRecord, unit: str, quantity: str) -> bool:
-        """Return whether an angle in rad is assumed because neither the file nor the user specifies a unit.
-
-        `unit` and `quantity` are those that `interpret` returns.
-        """
-        return self.unit is None and not raw.unit and (unit, quantity) == ("rad", "angle")
-
 
 def with_reading_options(command: Callable[..., int]) -> Callable[..., int]:
     """Give a command the options of `ReadingOptions`, which are passed to it as further keyword arguments.
@@ -222,13 +194,14 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
     Raises
     ------
     InputError
-        If the file cannot be read. The message suggests a command that provides the missing information.
+        If the file cannot be read.
     """
-    try:
-        raws = options.read(path)
-    except InputError as error:
-        raise _with_command(error, path, options) from None
-    records = [FileRecord(path, raw, *options.interpret(raw), several=len(raws) > 1) for raw in raws]
+    raws, given = options.read(path), options.unit is not None
+    records = []
+    for raw in raws:
+        unit, quantity = unit_or_guess(raw, options.unit, options.quantity)
+        doubts = findings(raw, unit, quantity, given)
+        records.append(FileRecord(path, raw, unit, quantity, doubts, several=len(raws) > 1))
     return [with_free_decay(record, options) for record in records] if cleaned else records
 
 
@@ -395,79 +368,3 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
             }
         )
     return signals
-
-
-def _with_command(error: InputError, path: Path, options: ReadingOptions) -> InputError:
-    """Return an error of reading a file, with a command in its message that specifies everything the file lacks.
-
-    Placeholders such as HZ stand for values that are not known. If no option would help, the error is returned as it
-    is.
-    """
-    answers: dict[str, str] = {}
-    refused, trial = error, options
-    # Read the file with the likely value of the missing option; the next error may ask for another option.
-    for _ in range(MOST_SUGGESTED_OPTIONS):
-        needed = {_OPTIONS[name]: name for name in refused.arguments if name in _OPTIONS}
-        if not needed:
-            break
-        answers |= {
-            option: refused.likely.get(name, _PLACEHOLDERS[option]) for option, name in needed.items()
-        }
-        trial = replace(trial, angle=answers.get("angle", options.angle))
-        if rate := answers.get("rate", ""):
-            trial = replace(trial, rate=1.0 if rate == _PLACEHOLDERS["rate"] else float(rate), time=None)
-        try:
-            raws = trial.read(path)
-        except InputError as another:
-            refused = another
-            continue
-        answers = _answers(raws[0], trial) | answers
-        break
-    if not answers:
-        return error
-    command = f"; {_INTRODUCTION}{_command(path, options, answers)}"
-    # Shorten the error, not the command, if the line is too long.
-    room = max(LONGEST_SUGGESTION - len(str(InputError("", error.where, error.at))) - len(command), 60)
-    what = error.what if len(error.what) <= room else f"{error.what[: room - 3]}..."
-    return InputError(what + command, error.where, error.at)
-
-
-def command_suggestions(records: Sequence[FileRecord], options: ReadingOptions) -> list[str]:
-    """Return a line for each file whose reading is doubtful in points that two or more options would settle.
-
-    The line contains a command with all these options, each with its most likely value. The records may be of several
-    files.
-    """
-    by_path: dict[Path, dict[str, str]] = {}
-    for record in records:
-        by_path[record.path] = _answers(record.raw, options) | by_path.get(record.path, {})
-    return [
-        f"{path.name}: {_INTRODUCTION}{_command(path, options, answers)}"
-        for path, answers in by_path.items()
-        if len(answers) > 1
-    ]
-
-
-def _answers(raw: RawRecord, options: ReadingOptions) -> dict[str, str]:
-    """Return the options that would settle what looks wrong with a record: the most likely value of each, by its name.
-
-    They contain the unit rad if it is assumed.
-    """
-    unit, quantity, doubtful = options.interpret(raw)
-    answers = {"unit": unit} if options.assumes_rad(raw, unit, quantity) else {}
-    return answers | dict(doubt.answer for doubt in doubtful if doubt.answer is not None)
-
-
-def _command(path: Path, options: ReadingOptions, answers: Mapping[str, str]) -> str:
-    """Return the command `bayesdamp compare` for a file, with the user's options for reading and the suggested ones.
-
-    `answers` contains the suggested values by option; they replace the user's, and a suggested rate replaces --time.
-    """
-    names = ("time", "angle", "rate", "time_unit", "unit", "quantity", "clock", "start", "stop", "runs")
-    given = {name.replace("_", "-"): getattr(options, name) for name in names}
-    if "rate" in answers:
-        del given["time"]
-    values = {name: str(value) for name, value in given.items() if value not in (None, "auto")}
-    words = [word for name, value in (values | dict(answers)).items() for word in (f"--{name}", value)]
-    words += [word for channel in options.channels or () for word in ("--channel", channel)]
-    return shlex.join(["bayesdamp", "compare", str(path), *words])

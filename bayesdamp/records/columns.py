@@ -477,7 +477,6 @@ def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumn
             f"has {len(content.columns)} columns, and {names}{more} may each be the record; give the name or number of "
             f"one, or of several channels; columns are {list_names(content.columns)}",
             arguments=["value", "channels"],
-            likely={"value": str(selector(content.columns, columns[0]))},
         )
     return records
 

@@ -79,9 +79,6 @@ class Finding:
         The doubt in words, for the user.
     option
         The option that settles it, as typed on the command line.
-    answer
-        Name of that option and its most probable value, such as ("unit", "deg") ("HZ" if the user must fill in the
-        rate); None for the kinds RATE and CONSTANT.
     arguments
         Arguments of `read` that settle it; used for the kinds in QUESTIONS.
     """
@@ -89,7 +86,6 @@ class Finding:
     kind: Kind
     sentence: str
     option: str
-    answer: tuple[str, str] | None = None
     arguments: tuple[str, ...] = ("time_unit", "rate")
 
     def __str__(self) -> str:
@@ -121,11 +117,11 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
             f"no unit given, and an amplitude of {size:.3g} would be {turns:.2g} turns if it were in radians"
         )
         what, option = _ASSUMED[unit]
-        doubts.append(Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit", unit)))
+        doubts.append(Finding(Kind.DEGREES, f"it is read as {what}: {why}", option))
     if not given and unit == "rad" and raw.unit and raw.unit not in UNITS:
         sentence = f"its unit, {raw.unit!r}, is not a unit of displacement"
         option = "--unit counts for a sensor of unknown scale; mm, deg ... if that is its unit"
-        doubts.append(Finding(Kind.UNIT, sentence, option, ("unit", "counts"), arguments=("unit",)))
+        doubts.append(Finding(Kind.UNIT, sentence, option, arguments=("unit",)))
     # Decreasing times are reported later, by the cleaning.
     if raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0)):
         stated = (given or raw.unit in UNITS) and quantity == "angle"
@@ -140,7 +136,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
             question = f"is {raw.rate:.4g} the interval in s?" if is_interval else "is the rate in Hz?"
             rate = f"{1 / raw.rate:.6g}" if is_interval else "HZ"
             sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; {question}"
-            doubts.append(Finding(Kind.PERIOD, sentence, f"--rate {rate}", ("rate", rate)))
+            doubts.append(Finding(Kind.PERIOD, sentence, f"--rate {rate}"))
     by_file = sampling_rate(raw.provenance.facts)
     used = raw.rate
     if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:
@@ -161,9 +157,9 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
 def find_question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
     """Return the first finding that the user must settle before anything is computed; None if there is none.
 
-    The parameters are those of `findings`; for a unit that is not in UNITS the result is None.
+    The parameters are those of `findings`.
     """
-    doubts = findings(raw, unit, quantity, given) if unit in UNITS else ()
+    doubts = findings(raw, unit, quantity, given)
     return next((doubt for doubt in doubts if doubt.kind in QUESTIONS), None)
 
 
@@ -179,16 +175,11 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
     if np.all(steps == 1.0) and float(t[0]).is_integer():
         sentence = f"its times are {t[0]:.0f}, {t[1]:.0f}, {t[2]:.0f}, ...: are they sample numbers?"
         option = "--rate HZ, or --time-unit s if they are seconds"
-        return Finding(Kind.SAMPLE_NUMBERS, sentence, option, ("rate", "HZ"))
+        return Finding(Kind.SAMPLE_NUMBERS, sentence, option)
     unknown = _BRACKETS.search(raw.provenance.time_column)
     if unknown is not None and unknown[1].lower() not in _NO_UNITS:
         sentence = f"the unit of its times, {unknown[1]!r}, is not known; the times are read as s"
-        return Finding(
-            Kind.TIME_UNIT,
-            sentence,
-            f"--time-unit s if they are in s, or {TIME_UNIT_NAMES}",
-            ("time-unit", "s"),
-        )
+        return Finding(Kind.TIME_UNIT, sentence, f"--time-unit s if they are in s, or {TIME_UNIT_NAMES}")
     oscillation, period = raw.oscillation, raw.oscillation.period * step
     if (
         oscillation.oscillates
@@ -198,14 +189,12 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
         sentence = (
             f"its times begin at {t[0]:.7g} and a period would last {period:.3g} s; do they count days?"
         )
-        return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are in s", ("time-unit", "d"))
+        return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are in s")
     if not oscillation.oscillates or step < COARSE_STEP or period < SLOW_PERIOD:
         return None
     better = next((u for u in ("ms", "us") if period * SECONDS[u] < SLOW_PERIOD), "ns")
     sentence = f"its times step by {step:.4g} and a period would last {period:.3g} s; are they in {better}?"
-    return Finding(
-        Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are in s", ("time-unit", better)
-    )
+    return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or s if they are in s")
 
 
 def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
@@ -233,4 +222,4 @@ def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
     )
     known = next(u for u in ("ms", "us", "ns", "ps") if SECONDS[u] == own)
     option = f"--time-unit {better}, or {known} if they are in {known}"
-    return Finding(Kind.TIME_UNIT, sentence, option, ("time-unit", better))
+    return Finding(Kind.TIME_UNIT, sentence, option)

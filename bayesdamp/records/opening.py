@@ -15,7 +15,7 @@ import tempfile
 import threading
 import warnings
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
@@ -108,9 +108,7 @@ def load_isolated(
     raise InputError(f"{end}; {_AGAIN}", path.name)
 
 
-def file_error(
-    path: Path, text: object, arguments: Sequence[str] = (), likely: Mapping[str, str] | None = None
-) -> InputError:
+def file_error(path: Path, text: object, arguments: Sequence[str] = ()) -> InputError:
     """Return an error about a file whose message is one line, cut to LONGEST_MESSAGE characters.
 
     Parameters
@@ -121,15 +119,13 @@ def file_error(
         What is wrong, and what to do.
     arguments
         Arguments of `read` with which the user can solve the problem.
-    likely
-        Probable values of these arguments, by name.
     """
     name = " ".join((path.name or str(path)).split())
     where = name if len(name) <= 80 else f"{name[:50]}...{name[-27:]}"
     what = " ".join(str(text).split())
     room = LONGEST_MESSAGE - len(str(InputError("", where, arguments=arguments)))
     short = what if len(what) <= room else f"{what[: room - 3]}..."
-    return InputError(short, where, arguments=arguments, likely=likely)
+    return InputError(short, where, arguments=arguments)
 
 
 def read_contents(path: Path | str, isolate: bool = True) -> Contents:

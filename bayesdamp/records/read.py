@@ -141,7 +141,7 @@ def read_records(
         chosen = choose_columns(content, time=time, values=values, rate=rate, runs=runs)
         return [_record(content, columns, path, time_unit) for columns in chosen]
     except InputError as error:
-        raise file_error(path, error.what, error.arguments, error.likely) from None
+        raise file_error(path, error.what, error.arguments) from None
 
 
 def _record(content: Contents, chosen: RecordColumns, path: Path, time_unit: str | None) -> RawRecord:

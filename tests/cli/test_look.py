@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +67,7 @@ def test_look_shows_the_columns_if_none_can_be_chosen(tmp_path, capsys) -> None:
     assert re.search(r"millis\W+ms\W", out)
     assert "left" in out
     assert "'left', 'right' may each be the record; give the name" in error
+    assert "(--angle, --channel)" in error
     assert error.count("\n") == 1
     assert main(["look", str(tmp_path / "a.csv"), "--angle", "left", "--html", str(tmp_path)]) == 2
     assert "is a folder and is not replaced; give a regular file" in capsys.readouterr().err
@@ -224,22 +224,3 @@ def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "<h2>an envelope in dBm</h2>" in page
     assert "<img" in page
-
-
-def test_one_command_with_all_missing_options_is_suggested(tmp_path, capsys, monkeypatch) -> None:
-    """Columns, times and unit of a file that is refused; unit and unit of times of one with doubts."""
-    monkeypatch.chdir(tmp_path)
-    other = 12 * np.cos(5 * T) * np.exp(-0.2 * T)
-    write_table(Path("a.csv"), "the left,right", 40 * Y, other)
-    assert main(["look", "a.csv", "--start", "1"]) == 2
-    command = "bayesdamp compare a.csv --start 1.0 --unit counts --angle 'the left' --rate HZ"
-    (error,) = capsys.readouterr().err.splitlines()
-    assert error.endswith(f"in one command (check its values): {command}")
-    assert len(error) < 300
-    words = shlex.split(command.replace("HZ", "50"))[2:]
-    assert main(["look", *words]) == 0
-    assert "in one command" not in capsys.readouterr().out
-    printed = output_of_look(write_table(Path("b.csv"), "t,x", 1e6 * T, 40 * Y), capsys)
-    assert (
-        "in one command (check its values): bayesdamp compare b.csv --unit counts --time-unit us" in printed
-    )

@@ -159,7 +159,7 @@ def compare(
         few = 0 < len(chosen.records) <= MOST_EARLY_LINES
         first = early_lines(read_by_study(chosen.records, study), options) if few else []
         # First the lines on what may be read wrongly, last the lines on how the file was read.
-        for line in [*chosen.doubted, *first, *r.command_suggestions(chosen.records, options), *chosen.notes]:
+        for line in [*chosen.doubted, *first, *chosen.notes]:
             typer.echo(line, err=True)
     # Import this here, because it is slow, and the first lines should be printed at once.
     from bayesdamp.cli.runs import Depth, choose_folder, run_and_print
@@ -240,7 +240,8 @@ def early_lines(records: Sequence[r.FileRecord], options: r.ReadingOptions) -> l
             if record.raw.y.min() >= 0:
                 lines.append(f"{record.path.name}: {r.MAYBE_ENVELOPE}")
             continue
-        if options.assumes_rad(record.raw, record.unit, record.quantity):
+        is_rad = (record.unit, record.quantity) == ("rad", "angle")
+        if is_rad and options.unit is None and not record.raw.unit:
             assumed[record.path.name] = None
         not_a_free_decay = no_free_decay(signal)
         label = ", ".join(filter(None, (record.path.name, r.distinguishing_label(record, records))))

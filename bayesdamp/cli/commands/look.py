@@ -13,7 +13,6 @@ from bayesdamp.cli import looking, options as o
 from bayesdamp.cli.files import LOOK_PAGE, SingleFile
 from bayesdamp.cli.records import (
     ReadingOptions,
-    command_suggestions,
     doubt_lines,
     records_in,
     with_reading_options,
@@ -66,7 +65,7 @@ def look(
         except InputError:
             show_file()
             raise
-        for line in [*doubt_lines(file, every), *command_suggestions(every, options)]:
+        for line in doubt_lines(file, every):
             console.print(f"! {line}", style="yellow", markup=False, highlight=False)
         views = [looking.view_motion(record) for record in every]
         show_file()
