@@ -55,15 +55,12 @@ def check_names(paths: Sequence[Path]) -> None:
 
 FIRST_LINE = "# simulated by bayesdamp\n"
 """First line of a simulated record."""
-GENERATOR = '<meta name="generator" content="bayesdamp look">'
-"""HTML tag that identifies a page of `bayesdamp look`."""
 SIMULATED = re.compile(FIRST_LINE)
-LOOK_PAGE = re.compile(rf"<!doctype html>(?:(?!</style>).)*{re.escape(GENERATOR)}", re.DOTALL)
 CLAIMS_PAGE = re.compile(r"# The paper's claims, measured\n.*\nMade by `bayesdamp claims`\.", re.DOTALL)
-"""`SIMULATED`, `LOOK_PAGE` and `CLAIMS_PAGE` are patterns that match the beginning of a file that `bayesdamp simulate`,
-`look` or `claims` has written. Such a file may be overwritten by the same command."""
+"""`SIMULATED` and `CLAIMS_PAGE` are patterns that match the beginning of a file that `bayesdamp simulate` or `claims`
+has written. Such a file may be overwritten by the same command."""
 _HEAD_BYTES = 4096
-"""Number of bytes at the beginning of a file that are compared with its pattern, such as `LOOK_PAGE`."""
+"""Number of bytes at the beginning of a file that are compared with its pattern, such as `SIMULATED`."""
 
 
 @dataclass(frozen=True)

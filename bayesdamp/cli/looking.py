@@ -39,8 +39,8 @@ class RecordView:
         Name of the record.
     reading
         Its columns, unit, quantity, clock and number of samples, in words.
-    lines, doubts
-        Sentences on how it was cleaned, and on what looks wrong.
+    lines
+        Sentences on how it was cleaned.
     t, y
         Times in s and values in the unit of the file, (n,), of the whole record.
     window
@@ -50,7 +50,6 @@ class RecordView:
     name: str
     reading: str
     lines: Sequence[str]
-    doubts: Sequence[str]
     t: np.ndarray
     y: np.ndarray
     window: tuple[float, float] | None
@@ -81,12 +80,11 @@ def view_motion(record: FileRecord) -> RecordView:
     raw, signal = record.raw, record.signal
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
     name = (record.several and record.label) or raw.channel or "the record"
-    unit, what = record.unit, record.quantity
-    if record.unit in UNITS:
-        unit, what = UNITS[record.unit].of(record.quantity), UNITS[record.unit].quantity_name(record.quantity)
+    unit = UNITS[record.unit]
+    quantity = f"{unit.quantity_name(record.quantity)} in {unit.of(record.quantity)}"
     time, value = raw.columns
     clock = f"times from column {time!r}" if time is not None else f"{raw.rate or 0:.6g} Hz"
-    reading = f"column {value!r} as {what} in {unit}, {clock}, {raw.y.size} samples"
+    reading = f"column {value!r} as {quantity}, {clock}, {raw.y.size} samples"
     about = raw.provenance if signal is None else signal.provenance
     lines = list(about.sentences)
     window = None
@@ -94,13 +92,13 @@ def view_motion(record: FileRecord) -> RecordView:
         lines.append(f"No free decay: {record.refusal}")
         lines += [MAYBE_ENVELOPE] if raw.y.min() >= 0 else []
     else:
-        if about.stop is not None:
-            window = about.start, about.stop
+        assert about.stop is not None  # cleaning states it
+        window = about.start, about.stop
         gaps = holes(signal.t, coarse_period(signal.t, signal.y)[0])  # the record's rate does not show these
         listed = ", ".join(f"{b - a:.3g} s from {about.start + a:.4g} s on" for a, b in gaps[:MOST_GAPS])
         more = f" and {len(gaps) - MOST_GAPS} more" if len(gaps) > MOST_GAPS else ""
         lines += [f"No samples for {listed}{more}; the fit bridges the gap."] if listed else []
-    return RecordView(name, reading, lines, list(map(str, record.findings)), t, raw.y, window)
+    return RecordView(name, reading, lines, t, raw.y, window)
 
 
 def view_envelope(
@@ -146,7 +144,7 @@ def view_envelope(
         ]
     y = level if record.logarithmic else np.array([record.amplitude(float(x))[0] for x in level])
     what = f"{t.size} readings from {time_span(t[0], t[-1])}"
-    return RecordView(f"an envelope in {record.unit}", what, [*record.notes, *lines], (), t, y, inside)
+    return RecordView(f"an envelope in {record.unit}", what, [*record.notes, *lines], t, y, inside)
 
 
 def braille_rows(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[str]:

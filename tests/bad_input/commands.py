@@ -88,8 +88,8 @@ USAGE = [
         ("none",), (WORD,), ("--none",), ("look",), ("look", "a", "b"), ("look", ""), ("compare", ""), ("study", ""),
         ("study", "a", "b"), ("check", ""), ("init", ""), ("report", ""), ("report", "none"), ("report", "FILE"),
         ("report", "/dev/zero"), ("report", "a\0b"), ("claims", "--paper", "none"), ("claims", "--out", "/dev/full"),
-        ("look", "FILE", "--html", "/dev/full"), ("look", "FILE", "--html", "/"), ("look", "FILE", "--html", WORD),
-        ("look", "FILE", "--html", "a\0b"), ("look", "FILE", "--html"), ("simulate",),
+        ("claims", "--out", "/"), ("claims", "--out", WORD), ("claims", "--out", "a\0b"), ("claims", "--out"),
+        ("look", "FILE", "--html", "a.html"), ("simulate",),
     ))
 ]  # fmt: skip
 

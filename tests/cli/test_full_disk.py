@@ -40,7 +40,6 @@ def test_no_incomplete_file_is_left(
     for words, name in (
         (("init", "ok.csv"), "ok.toml"),
         (("simulate", "--duration", "8", "--out", "new/deeper/a.csv"), "new/deeper/a.csv"),
-        (("look", "ok.csv", "--html", "page/a.html"), "page/a.html"),
     ):
         before = {path for path in folder.rglob("*") if path.is_file()}
         with monkeypatch.context() as full:

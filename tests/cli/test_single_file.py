@@ -7,16 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.cli import look_page, main
-from bayesdamp.cli.files import GENERATOR
+from bayesdamp.cli import main
+from bayesdamp.cli.commands import simulate
 
 WRITING = {
     "mine.csv": ("simulate", "--samples", "400", "--duration", "8", "--out"),
-    "mine.html": ("look", "ok.csv", "--html"),
     "mine.md": ("claims", "--out"),
 }
 """The name of a file, and a command that writes such a file."""
-SIMILAR = f"<!doctype html><style></style><p>{GENERATOR}\n# Mine\n\nMade by `bayesdamp claims`. So he said.\n"
+SIMILAR = "# Mine\n\nMade by `bayesdamp claims`. So he said.\n"
 CONTENTS = (b"precious\n", b"", b"\xff\x00", SIMILAR.encode(), b"t,x\n0,0.3\n# simulated by bayesdamp\n")
 
 
@@ -42,29 +41,22 @@ def test_a_user_s_file_is_not_replaced(
     assert (folder / name).read_bytes() == written
 
 
-def test_a_command_does_not_replace_its_input(
-    folder: Path, refused: Callable[..., str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Neither a user's file nor a page that the same command has written. Control: another name."""
-    before = (folder / "ok.csv").read_bytes()
-    assert "is an input of this command" in refused("look", "ok.csv", "--html", "./ok.csv")
-    assert main(["look", "ok.csv", "--html", "ok.html"]) == 0
-    capsys.readouterr()
-    page = (folder / "ok.html").read_bytes()
-    assert "is an input of this command" in refused("look", "ok.html", "--html", "ok.html")
-    assert "is an input" not in refused("look", "none.csv", "--html", "other.html")
-    assert (folder / "ok.csv").read_bytes() == before
-    assert (folder / "ok.html").read_bytes() == page
+def test_a_command_does_not_replace_its_input(folder: Path, refused: Callable[..., str]) -> None:
+    """Control: another name."""
+    (folder / "mine.py").write_text("# simulated by bayesdamp\n")
+    assert "is an input of this command" in refused("simulate", "--plugin", "mine.py", "--out", "./mine.py")
+    assert "is an input" not in refused("simulate", "--plugin", "none.py", "--out", "other.py")
+    assert (folder / "mine.py").read_text() == "# simulated by bayesdamp\n"
 
 
 def test_a_file_that_appears_during_the_command_is_not_replaced(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def slow(*_: object) -> str:
-        (folder / "new.html").write_text("mine")
-        return "page"
+        (folder / "new.csv").write_text("mine")
+        return "t,x"
 
-    monkeypatch.setattr(look_page, "page_of", slow)
-    assert main(["look", "ok.csv", "--html", "new.html"]) == 2
+    monkeypatch.setattr(simulate, "as_csv", slow)
+    assert main(["simulate", "--out", "new.csv"]) == 2
     assert "was not made by bayesdamp" in capsys.readouterr().err
-    assert (folder / "new.html").read_text() == "mine"
+    assert (folder / "new.csv").read_text() == "mine"

@@ -10,7 +10,6 @@ import typer
 from rich.console import Console
 
 from bayesdamp.cli import looking, options as o
-from bayesdamp.cli.files import LOOK_PAGE, SingleFile
 from bayesdamp.cli.records import (
     ReadingOptions,
     doubt_lines,
@@ -33,13 +32,9 @@ NARROWEST_PLOT = 10
 def look(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of measured decays.")],
     plugin: o.Plugins = None,
-    html: Annotated[Path | None, typer.Option(help="Also write a page of HTML with this name.")] = None,
     **reading: Any,
 ) -> int:
     """Show how a file is read: columns, units, clock, the free decay in it, and what looks wrong."""
-    page = SingleFile(html, LOOK_PAGE, "--html", (file, *(plugin or ()))) if html is not None else None
-    if page is not None:
-        page.check()
     use_modules(read_modules(plugin or ()))
 
     console, content = Console(), read_contents(file)
@@ -78,9 +73,4 @@ def look(
                 NARROWEST_PLOT, min(console.width, 100) - 2
             )  # the width of a terminal may be reported as 0
             console.print(looking.plot(view.t, view.y, view.window, width))
-    if page is not None:
-        from bayesdamp.cli.look_page import page_of  # imports Matplotlib
-
-        page.write(page_of(file, content, views))
-        typer.echo(html)
     return 0
