@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from bayesdamp.cli.options import READING, invalid_value, option, parse_time
-from bayesdamp.records.cleaning.clean import clean, decimate
+from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.files.names import SECONDS, unit_by_name
 from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
 from bayesdamp.records.opening import read_each
 from bayesdamp.records.read import FASTEST_RATE, FROM_FIRST, SLOWEST_RATE, read_records
-from bayesdamp.records.record import RawRecord, unit_or_guess, unwrap
+from bayesdamp.records.record import RawRecord, unit_or_guess
 from bayesdamp.types import InputError, Signal
 from bayesdamp.units import UNITS
 
@@ -209,7 +209,7 @@ def with_free_decay(record: FileRecord, options: ReadingOptions) -> FileRecord:
     """Return a copy of a record with its free decay as `signal`, or with the reason why it has none as `refusal`."""
     try:
         signal = clean(
-            decimate(unwrap(record.raw, record.unit, record.quantity)),
+            record.raw,
             name=record.path.name,
             unit=record.unit,
             quantity=record.quantity,

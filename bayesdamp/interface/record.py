@@ -15,7 +15,7 @@ from bayesdamp.interface.result import Result, get_axes, label_axes
 from bayesdamp.interface.signal import Signal, cut
 from bayesdamp.records.cleaning.clean import known_unit
 from bayesdamp.records.files.names import unit_by_name
-from bayesdamp.records.findings import Kind, find_question, findings
+from bayesdamp.records.findings import Kind, findings, refuse_questions
 from bayesdamp.records.read import read_records
 from bayesdamp.records.record import RawRecord, unit_or_guess
 from bayesdamp.types import InputError
@@ -210,14 +210,13 @@ def read(
         raise InputError(
             f"{path.name}: contains records in several units: {each}; choose with channels=[...]"
         )
-    given = unit
+    given = unit is not None
     unit, quantity = next(iter(units))
     known_unit(unit, quantity, path.name)
     warned = []
     for record in raw:
-        if (doubt := find_question(record, unit, quantity, given is not None)) is not None:
-            raise InputError(doubt.sentence, path.name, arguments=doubt.arguments)
-        doubts = [] if given is not None else findings(record, unit, quantity)
+        doubts = findings(record, unit, quantity, given)
+        refuse_questions(doubts, path.name)
         new = [f"{f.sentence}; give unit= if that is wrong." for f in doubts if f.kind is Kind.DEGREES]
         before = record.provenance
         warned.append(replace(record, provenance=replace(before, warnings=(*before.warnings, *new))))

@@ -13,7 +13,7 @@ from bayesdamp import types
 from bayesdamp.formatting import Table, data_frame
 from bayesdamp.interface.arguments import numbers_of
 from bayesdamp.interface.result import FAINT, INK, Result, frame_table, get_axes, label_axes
-from bayesdamp.records.cleaning.clean import clean, known_unit, recording_step
+from bayesdamp.records.cleaning.clean import clean, decimate, known_unit, recording_step
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.files.names import unit_by_name
 from bayesdamp.records.read import FASTEST_RATE, SLOWEST_RATE
@@ -252,7 +252,7 @@ def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> S
     InputError
         If the record does not contain two periods of an oscillation, or cannot be used for another reason.
     """
-    raw = unwrap(raw, unit, quantity)
+    raw = decimate(unwrap(raw, unit, quantity))  # `clean` finds nothing left to do
     decay = clean(raw, name=name, unit=unit, quantity=quantity, **window)
     whole = np.asarray(clock_times(raw, window["clock"], name).t)
     return Signal.of(decay, whole_t=whole, whole_y=raw.y * UNITS[unit].factor - decay.provenance.offset)

@@ -12,6 +12,7 @@ from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators.bound import cramer_rao
 from bayesdamp.estimators.shared import has_noise
 from bayesdamp.interface.no_free_decay import no_free_decay
+from bayesdamp.interface.signal import Signal as CutSignal, cut
 from bayesdamp.interface.simulate import simulate_source
 from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import TERMS
@@ -19,13 +20,12 @@ from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.plugins import sources_below
-from bayesdamp.records.cleaning.clean import clean, decimate
-from bayesdamp.records.findings import find_question
+from bayesdamp.records.findings import findings, refuse_questions
 from bayesdamp.records.oscillation.anomalies import find_anomalies
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.read import read_record
-from bayesdamp.records.record import RawRecord, unwrap
+from bayesdamp.records.record import RawRecord
 from bayesdamp.store import Store, TaskResult, sha256
 from bayesdamp.store.contents import FeatureValues, RecordContent
 from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Provenance, Refusal, Signal, System
@@ -44,11 +44,10 @@ _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
 """Settings of a signal that do not affect its record, so that they are not part of the key of its task."""
 
 
-def read_thinned(source: Recording) -> RawRecord:
-    """Read a measured record, and low-pass filter and thin it if it has far more samples than needed.
+def read_raw(source: Recording) -> RawRecord:
+    """Read a measured record, in the unit of its file.
 
-    Values stay in the unit of the file. Raises InputError if it cannot be read, or if the file leaves open how to read
-    it.
+    Raises InputError if it cannot be read, or if the file leaves open how to read it.
     """
     raw = read_record(
         source.path,
@@ -59,14 +58,14 @@ def read_thinned(source: Recording) -> RawRecord:
         channel=source.channel,
         time_unit=source.time_unit,
     )
-    doubt = find_question(raw, source.unit, source.quantity, given=False)  # "rad" may be the default
-    if doubt is not None:
-        raise InputError(doubt.sentence, arguments=doubt.arguments)
-    return decimate(unwrap(raw, source.unit, source.quantity))
+    refuse_questions(
+        findings(raw, source.unit, source.quantity)
+    )  # as if no unit were given: "rad" may be the default
+    return raw
 
 
-def read_free_decay(source: Recording, name: str) -> tuple[RawRecord, Signal]:
-    """Return the raw record in the unit of the file, and its free decay, named `name`, in the base unit (such as rad).
+def read_free_decay(source: Recording, name: str) -> CutSignal:
+    """Return the free decay in a measured record, named `name`, in the base unit (such as rad).
 
     Raises InputError, which names the file, if there is none. The last few records are cached until their files change,
     because a run reads them once more before it begins.
@@ -82,11 +81,10 @@ def read_free_decay(source: Recording, name: str) -> tuple[RawRecord, Signal]:
 
 
 @lru_cache(maxsize=CACHED_RECORDS)
-def _read_free_decay(source: Recording, name: str, stamp: tuple[int, ...]) -> tuple[RawRecord, Signal]:
+def _read_free_decay(source: Recording, name: str, stamp: tuple[int, ...]) -> CutSignal:
     del stamp
-    raw = read_thinned(source)
-    options = {k: getattr(source, k) for k in ("unit", "quantity", "clock", "start", "stop")}
-    return raw, clean(raw, name=name, **options)
+    window = {k: getattr(source, k) for k in ("clock", "start", "stop")}
+    return cut(read_raw(source), name, source.unit, source.quantity, **window)
 
 
 class StudyRecord:
@@ -172,14 +170,12 @@ def compute_signal(record: StudyRecord) -> Product:
         rng = np.random.default_rng(task_seed(study, name))
         signal = simulate_source(source, spec.system.restoring, source.truth, spec.name, rng)
     else:
-        raw, signal = read_free_decay(source, spec.name)
+        decay = read_free_decay(source, spec.name)
+        signal = decay
         if source.least_noise > 0:
-            signal = _add_noise(signal, source.least_noise, task_seed(study, f"noise/{name}"))
-        times = np.arange(raw.y.size) / raw.rate if raw.t is None and raw.rate else raw.t
-        every = max(1, raw.y.size // RAW_POINTS)
-        if times is not None:
-            scale = UNITS[source.unit].factor
-            arrays = {"raw_t": np.asarray(times)[::every], "raw_y": raw.y[::every] * scale}
+            signal = _add_noise(decay, source.least_noise, task_seed(study, f"noise/{name}"))
+        every = max(1, decay.whole_t.size // RAW_POINTS)
+        arrays = {"raw_t": decay.whole_t[::every], "raw_y": decay.whole_y[::every]}
     content = RecordContent(
         name=signal.name,
         unit=signal.unit,

@@ -161,7 +161,7 @@ def read_records(study: Study) -> None:
 
             check_recording(study, spec)
             continue
-        _, signal = read_free_decay(source, spec.name)
+        signal = read_free_decay(source, spec.name)
         try:
             for system in (spec.system, *spec.alternatives):
                 reference_of(system, features(signal))

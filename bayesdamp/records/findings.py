@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -12,6 +13,7 @@ import numpy as np
 from bayesdamp.records.files.names import SECONDS, sampling_rate, seconds_in
 from bayesdamp.records.oscillation.spectrum import SHORTEST_PERIOD
 from bayesdamp.records.record import HALF_TURN, RawRecord, half_swing
+from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
 _ASSUMED = {
@@ -154,13 +156,14 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     return tuple(doubts)
 
 
-def find_question(raw: RawRecord, unit: str, quantity: str, given: bool) -> Finding | None:
-    """Return the first finding that the user must settle before anything is computed; None if there is none.
+def refuse_questions(doubts: Iterable[Finding], where: str = "") -> None:
+    """Raise InputError for the first doubt that the user must settle before anything is computed, if there is one.
 
-    The parameters are those of `findings`.
+    where: the file, for the message.
     """
-    doubts = findings(raw, unit, quantity, given)
-    return next((doubt for doubt in doubts if doubt.kind in QUESTIONS), None)
+    for doubt in doubts:
+        if doubt.kind in QUESTIONS:
+            raise InputError(doubt.sentence, where, arguments=doubt.arguments)
 
 
 def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:

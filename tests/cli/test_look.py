@@ -11,10 +11,10 @@ import pytest
 import bayesdamp as bd
 from bayesdamp.cli import main
 from bayesdamp.cli.commands.compare import early_lines
-from bayesdamp.cli.records import ReadingOptions, select_records, study_signals
+from bayesdamp.cli.records import ReadingOptions, records_in, select_records, study_signals
 from bayesdamp.config import Recording, in_keys, load_study
 from bayesdamp.config.compare import comparison
-from bayesdamp.pipeline.records import read_thinned
+from bayesdamp.pipeline.records import read_raw
 from bayesdamp.types import InputError
 from tests.records.tables import write_table
 from tests.studies import study_text
@@ -86,10 +86,10 @@ def test_times_in_an_unlikely_unit_are_refused_unless_the_unit_is_given(tmp_path
     with pytest.raises(InputError, match=r"time_unit="):
         bd.read(path)
     with pytest.raises(InputError, match=r"\(signal.time_unit, signal.rate\)$"), in_keys():
-        read_thinned(Recording(file=path.name, path=path, angle=2, time=1))
+        read_raw(Recording(file=path.name, path=path, angle=2, time=1))
     assert select_records([path], ReadingOptions(time_unit="s")).records
     assert bd.read(path, time_unit="s").raw[0].t is not None
-    assert read_thinned(Recording(file=path.name, path=path, angle=2, time=1, time_unit="s")).t is not None
+    assert read_raw(Recording(file=path.name, path=path, angle=2, time=1, time_unit="s")).t is not None
 
 
 def test_the_frequency_of_a_fast_or_slow_record_is_printed(tmp_path) -> None:
@@ -102,7 +102,7 @@ def test_the_frequency_of_a_fast_or_slow_record_is_printed(tmp_path) -> None:
             t,
             0.3 * np.exp(-0.1 * t / period) * np.cos(2 * np.pi * t / period),
         )
-        (line,) = early_lines(select_records([path], ReadingOptions()).records, ReadingOptions())
+        (line,) = early_lines(records_in(path, ReadingOptions()), ReadingOptions())
         frequency, half, power = re.findall(r"at \(?([\d.]+) ± ([\d.]+)\)?(?: × 10(\S+))? Hz", line)[0]
         tens = 10.0 ** int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
         assert 0 < float(half) * tens < 1e-3 / period
@@ -115,14 +115,15 @@ def test_times_since_an_epoch_count_from_the_first_sample_and_other_releases_are
     stamps = write_table(tmp_path / "a.csv", "stamp (s),x (mm)", np.round(1700000000.25 + t, 2), y)
     chosen = select_records([stamps], ReadingOptions())
     assert "a.csv: Times are counted from the first sample (1700000000.25 s)." in chosen.notes
-    (first,) = early_lines(chosen.records, ReadingOptions())
+    (first,) = early_lines(records_in(stamps, ReadingOptions()), ReadingOptions())
     remarks = bd.compare(bd.read(stamps).signal(), sample=False).verdict.remarks
     (others,) = [r for r in remarks if r.startswith("Another free decay is in the record and not used: ")]
     spans = [tuple(map(float, re.findall(r"([\d.]+) to ([\d.]+) s", text)[0])) for text in (first, others)]
     early, late = sorted(spans)
     assert 0 <= early[0] < 5 < 30 < early[1] <= late[0] < 45 < 70 < late[1] < 80
-    later = select_records([tmp_path / "a.csv"], ReadingOptions(start=41.0)).records
-    assert float(re.findall(r"\(([\d.]+) to", early_lines(later, ReadingOptions(start=41.0))[0])[0]) >= 41
+    options = ReadingOptions(start=41.0)
+    (later,) = early_lines(records_in(stamps, options), options)
+    assert float(re.findall(r"\(([\d.]+) to", later)[0]) >= 41
 
 
 def test_init_writes_a_study_that_passes_check(tmp_path, capsys) -> None:
@@ -137,7 +138,7 @@ def test_init_writes_a_study_that_passes_check(tmp_path, capsys) -> None:
     assert [s.specimen for s in study.signals] == ["my_rig"] * 2
     for spec, size in zip(study.signals, (40, 30), strict=True):
         assert spec.source.unit == "deg"
-        np.testing.assert_allclose(read_thinned(spec.source).y, size * Y, atol=1e-6)
+        np.testing.assert_allclose(read_raw(spec.source).y, size * Y, atol=1e-6)
     assert main(["check", str(out)]) == 0
     capsys.readouterr()
     before = out.read_bytes()
@@ -178,7 +179,7 @@ def test_a_study_selects_a_run_and_a_channel(tmp_path) -> None:
         (tmp_path / "a.toml").write_text(STUDY + keys, encoding="utf-8")
         source = load_study(tmp_path / "a.toml").signals[0].source
         assert isinstance(source, Recording)
-        np.testing.assert_allclose(read_thinned(source).y, 30 * Y, atol=1e-6)
+        np.testing.assert_allclose(read_raw(source).y, 30 * Y, atol=1e-6)
 
 
 def levels(path: Path, head: str) -> Path:

@@ -38,6 +38,7 @@ def test_a_signal_is_cut_from_arrays_or_has_all_their_values() -> None:
     assert signal.t[-1] < 6.5
     assert signal.whole_t.size == 250
     assert signal.notes
+    assert bd.signal(np.cos(4 * np.arange(200_000) / 2000), rate=2000.0).whole_t.size < 50_000, "decimated"
 
 
 def test_a_rate_may_replace_times_and_a_unit_may_be_written_out() -> None:

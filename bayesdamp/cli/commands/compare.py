@@ -219,7 +219,7 @@ def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileR
         assert isinstance(spec.source, Recording)
         with suppress(InputError):  # the run reports it
             if record.signal is None:
-                record = replace(record, signal=read_free_decay(spec.source, spec.name)[1])
+                record = replace(record, signal=read_free_decay(spec.source, spec.name))
         read.append(record)
     return read
 
@@ -235,7 +235,7 @@ def early_lines(records: Sequence[r.FileRecord], options: r.ReadingOptions) -> l
     lines = []
     assumed: dict[str, None] = {}
     for record in records:
-        signal = record.signal if record.signal is not None else r.with_free_decay(record, options).signal
+        signal = record.signal
         if signal is None:
             if record.raw.y.min() >= 0:
                 lines.append(f"{record.path.name}: {r.MAYBE_ENVELOPE}")

@@ -20,7 +20,7 @@ from bayesdamp.records.oscillation.anomalies import is_clipped, is_rectified, is
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.noise import residuals
 from bayesdamp.records.oscillation.spectrum import coarse_periods
-from bayesdamp.records.record import RawRecord
+from bayesdamp.records.record import RawRecord, unwrap
 from bayesdamp.types import InputError, Refusal, Signal
 from bayesdamp.units import UNITS
 
@@ -147,8 +147,8 @@ def clean(
 
     With start and stop "auto", a record that is not a free decay of one oscillator (`no_free_decay`) is returned from
     where it begins to its end. The zero of a velocity or acceleration sensor is subtracted if it is significant
-    (`sensor_offset`). Outliers are counted but not removed. Wrapped angles and very long records must be treated
-    before, with `unwrap` and `decimate`.
+    (`sensor_offset`). Outliers are counted but not removed. A wrapped angle is unwrapped (`unwrap`), and a very long
+    record is decimated (`decimate`).
 
     Parameters
     ----------
@@ -180,6 +180,7 @@ def clean(
         If the record has fewer than two periods of a free decay, or cannot be used for another reason.
     """
     scale, base = known_unit(unit, quantity, name)
+    raw = decimate(unwrap(raw, unit, quantity))
     times = clock_times(raw, clock, name)
     a, b = _samples_between(times.t, start, stop, name)
     step = recording_step(raw.y) * scale

@@ -41,8 +41,9 @@ def test_a_decimated_decay_is_the_same_decay() -> None:
     assert 95 < 1 / np.median(np.diff(raw.t)) / 30.0 < 110
     np.testing.assert_allclose(raw.y, decay(raw.t), rtol=0, atol=0.2 * 1e-4)
     assert any("more than the oscillation needs" in str(note) for note in raw.provenance.notes)  # type: ignore[union-attr]
-    signal = clean(raw, name="fork")
+    signal = clean(RawRecord(None, decay(T), RATE), name="fork")
     assert signal.provenance.more["period"] == pytest.approx(1 / 30, rel=1e-4)
+    assert signal.provenance.more["record_samples"] == raw.y.size
     stamped = decimate(RawRecord(np.round(T + 60.0, 6), decay(T)))
     np.testing.assert_allclose(stamped.y, decay(stamped.t - 60.0), rtol=0, atol=1e-4)
 

@@ -18,7 +18,7 @@ NOISE = 0.003 * np.random.default_rng(1).standard_normal(T.size)
 def test_a_wrapped_angle_is_unwrapped_with_a_note() -> None:
     for unit, turn in (("rad", 2 * np.pi), ("deg", 360.0)):
         angle = (Y + NOISE) * turn / (2 * np.pi)
-        signal = clean(unwrap(RawRecord(T, angle % turn), unit, "angle"), name="x", unit=unit)
+        signal = clean(RawRecord(T, angle % turn), name="x", unit=unit)
         assert first_words(signal).frequency[1] == pytest.approx(1.0, rel=1e-3)
         assert any("The angle was wrapped" in note for note in signal.provenance.notes)
         plain = RawRecord(T, angle)
