@@ -80,8 +80,7 @@ class Provenance:
     time_unit: who stated the unit of the times: "given" (the user), "file", or ""; first_line: line number (from 1) of
     the first row of numbers; constant_columns: columns left out because they do not change. unit: unit of the record, a
     name in UNITS. start, stop: of the part that is used, in s, in the times of the record; offset: constant that was
-    subtracted from all values (in the unit of y); decays: all free decays in the record, including the used one. more:
-    further numbers and texts for run.json.
+    subtracted from all values (in the unit of y); decays: all free decays in the record, including the used one.
     """
 
     warnings: tuple[str, ...] = ()
@@ -98,7 +97,6 @@ class Provenance:
     stop: float | None = None
     offset: float = 0.0
     decays: tuple[FreeDecay, ...] = ()
-    more: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -111,21 +109,17 @@ class Provenance:
     def to_dict(self) -> dict[str, Any]:
         """Return the provenance as a dictionary for run.json; `of` is the inverse.
 
-        Fields that are empty or None are left out, except `warnings` and `notes`. The entries of `more` have the same
-        level as the other fields.
+        Fields that are empty or None are left out, except `warnings` and `notes`.
         """
         values = asdict(self)
         always = {name: list(values.pop(name)) for name in ("warnings", "notes")}
-        more = values.pop("more")
-        return {**more, **{n: v for n, v in values.items() if v not in ((), {}, "", None)}, **always}
+        return {n: v for n, v in values.items() if v not in ((), {}, "", None)} | always
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Self:
-        """Return the provenance from a dictionary of `to_dict`, also after it was stored as JSON."""
-        own = {f.name for f in fields(cls)} - {"more"}
-        values = {name: value for name, value in given.items() if name in own and value is not None}
-        more = {name: value for name, value in given.items() if name not in own}
-        return join(cls, {**values, "more": more})
+        """Return the provenance from a dictionary of `to_dict`, also after it was stored as JSON with further keys."""
+        own = {f.name for f in fields(cls)}
+        return join(cls, {name: value for name, value in given.items() if name in own and value is not None})
 
 
 @dataclass(frozen=True, eq=False)

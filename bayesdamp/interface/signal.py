@@ -220,9 +220,7 @@ def signal(
         raise InputError(
             f"times must increase, but t[{at}] is not later than t[{at - 1}]; sort the samples", name
         )
-    provenance = Provenance(
-        notes=("Used as given, without cleaning.",), unit=unit, more={"quantity": quantity}
-    )
+    provenance = Provenance(notes=("Used as given, without cleaning.",), unit=unit)
     step = recording_step(values) * scale
     return Signal(times - times[0], values * scale, quantity, base, name, step, provenance)
 
@@ -254,5 +252,5 @@ def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> S
     """
     raw = decimate(unwrap(raw, unit, quantity))  # `clean` finds nothing left to do
     decay = clean(raw, name=name, unit=unit, quantity=quantity, **window)
-    whole = np.asarray(clock_times(raw, window["clock"], name).t)
+    whole, _ = clock_times(raw, window["clock"], name)
     return Signal.of(decay, whole_t=whole, whole_y=raw.y * UNITS[unit].factor - decay.provenance.offset)

@@ -139,12 +139,12 @@ def read_records(
     try:
         values = (*([value] if value is not None else []), *channels)
         chosen = choose_columns(content, time=time, values=values, rate=rate, runs=runs)
-        return [_record(content, columns, path, time_unit) for columns in chosen]
+        return [_record(content, columns, time_unit) for columns in chosen]
     except InputError as error:
         raise file_error(path, error.what, error.arguments) from None
 
 
-def _record(content: Contents, chosen: RecordColumns, path: Path, time_unit: str | None) -> RawRecord:
+def _record(content: Contents, chosen: RecordColumns, time_unit: str | None) -> RawRecord:
     """Return the record in the chosen columns of a file. Raises InputError if its times or values cannot be used.
 
     content: contents of the file. time_unit: unit of the times that the user gives; None for that of the file.
@@ -189,12 +189,6 @@ def _record(content: Contents, chosen: RecordColumns, path: Path, time_unit: str
         time_unit=unit_from,
         first_line=content.first_line,
         constant_columns=chosen.constant_columns,
-        more={
-            "file": path.name,
-            "format": content.format,
-            **content.layout,
-            "incomplete_rows": int(value.values.size - complete.sum()),
-        },
     )
     return RawRecord(
         t,

@@ -110,9 +110,5 @@ def simulate_signal(
         starts = np.sort(rng.integers(0, free + 1, gaps)) + 1 + np.arange(gaps) * (length + 1)
         keep[(starts[:, None] + np.arange(length)).ravel()] = False
         notes.append(f"{int((~keep).sum())} samples are missing.")
-    provenance = Provenance(
-        notes=tuple(notes),
-        stop=float(t[keep][-1]),
-        more={"simulated": True, "sampling_rate": (samples - 1) / duration, "samples": int(keep.sum())},
-    )
+    provenance = Provenance(notes=tuple(notes), stop=float(t[keep][-1]))
     return Signal(t[keep], y[keep], quantity, unit, name, float(quantum), provenance)

@@ -27,7 +27,7 @@ def test_an_estimate_depends_only_on_the_record_the_known_values_and_the_seed(na
     """
     signal, problem = noisy
     first = run(name, signal, problem, options=SHORT.get(name), seed=[7, 1])
-    marked = dataclasses.replace(signal, name="zeta=9", provenance=Provenance(more={"truth": {"zeta": 9.0}}))
+    marked = dataclasses.replace(signal, name="zeta=9", provenance=Provenance(facts={"zeta": 9.0}))
     np.random.seed(99)
     before = np.random.get_state()[1].copy()  # pyright: ignore
     again = run(name, marked, problem, options=SHORT.get(name), seed=[7, 1])

@@ -64,7 +64,7 @@ def test_content_is_read_from_its_file_as_it_was_written(tmp_path: Path, kind: t
 
 
 def test_provenance_of_a_record_is_read_as_it_was_written() -> None:
-    for provenance in (example(Provenance), Provenance(), Provenance(more={"simulated": True})):
+    for provenance in (example(Provenance), Provenance()):
         assert repr(Provenance.of(json.loads(json.dumps(provenance.to_dict())))) == repr(provenance)
 
 

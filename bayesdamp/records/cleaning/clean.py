@@ -181,10 +181,10 @@ def clean(
     """
     scale, base = known_unit(unit, quantity, name)
     raw = decimate(unwrap(raw, unit, quantity))
-    times = clock_times(raw, clock, name)
-    a, b = _samples_between(times.t, start, stop, name)
+    times, clock_notes = clock_times(raw, clock, name)
+    a, b = _samples_between(times, start, stop, name)
     step = recording_step(raw.y) * scale
-    t, y = times.t[a : b + 1], raw.y[a : b + 1] * scale
+    t, y = times[a : b + 1], raw.y[a : b + 1] * scale
     if np.ptp(y) == 0:
         raise InputError("the values between start and stop are constant; choose another part", name)
     if is_rectified(y):
@@ -197,7 +197,7 @@ def clean(
             raise InputError(TONE_BURST, name)
         window = free_decay(t, y, periods, step, seek_start, seek_stop, name)
     first, last = a + window.first, a + window.last
-    t, y = times.t[first : last + 1], raw.y[first : last + 1] * scale
+    t, y = times[first : last + 1], raw.y[first : last + 1] * scale
     signal = Signal(t - t[0], y, quantity, base, name, step)
     try:
         measured = features(signal)
@@ -217,7 +217,7 @@ def clean(
     outliers = count_outliers(signal, period, float(measured.turning_amplitudes.max()))
     rate = (t.size - 1) / float(t[-1] - t[0])
     label = UNITS[unit].of(quantity)
-    notes, warnings = [*raw.provenance.notes, *times.notes, *window.notes], list(raw.provenance.warnings)
+    notes, warnings = [*raw.provenance.notes, *clock_notes, *window.notes], list(raw.provenance.warnings)
     named = unit_and_quantity(raw.provenance.value_column)
     # deg/s and dps are the same unit
     if named is not None and (UNITS[named[0]].base, UNITS[named[0]].factor, named[1]) != (
@@ -252,21 +252,6 @@ def clean(
     notes.append(
         f"Used: {t.size} samples at {rate:.5g} Hz, {max(periods, cycles):.1f} cycles of {period:.4g} s{clear}."
     )
-    more = {
-        "quantity": quantity,
-        "clock": times.used,
-        "repeated_stamps": times.repeated,
-        "sampling_rate": rate,
-        "start_sample": first,
-        "stop_sample": last,
-        "samples": int(t.size),
-        "record_samples": int(raw.y.size),
-        "cycles": cycles,
-        "period": period,
-        "outliers": outliers,
-        "step": step,
-        "roughness": measured.roughness,
-    }
     provenance = replace(
         raw.provenance,
         warnings=tuple(warnings),
@@ -276,7 +261,6 @@ def clean(
         stop=float(t[-1]),
         offset=offset,
         decays=window.decays,
-        more={**raw.provenance.more, **more},
     )
     return replace(signal, provenance=provenance)
 
@@ -399,7 +383,6 @@ def decimate(raw: RawRecord) -> RawRecord:
         before,
         notes=(*before.notes, note),
         first_line=None,  # samples no longer correspond to lines of the file
-        more={**before.more, "decimation": factor},
     )
     return replace(raw, t=t, y=y, rate=None, rows=np.empty(0, int), provenance=provenance)
 

@@ -6,8 +6,6 @@ when they are taken.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from bayesdamp.records.record import RawRecord
@@ -48,30 +46,8 @@ steps at even distances along the record; missing or repeated rows change steps 
 evenly distributed, one in each eighth of the record, with a probability of only 0.24 % (8!/8⁸)."""
 
 
-@dataclass(frozen=True)
-class Clock:
-    """The times of the samples, and how they were obtained.
-
-    Attributes
-    ----------
-    t
-        Times in s, (n,), on the clock of the file; from 0 if they follow from a sampling rate.
-    used
-        "rate" (from the sampling rate), "as_logged" or "uniform".
-    repeated
-        Fraction (0 to 1) of time stamps that repeat the one before; 0 without time stamps.
-    notes
-        Sentences on what was done.
-    """
-
-    t: np.ndarray
-    used: str
-    repeated: float
-    notes: tuple[str, ...] = ()
-
-
-def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
-    """Return the times of a record.
+def clock_times(raw: RawRecord, clock: str, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the times of a record in s, (n,), on the clock of the file, and sentences on what was done.
 
     A record without times has those of its sampling rate, from 0 on, whatever the clock. Otherwise the clock
     "as_logged" uses the time stamps, and a uniform clock is first stamp + row index × step. The clock "auto" applies
@@ -111,7 +87,7 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             problem = "the record has neither times nor a sampling rate; give the rate in Hz"
             raise InputError(problem, name, arguments=["rate"])
         note = f"No times are used: samples are taken as equally spaced at {raw.rate:g} Hz."
-        return Clock(rows / raw.rate, "rate", 0.0, (note,))
+        return rows / raw.rate, (note,)
     gaps = np.diff(raw.t)
     if np.any(gaps < 0):
         at = int(np.argmax(gaps < 0))
@@ -126,13 +102,13 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
         if repeated_fraction:
             problem = f'{share} of the times repeat, which the clock "as_logged" cannot use; use "uniform"'
             raise InputError(problem, name, _describe_row(raw, first_repeat), ["clock"])
-        return Clock(raw.t, "as_logged", repeated_fraction)
+        return raw.t, ()
     is_auto = clock == "auto"
     if not (is_auto and _rows_are_missing(rows, raw.t, raw.y)):
         digit, step, largest_misfit = rounded_sampling(rows, raw.t)
         if UNIFORM_TOLERANCE * step < largest_misfit <= ROUNDING_TOLERANCE * digit and digit <= step:
             note = f"The time stamps are written to {digit:.3g} s: {_describe_uniform(raw.t[0], step)}."
-            return Clock(raw.t[0] + step * rows, "uniform", repeated_fraction, (note,))
+            return raw.t[0] + step * rows, (note,)
         if is_auto and digit > step and largest_misfit <= digit:
             raise InputError(
                 f"{share} of the times repeat: they are written to {digit:.3g} s, and the mean step between rows is "
@@ -158,7 +134,7 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
             arguments=["clock"],
         )
     if is_auto and not repeated_fraction:
-        return Clock(raw.t, "as_logged", repeated_fraction)
+        return raw.t, ()
     step, largest_misfit = robust_step(rows[begins], raw.t[begins])
     if is_auto and largest_misfit > MOST_STEPS_OFF * float(np.median(gaps[gaps > 0])):
         raise InputError(
@@ -170,7 +146,7 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> Clock:
     why = f"{share} of the time stamps repeat (they come in bursts)" if repeated_fraction else "As requested"
     anchors = "bursts begin" if in_bursts else "stamps are"
     note = f"{why}: {_describe_uniform(raw.t[0], step)}; the {anchors} within {largest_misfit:.2g} s of these times."
-    return Clock(raw.t[0] + step * rows, "uniform", repeated_fraction, (note,))
+    return raw.t[0] + step * rows, (note,)
 
 
 def _describe_uniform(start: float, step: float) -> str:

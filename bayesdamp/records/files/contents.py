@@ -84,8 +84,6 @@ class Contents:
         Numbers and texts that the file states outside its columns, by name.
     notes
         Sentences on what the reader did.
-    layout
-        For a text file, its "separator" and "decimal" mark, which are written to run.json; else empty.
     first_line
         Line number (from 1) of the first row of numbers in a text file.
     lines
@@ -102,7 +100,6 @@ class Contents:
     columns: tuple[Column, ...]
     facts: Mapping[str, Fact] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    layout: Mapping[str, object] = field(default_factory=dict)
     first_line: int | None = None
     lines: np.ndarray | None = None
     channels: bool = False

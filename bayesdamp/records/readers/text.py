@@ -527,9 +527,7 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
     facts = settings or header_facts(line for line, names in head if not names)
     left_out = "repeats the names of the columns and is left out."
     notes = tuple(f"Line {first + 1 + i} {left_out}" for i in repeated[:3])
-    separator = "blanks" if layout.separator == BLANKS else layout.separator
-    form = {"separator": separator, "decimal": layout.decimal}
-    return Contents(format_name, tuple(columns), facts, notes, form, first + 1, at, warnings=tuple(warnings))
+    return Contents(format_name, tuple(columns), facts, notes, first + 1, at, warnings=tuple(warnings))
 
 
 def _uneven_warning(rows: list[list[str]], lines: np.ndarray, columns: int) -> tuple[str, ...]:
