@@ -36,9 +36,9 @@ number of cycles, but at most this (conventional)."""
 OUTLIER_SIGMAS = 8.0
 """A sample is an outlier if it differs from a harmonic fit to a window around it by more than this many standard
 deviations of the noise. Outliers are counted, but not removed."""
-MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0
-"""If the amplitude of an angle is more than `MAX_TURNS` turns (of 360°), a warning says that the values may have
-another unit. If the column's name states the unit, the limit is `MAX_TURNS_NAMED` turns (conventional)."""
+MAX_TURNS = 0.5
+"""If the amplitude of an angle is more than this many turns (of 360°), and the column's name does not state the unit, a
+warning says that the values may have another unit (conventional)."""
 PLURAL = {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}
 """Words for values of each quantity, in messages."""
 CLIPPED = (
@@ -230,7 +230,7 @@ def clean(
             f"{label}; if this is wrong, give another unit or quantity."
         )
     turns = measured.amplitude / (2 * np.pi)
-    if base == "rad" and turns > (MAX_TURNS if named is None else MAX_TURNS_NAMED):
+    if base == "rad" and named is None and turns > MAX_TURNS:
         warnings.append(
             f"it swings by {turns:.2g} turns to either side when its values are read in {unit}; if they have another "
             "unit (such as degrees or volts), give the unit."
@@ -410,9 +410,9 @@ def filter_and_decimate(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
     ----------
     A. V. Oppenheim and R. W. Schafer, Discrete-Time Signal Processing, 7.5: FIR filters by a Kaiser window.
     """
-    width = (1 - PASS_BAND) / factor
-    half = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width) / 2))
-    kaiser: Any = ("kaiser", 0.1102 * (ATTENUATION - 8.7))
+    size, beta = scipy.signal.kaiserord(ATTENUATION, (1 - PASS_BAND) / factor)
+    half = size // 2
+    kaiser: Any = ("kaiser", beta)
     taps = np.asarray(scipy.signal.firwin(2 * half + 1, (1 + PASS_BAND) / 2 / factor, window=kaiser))
     middle = float(np.mean(y))
     # Sample k of the result is centred on sample k - half of y.
