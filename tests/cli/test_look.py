@@ -16,11 +16,9 @@ from bayesdamp.config import Recording, in_keys, load_study
 from bayesdamp.config.compare import comparison
 from bayesdamp.pipeline.records import read_raw
 from bayesdamp.types import InputError
-from tests.records.tables import write_table
+from tests.records.tables import T, Y, write_table
 from tests.studies import study_text
 
-T = np.arange(600) / 50
-Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 NOISE = np.random.default_rng(4).normal(0, 0.01, T.size)
 
 

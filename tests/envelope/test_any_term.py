@@ -14,6 +14,7 @@ from bayesdamp.interface.envelopes import analyse
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.records.envelope.record import EnvelopeRecord, make_record
 from bayesdamp.types import InputError
+from tests.records.tables import write_table
 from validation.truth.turning_points import FORCES, FREQUENCY, OMEGA, readings, turning_points
 
 SUMS = tuple(
@@ -70,10 +71,7 @@ def test_a_term_and_its_parameters_are_recovered(term, truths, unit):
 
 def written(path, unit: str = "rad") -> str:
     record = envelope(FORCES["thinning"], 3)
-    y = 10 ** (record.level / 20)
-    rows = "\n".join(f"{t:.7g},{a:.9g}" for t, a in zip(record.t, y))
-    path.write_text(f"time (s),amplitude ({unit})\n{rows}\n")
-    return str(path)
+    return str(write_table(path, f"time (s),amplitude ({unit})", record.t, 10 ** (record.level / 20)))
 
 
 def test_a_user_s_own_term_is_compared(tmp_path, capsys, refused):

@@ -12,6 +12,7 @@ import pytest
 from bayesdamp.cli import main
 from bayesdamp.records.envelope.record import are_envelopes, read_envelope
 from bayesdamp.types import InputError
+from tests.records.tables import write_table
 from validation.truth.ringdowns import Ringdown, simulate
 
 HEAD = "% Frequency [Hz]: 1562325.84\n% Quality factor: 2.5e7\n%\n% time [s], power [dBm]\n"
@@ -107,6 +108,6 @@ def test_the_refusal_of_amplitudes_suggests_the_envelope_option(tmp_path, capsys
     y = np.maximum(np.exp(-0.05 * t), 1e-3)
     for lowest, suggested in ((0.0, True), (-1e-9, False)):
         y[-1] = lowest
-        np.savetxt(file, np.column_stack([t, y]), delimiter=",", header="time,R (V)", comments="")
+        write_table(file, "time,R (V)", t, y)
         assert main(["compare", str(file), "--out", str(tmp_path / "out")]) == 2
         assert ("--quantity envelope" in capsys.readouterr().err) == suggested

@@ -12,6 +12,7 @@ from bayesdamp.cli import main
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import make_record
 from tests.physics.independent import viscous
+from tests.records.tables import write_table
 
 OMEGA = 2 * np.pi * 2.0
 
@@ -39,9 +40,8 @@ def motion_fit() -> tuple[float, float]:
 
 def test_an_envelope_has_the_damping_of_its_oscillation(motion_fit, tmp_path):
     """Within the joint 99.7 % interval. Negative control: a damping that is larger by 3 %."""
-    file = tmp_path / "lock_in.csv"
-    text = "\n".join(f"{a},{b}" for a, b in zip(*lock_in_amplitude(*motion(0.05, 1))))
-    file.write_text("time (s),amplitude (rad)\n" + text + "\n")
+    readings = lock_in_amplitude(*motion(0.05, 1))
+    file = write_table(tmp_path / "lock_in.csv", "time (s),amplitude (rad)", *readings)
     options = ["--quantity", "envelope", "--frequency", "2", "--out", str(tmp_path / "out")]
     assert main(["compare", str(file), *options]) == 0
     content = json.loads((tmp_path / "out" / "verdict.json").read_text())[0]

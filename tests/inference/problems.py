@@ -16,7 +16,7 @@ from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import HalfNormal, LogNormal, Normal, Prior
+from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Prior
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Posterior, Signal
 
@@ -45,19 +45,27 @@ PRIORS: dict[str, Prior] = {
     "stiffness": LogNormal(median=20.0, sigma=0.5), "theta0": Normal(mean=0.0, sd=0.6),
     "omega0": Normal(mean=0.0, sd=2.7),
     "noise_sd": LogNormal(median=0.004, sigma=1.0), "noise_dof": LogNormal(median=6.0, sigma=0.8),
+    "noise_time": LogUniform(low=7e-4, high=2.8),
 }  # fmt: skip
 """Priors that are wide for amplitudes of a few tenths of a rad and 20 rad²/s²."""
 
 
 def linear_target(
-    t: np.ndarray, y: np.ndarray, damping: str, known: dict[str, float], noise: str = "gaussian"
+    t: np.ndarray,
+    y: np.ndarray,
+    damping: str,
+    known: dict[str, float],
+    noise: str = "gaussian",
+    law: str = "linear",
+    **priors: Prior,
 ) -> Target:
-    """Return the target of an oscillator with a linear spring and one damping term. All parameters that are not known
-    have wide priors, and the rest angle is 0."""
+    """Return the target of an oscillator with one damping term, whose rest angle is 0.
+
+    Parameters that are not known have wide priors, or the given ones."""
     parameters = TERMS.get(damping).parameter, "stiffness", "theta0", "omega0", *NOISES.get(noise).parameters
-    priors = {name: PRIORS[name] for name in parameters if name not in known}
+    chosen = {name: {**PRIORS, **priors}[name] for name in parameters if name not in known}
     known = {"rest_angle": 0.0, **known}
-    return Target(Signal(t, y), Oscillator((damping,), "linear"), noise, priors, known)
+    return Target(Signal(t, y), Oscillator((damping,), law), noise, chosen, known)
 
 
 @lru_cache

@@ -12,13 +12,13 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation import model_comparison
 from bayesdamp.inference.deviation.model_comparison import BEHIND
 from bayesdamp.physics.damping import TERMS
 from tests.interface.problems import TIMES, TRUTH, not_refused, record
+from tests.physics.independent import trajectory
 from validation.truth.records import case
 
 mpl.use("Agg")
@@ -116,13 +116,10 @@ def test_a_double_well_may_have_a_known_negative_stiffness() -> None:
     """θ̈ = 5θ − 20θ³ − 0.1 θ̇ about its rest position 0.5, where ω² = −5 + 60 · 0.25: the ratio is 0.05/ω for small
     amplitudes. The cubic parameter is unknown, so that the known values alone do not have a rest position."""
     t = np.linspace(0.0, 25.0, 1000)
-    motion = solve_ivp(
-        lambda _, s: [s[1], 5 * s[0] - 20 * s[0] ** 3 - 0.1 * s[1]], (0, 25), [0.55, 0], t_eval=t, rtol=1e-9
-    )
-    signal = bd.signal(
-        t, motion.y[0] + 1e-4 * np.random.default_rng(1).standard_normal(t.size), cleaned=False
-    )
     known, priors = {"stiffness": -5.0, "rest_angle": 0.0}, {"cubic": bd.LogNormal(20.0, 0.3)}
+    y = trajectory("duffing", {**known, "cubic": 20.0, "zeta": 0.05, "theta0": 0.55, "omega0": 0.0}, t)[:, 0]
+    y += 1e-4 * np.random.default_rng(1).standard_normal(t.size)
+    signal = bd.signal(t, y, cleaned=False)
     result = bd.compare(
         signal, damping="viscous", restoring="duffing", known=known, priors=priors, sample=False
     )

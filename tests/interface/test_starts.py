@@ -12,8 +12,8 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
-from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import Signal
+from bayesdamp.priors import Normal
+from tests.inference.problems import linear_target
 
 TRUTH = {"zeta": 0.01, "stiffness": 20.0, "rest_angle": 0.0, "theta0": 2.0, "omega0": 0.0, "epsilon": 0.1}
 PERIOD, NOISE = 1.9, 0.01
@@ -25,16 +25,10 @@ FAST = {**TRUTH, "stiffness": 24.0}
 def swing() -> Target:
     """Return a large swing of a pendulum, whose frequency changes with its amplitude."""
     t = np.linspace(0.0, 75.0, 3000)
-    pendulum = Oscillator(("viscous",), "pendulum")
-    y = simulate(pendulum, TRUTH, t) + NOISE * np.random.default_rng(3).standard_normal(t.size)
-    priors = {
-        "zeta": HalfNormal(scale=0.3),
-        "stiffness": LogNormal(median=15.0, sigma=0.5),
-        "theta0": Normal(mean=0.0, sd=4.0),
-        "omega0": Normal(mean=0.0, sd=18.0),
-    }
-    known = {"rest_angle": 0.0, "epsilon": 0.1, "noise_sd": NOISE}
-    return Target(Signal(t, y), pendulum, "gaussian", priors, known)
+    y = simulate(Oscillator(("viscous",), "pendulum"), TRUTH, t)
+    y += NOISE * np.random.default_rng(3).standard_normal(t.size)
+    start = {"theta0": Normal(mean=0.0, sd=4.0), "omega0": Normal(mean=0.0, sd=18.0)}
+    return linear_target(t, y, "viscous", {"epsilon": 0.1, "noise_sd": NOISE}, law="pendulum", **start)
 
 
 def test_a_start_with_a_wrong_frequency_converges_with_growing_windows() -> None:

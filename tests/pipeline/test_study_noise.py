@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import ModeContent
+from tests.physics.independent import trajectory
 from tests.studies import study_text, write_study
 
 STUDY = study_text(
@@ -68,10 +68,8 @@ FRICTION = study_text(
 def test_the_inferred_width_of_friction_is_used_for_all_candidates(tmp_path):
     """The record is that of a precise encoder; the sign of the friction changes within 0.2 % of the peak velocity."""
     t, peak = np.linspace(0.0, 10.0, 500), 0.5 * np.sqrt(20.0)
-    x = solve_ivp(
-        lambda _, s: [s[1], -20.0 * s[0] - 0.04 * s[1] - 0.3 * np.tanh(s[1] / (0.002 * peak))],
-        (0, t[-1]), [0.5, 0.0], "LSODA", t, rtol=1e-9, atol=1e-11,
-    ).y[0]  # fmt: skip
+    p = {"zeta": 0.02, "mu_c": 0.3, "epsilon": 0.002 * peak, "stiffness": 20.0}
+    x = trajectory("linear", {**p, "rest_angle": 0.0, "theta0": 0.5, "omega0": 0.0}, t)[:, 0]
     x += 3e-4 * np.random.default_rng(1).standard_normal(t.size)
     np.savetxt(tmp_path / "sharp.csv", np.column_stack([t, x]), delimiter=",", header="t,x", comments="")
     out = tmp_path / "out"

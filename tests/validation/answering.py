@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.types import Signal
+from tests.physics.independent import viscous
 from validation.scoring import Peer, Reply
 from validation.truth.oscillator import SUMS
 from validation.truth.records import Case
@@ -50,9 +51,8 @@ def closed_form(ratio: float = 0.02, noise: float = 0.0, cycles: float = 20.0) -
         Length of the record in cycles.
     """
     t = np.arange(0.0, cycles, 0.02)
-    omega, damped = 2 * np.pi, 2 * np.pi * np.sqrt(1 - ratio**2)
-    y = np.exp(-ratio * omega * t) * (np.cos(damped * t) + ratio * omega / damped * np.sin(damped * t))
-    y = 0.3 + 0.5 * y + noise * np.random.default_rng(0).standard_normal(t.size)
+    omega = 2 * np.pi
+    y = 0.3 + viscous(t, ratio * omega, omega, 0.5) + noise * np.random.default_rng(0).standard_normal(t.size)
     amplitudes = tuple(0.5 * float(np.exp(-ratio * omega * x * cycles)) for x in (0.1, 0.5, 0.8))
     return Case(
         "closed-form", "closed form", Signal(t, y), "viscous", ratio=lambda _: ratio, amplitudes=amplitudes

@@ -6,19 +6,13 @@ import pickle
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from bayesdamp.types import InputError, Provenance
+from tests.physics.independent import trajectory
 from validation.truth import discrepancies as odd
 from validation.truth.drawing import Draw
-from validation.truth.oscillator import COEFFICIENTS, LAWS, SUMS, Oscillator
-from validation.truth.records import FAMILY, KINDS, Case, case, in_turn
-
-
-def oscillator_of(c: Case) -> Oscillator:
-    damping = {term: c.parameters[COEFFICIENTS[term]] for term in c.damping.split("+")}
-    law = {name: c.parameters[name] for name in LAWS[c.restoring]}
-    return Oscillator(c.restoring, law, damping, c.parameters["epsilon"])
+from validation.truth.oscillator import LAWS, SUMS, Oscillator
+from validation.truth.records import FAMILY, KINDS, case, in_turn
 
 
 def test_every_sum_of_dampings_is_combined_with_every_restoring_law() -> None:
@@ -54,13 +48,8 @@ def test_a_record_is_its_motion_with_white_noise_of_its_size(number: int) -> Non
 
     Variance and first autocorrelation are within 5 standard deviations."""
     c = case(FAMILY, 5, number)
-    state = [c.parameters["theta0"], c.parameters["omega0"]]
-    acceleration = oscillator_of(c).acceleration()
-    motion = solve_ivp(
-        lambda t, s: [s[1], acceleration(t, s[0], s[1], np.sign(s[1]))], (0.0, c.signal.t[-1]), state,
-        t_eval=c.signal.t, rtol=1e-7, atol=1e-9, max_step=0.1 * c.signal.t[-1] / c.cycles,
-    )  # fmt: skip
-    residual = (c.signal.y - motion.y[0]) / c.noise_sd
+    motion = trajectory(c.restoring, c.parameters, c.signal.t)[:, 0]
+    residual = (c.signal.y - motion) / c.noise_sd
     n = residual.size
     assert abs(np.mean(residual**2) - 1) < 5 * np.sqrt(2 / n)
     assert abs(np.mean(residual[1:] * residual[:-1])) < 5 / np.sqrt(n)

@@ -24,6 +24,7 @@ from bayesdamp.inference.residual_tests import (
 )
 from bayesdamp.inference.search import find_mode
 from tests.inference.problems import linear_target
+from tests.physics.independent import with_coulomb
 
 TIMES = np.linspace(0.0, 12.0, 300)
 K, ZETA, NOISE = 20.0, 0.08, 0.003
@@ -98,19 +99,15 @@ def test_the_verdict_names_the_form() -> None:
 
 def test_responses_are_finite_until_friction_ends_the_motion() -> None:
     """Exact friction in closed form stops after four half cycles. The computation gives no warning."""
-    friction, omega = 0.5, np.sqrt(K)
-    half = np.minimum(np.floor(TIMES * omega / np.pi), 4)
-    turning = 0.21 - 2 * half * friction / K
-    cycle = np.where(half < 4, np.cos(omega * TIMES - np.pi * half), 1.0)
-    y = (-1.0) ** half * ((turning - friction / K) * cycle + friction / K)
     known = {**KNOWN, "rest_angle": 0.0, "epsilon": 0.0}
+    truth = {"mu_c": 0.5, "theta0": 0.21, "omega0": 0.0}
+    y = with_coulomb(known | truth, TIMES)[:, 0]
     target = linear_target(TIMES, y, "coulomb", known)
-    truth = {"mu_c": friction, "theta0": 0.21, "omega0": 0.0}
     likelihood = find_mode(target, [truth], noise_level=NOISE).likelihood
     motion = likelihood.motions.motion(known | truth)
     assert np.abs(motion.y - y).max() < 1e-6
     finite = np.isfinite(responses_to_forms(likelihood, motion, known | truth))
-    assert finite[:, half < 4].all()
+    assert finite[:, TIMES * np.sqrt(K) < 4 * np.pi].all()
     assert not finite.all(axis=1).any()
 
 

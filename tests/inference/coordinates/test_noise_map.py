@@ -12,12 +12,8 @@ from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import Sampler, Settings, emcee, nuts
 from bayesdamp.inference.search import find_mode
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import LogNormal, LogUniform
-from bayesdamp.types import OK, Signal
-
-TRUTH = {"zeta": 0.05, "theta0": 0.3, "omega0": 0.0}
-K = 20.0
+from bayesdamp.types import OK
+from tests.inference.problems import linear_target
 
 
 @lru_cache
@@ -25,12 +21,8 @@ def of_noise_alone(correlation_time: float | None) -> tuple[Target, Mode]:
     """Return target and mode of 150 samples of a known motion, whose noise has this correlation time or is white."""
     t = np.linspace(0.0, 6.0, 150)
     y = simulated_noise(t, correlation_time)
-    priors = {
-        "noise_sd": LogNormal(median=0.003, sigma=1.0),
-        "noise_time": LogUniform(low=7e-4, high=2.8),
-    }
-    known = {"stiffness": K, "rest_angle": 0.0, "zeta": 0.05, "theta0": 0.0, "omega0": 0.0}
-    target = Target(Signal(t, y, "angle"), Oscillator(("viscous",), "linear"), "correlated", priors, known)
+    known = {"stiffness": 20.0, "zeta": 0.05, "theta0": 0.0, "omega0": 0.0}
+    target = linear_target(t, y, "viscous", known, "correlated")
     start = {"noise_sd": 0.003, "noise_time": correlation_time or 0.005}
     return target, find_mode(target, [start], noise_level=0.003)
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
-from scipy.optimize import root_scalar
 
 from bayesdamp.inference.deviation.data import Data, prepare_data
 from bayesdamp.inference.deviation.linear import knots_of
@@ -16,41 +13,20 @@ from bayesdamp.interface.answer import answer
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel.solve import NONE
 from bayesdamp.types import Signal
-from tests.physics.independent import drag, trajectory
+from tests.physics.independent import trajectory
+from validation.truth.oscillator import Oscillator
+from validation.truth.ratio import true_ratio
 
 LAW = "horizontal_pendulum"
 STIFFNESS, EPSILON = 20.0, 0.1
-KNOWN = {
-    "stiffness": STIFFNESS, "gravity": 1.0, "spring_angle": 0.0, "theta0": 0.3, "omega0": 0.0, "epsilon": EPSILON,
-}  # fmt: skip
+SPRING = {"stiffness": STIFFNESS, "gravity": 1.0, "spring_angle": 0.0}
+KNOWN = {**SPRING, "theta0": 0.3, "omega0": 0.0, "epsilon": EPSILON}
 TRUTHS = {"viscous": {"zeta": 0.05}, "coulomb": {"mu_c": 0.03}, "quadratic": {"mu_q": 0.05}}
 PERIOD = 1.4032
 NOISE = 1e-4
 """Noise of 70 samples a cycle, in rad; more of them are noisier, so that all records hold as much."""
 AMPLITUDE = 0.25
 QUANTITIES = ("angle", "velocity", "acceleration")
-
-
-def true_ratio(kind: str, amplitude: float) -> float:
-    """Return the energy lost in a cycle of this amplitude over 4π times the energy."""
-
-    def potential(x: float) -> float:
-        return 0.5 * STIFFNESS * x**2 - np.sin(x)
-
-    def root(function: Callable[[float], float], low: float, high: float) -> float:
-        return root_scalar(function, bracket=(low, high)).root
-
-    damping = drag({**KNOWN, **TRUTHS[kind]})
-    rest = root(lambda x: STIFFNESS * x - np.cos(x), -1, 1)
-    middle = root(lambda m: potential(m + amplitude) - potential(m - amplitude), rest - 0.1, rest + 0.1)
-    top = potential(middle + amplitude)
-
-    def lost(phase: float) -> float:
-        x = middle + amplitude * np.sin(phase)
-        v = np.sqrt(2 * max(top - potential(x), 0.0))
-        return 2 * damping(v, 0.0) * amplitude * np.cos(phase)
-
-    return quad(lost, -np.pi / 2, np.pi / 2)[0] / (4 * np.pi * (top - potential(rest)))
 
 
 @pytest.mark.parametrize("rate", [70, 200, 1400])
@@ -72,7 +48,9 @@ def test_the_true_damping_is_named_at_any_rate(kind: str, rate: int) -> None:
     ratio = verdict.damping_ratio[0]
     assert (verdict.damping, verdict.decided) == (kind, True)
     assert verdict.probability > 0.99
-    assert ratio.low < true_ratio(kind, AMPLITUDE) < ratio.high
+    (coefficient,) = TRUTHS[kind].values()
+    truth = true_ratio(Oscillator(LAW, SPRING, {kind: coefficient}, EPSILON), AMPLITUDE)
+    assert ratio.low < truth < ratio.high
 
 
 def stamps(uneven: bool) -> np.ndarray:

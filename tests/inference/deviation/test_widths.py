@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 from bayesdamp.inference.deviation.findings import compute_findings
 from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.interface.answer import answer
 from bayesdamp.types import Ratio, Signal
-from tests.physics.independent import trajectory, viscous
+from tests.physics.independent import trajectory, viscous, with_coulomb
+from validation.truth.ratio import harmonic_ratio
 
 HERTZ, RATIO, SIZE = 5.0, 5.1e-4, 0.1
 W, A, MU, ZETA = 4.5, 0.3, 0.06, 0.02
@@ -46,15 +46,9 @@ def ratios(share: float, seed: int, known: dict[str, float] | None = None) -> tu
     return compute_findings(comparison, amplitudes=[0.2, 0.05, 0.02, 0.01]).ratios
 
 
-def dry_loss(amplitude: float, width: float) -> float:
-    """Return the work of tanh(v/ε) in a cycle of a harmonic motion, by quadrature."""
-    quarter = quad(lambda a: math.sin(a) * math.tanh(amplitude * W * math.sin(a) / width), 0, math.pi / 2)[0]
-    return 4 * amplitude * quarter
-
-
 def truth(amplitude: float, share: float) -> float:
-    """Return the equivalent ratio: viscous damping's is ζ/ω, friction's its loss over 4π times the energy."""
-    return ZETA / W + MU * dry_loss(amplitude, share * PEAK) / (2 * math.pi * (W * amplitude) ** 2)
+    """Return the equivalent ratio for a harmonic motion."""
+    return harmonic_ratio(lambda x, v: 2 * ZETA * v + MU * math.tanh(v / (share * PEAK)), amplitude, W)
 
 
 SHARE = 0.01
@@ -76,22 +70,12 @@ def test_an_interval_under_a_wrong_width_does_not_contain_the_true_ratio() -> No
     assert not last.low < truth(last.amplitude, SHARE) < last.high
 
 
-def friction(t: np.ndarray, omega: float, zeta: float, mu: float, first: float) -> np.ndarray:
-    """Return a decay of closed form at times t, with viscous damping and sharp friction, from rest at `first`."""
-    damped, offset = np.sqrt(omega**2 - zeta**2), mu / omega**2
-    half = np.floor(t * damped / np.pi)
-    falls, sizes = np.exp(-zeta * np.pi / damped), [first - offset]
-    for _ in range(int(half[-1])):
-        sizes.append(sizes[-1] * falls - 2 * offset)
-    since = t - half * np.pi / damped
-    swing = np.exp(-zeta * since) * (np.cos(damped * since) + zeta / damped * np.sin(damped * since))
-    return (-1) ** half * (np.array(sizes)[half.astype(int)] * swing + offset)
-
-
 def rounded_friction() -> Signal:
     """Return a record of sharp Coulomb friction without noise, rounded to steps of 0.1 degrees."""
     t, step = np.linspace(0.0, 40.0, 4000), np.radians(0.1)
-    return Signal(t, step * np.round(friction(t, 5.0, 0.01, 0.03, 0.4) / step), step=step)
+    start = {"rest_angle": 0.0, "theta0": 0.4, "omega0": 0.0}
+    p = {"zeta": 0.01, "mu_c": 0.03, "epsilon": 0.0, "stiffness": 25.0, **start}
+    return Signal(t, step * np.round(trajectory("linear", p, t)[:, 0] / step), step=step)
 
 
 def test_friction_in_rounded_values_is_identified_as_sharp(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -122,7 +106,9 @@ def test_sharp_friction_is_not_identified_as_wide(kind: str) -> None:
     """
     cycles, size, per_cycle, noise = (600, 0.0, 20, 0.004) if kind == "averaged" else (12, 0.04, 48, 0.001)
     t = np.arange(cycles * per_cycle) / per_cycle
-    y = friction(t, 2 * np.pi, 0.0, np.pi**2 * 0.95 / cycles, 1.0) + size * np.sin(2 * np.pi * 1.36 * t + 1)
+    start = {"rest_angle": 0.0, "theta0": 1.0, "omega0": 0.0}
+    y = with_coulomb({"stiffness": 4 * np.pi**2, "mu_c": np.pi**2 * 0.95 / cycles, **start}, t)[:, 0]
+    y += size * np.sin(2 * np.pi * 1.36 * t + 1)
     y += noise * np.random.default_rng(3).standard_normal(t.size)
     comparison = compare_signal(Signal(t, y), damping=["coulomb"], restoring=["linear"])
     assert (comparison.data.averaged is None) == (kind == "hum")

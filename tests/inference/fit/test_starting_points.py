@@ -10,9 +10,8 @@ import pytest
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.search import find_mode, group_searches
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.priors import HalfNormal, LogNormal, Normal
-from bayesdamp.types import Signal
+from bayesdamp.priors import LogNormal
+from tests.inference.problems import linear_target
 
 STEP, FREQUENCY, RATE, SD = 0.35, 4.5, 0.06, 0.005
 ALIAS = 2 * np.pi / STEP - FREQUENCY
@@ -25,14 +24,7 @@ def searched(jitter: float) -> tuple[Target, Mode]:
     rng = np.random.default_rng(5)
     t = STEP * np.arange(60) + np.concatenate([[0.0], jitter * rng.uniform(-1, 1, 59)])
     y = 0.3 * np.exp(-RATE * t) * np.cos(FREQUENCY * t) + SD * rng.standard_normal(t.size)
-    priors = {
-        "zeta": HalfNormal(scale=0.5),
-        "stiffness": LogNormal(median=50.0, sigma=1.0),
-        "theta0": Normal(mean=0.0, sd=0.6),
-        "omega0": Normal(mean=0.0, sd=3.0),
-    }
-    known = {"rest_angle": 0.0, "noise_sd": SD, "epsilon": 0.1}
-    target = Target(Signal(t, y), Oscillator(("viscous",), "linear"), "gaussian", priors, known)
+    target = linear_target(t, y, "viscous", {"noise_sd": SD}, stiffness=LogNormal(median=50.0, sigma=1.0))
     common = {"zeta": RATE, "theta0": 0.3, "omega0": 0.0}
     starts = [{**common, "stiffness": w**2} for w in (FREQUENCY, FREQUENCY, ALIAS)]
     return target, find_mode(target, starts, noise_level=SD)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from bayesdamp.types import Refusal
+from tests.physics.independent import trajectory
 from tests.validation.answering import closed_form
 from validation.contest.peers import ROSTER, script, textbook
 from validation.truth.drawing import loss_rate
@@ -27,15 +27,14 @@ def test_each_peer_finds_the_ratio_of_the_closed_form(name: str):
 
 
 def test_a_single_ratio_is_wrong_on_a_decay_by_drag():
-    """Negative control: v|v| alone, solved by SciPy; the ratio is proportional to the amplitude."""
+    """Negative control: v|v| alone; the ratio is proportional to the amplitude."""
     t, drag, omega = np.arange(0.0, 20.0, 0.02), 0.4, 2 * np.pi
-    path = solve_ivp(
-        lambda _, s: (s[1], -(omega**2) * s[0] - drag * s[1] * abs(s[1])), (0, 20), (0.5, 0.0), t_eval=t, rtol=1e-9,
-    )  # fmt: skip
+    p = {"mu_q": drag, "stiffness": omega**2, "rest_angle": 0.0, "theta0": 0.5, "omega0": 0.0}
+    y = trajectory("linear", p, t)[:, 0]
     amplitudes = (0.4, 0.2, 0.09)
     true = np.array([drag * loss_rate("quadratic", a, omega) for a in amplitudes])
     for answer in (textbook.decrement, textbook.decaying_cosine):
-        values = np.array(answer(t, path.y[0], amplitudes).values)
+        values = np.array(answer(t, y, amplitudes).values)
         assert np.max(np.abs(values / true - 1)) > 0.4
 
 
