@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import ESTIMATORS, Estimator, Options, names_for_all, run
-from bayesdamp.types import Estimate, InputError, Provenance, Refusal, Signal
+from bayesdamp.types import Estimate, Provenance, Refusal, Signal
 from tests.estimators.truths import SHORT, pendulum
 
 NAMES = names_for_all()
@@ -67,25 +67,6 @@ def test_every_estimator_refuses_an_impossible_record_in_a_sentence(kind):
         for estimate in run(name, signal, problem, options=SHORT.get(name), seed=1):
             assert len(estimate.outcome.split()) > 3, name
             assert estimate.values == {}, name
-
-
-def test_the_topological_method_refuses_sums():
-    signal, problem = pendulum({"zeta": 0.05, "mu_c": 0.03}, samples=500)
-    outcomes = {e.outcome for e in run("topological", signal, problem, seed=1)}
-    assert outcomes == {"persistence lifetimes give one damping coefficient, not a sum of terms"}
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "hint"),
-    [
-        ("least_squares", {"options": {"variant": "wsl"}}, "'ols', 'wls', 'irls' or 'tls'"),
-        ("envelop", {}, "did you mean 'envelope'"),
-        ("envelope", {"stages": ["refine"]}, "did you mean 'refined'"),
-    ],
-)
-def test_a_misspelt_name_is_refused_with_the_right_one(noisy, name, options, hint):
-    with pytest.raises(InputError, match=hint):
-        run(name, *noisy, seed=1, **options)
 
 
 class Stub(Estimator):

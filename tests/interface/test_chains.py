@@ -1,4 +1,4 @@
-"""Samplers and nested sampling under approximate laws, against a sum over the parameter and sequential Monte Carlo."""
+"""Samplers under approximate laws, against a sum over the parameter and sequential Monte Carlo."""
 
 from __future__ import annotations
 
@@ -9,64 +9,32 @@ import pytest
 from scipy.special import logsumexp
 
 import bayesdamp as bd
-from bayesdamp.inference.evidence import nested
-from tests.interface.problems import KNOWN
-from tests.interface.test_deviation import drifting, fit, one_parameter
+from tests.interface.test_deviation import fit, one_parameter
 
 LENGTHS = {"nuts": {"chains": 2, "warmup": 50, "draws": 300}, "emcee": {}}
 GRID = np.linspace(0.040, 0.060, 201)
 
 
 @lru_cache
-def by_sum() -> tuple[float, float, float]:
-    """Compute mean and sd of ζ, and the log evidence, by a sum over a grid of ζ; the prior is half-normal."""
+def by_sum() -> tuple[float, float]:
+    """Compute mean and sd of ζ by a sum over a grid of ζ; the prior is half-normal."""
     prior, likelihood = one_parameter().priors["zeta"], one_parameter().law.mode.likelihood
     z = np.array([prior.score(v) for v in GRID])[:, None]
-    log = likelihood.log_posteriors(z) + np.log(2) + np.log(np.gradient(z[:, 0]))
-    total = float(logsumexp(log))
-    weights = np.exp(log - total)
+    log = likelihood.log_posteriors(z) + np.log(np.gradient(z[:, 0]))
+    weights = np.exp(log - logsumexp(log))
     mean = float(weights @ GRID)
-    return mean, float(np.sqrt(weights @ (GRID - mean) ** 2)), total
-
-
-@lru_cache
-def exact_laws() -> bd.Fit:
-    model = bd.Model("viscous", noise="gaussian", known=KNOWN, priors=one_parameter().priors)
-    return bd.fit(drifting(), model)
+    return mean, float(np.sqrt(weights @ (GRID - mean) ** 2))
 
 
 @pytest.mark.parametrize("sampler", ["nuts", pytest.param("emcee", marks=pytest.mark.slow)])
 def test_chains_draw_from_the_density(sampler: str) -> None:
     """Mean and sd within five standard errors of the effective draws. Control: the sd from noise alone is smaller."""
-    mean, sd, _ = by_sum()
+    mean, sd = by_sum()
     row = bd.sample(one_parameter(), sampler, **LENGTHS[sampler]).summary(derived=False).loc["zeta"]
     error = sd / np.sqrt(row["ess_bulk"])
     assert abs(row["mean"] - mean) < 5 * error
     assert abs(row["sd"] - sd) < 5 * error
     assert one_parameter().sd_noise["zeta"] < sd - 5 * error
-
-
-def test_the_density_has_the_evidence_of_sequential_monte_carlo() -> None:
-    """Within four standard errors and 0.1 nats, the size of what the curvature of the deviations changes.
-    Control: exact laws have 5 nats less."""
-    sampled, total = bd.evidence(one_parameter()), by_sum()[2]
-    assert abs(total - sampled.log_evidence) < 4 * sampled.stderr + 0.1
-    assert total - bd.evidence(exact_laws(), "laplace").log_evidence > 5
-
-
-def test_nested_sampling_around_the_mode_has_the_evidence_of_the_density(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Within four standard errors and 0.002 nats of the sum. Control: exact laws have 5 nats less.
-
-    The run starts around the mode if it would take too long from the prior, which is pretended here."""
-    monkeypatch.setattr(nested, "LIKELIHOODS_PER_CHECK", 1)
-    monkeypatch.setattr(nested, "log_evidence_about", lambda _: -1e9)
-    evidence, control = bd.evidence(one_parameter(), "nested"), bd.evidence(exact_laws(), "laplace")
-    assert evidence.outcome == "ok"
-    assert "around the mode" in evidence.diagnostic
-    assert evidence.log_evidence - control.log_evidence > 5
-    assert abs(evidence.log_evidence - by_sum()[2]) < 4 * evidence.stderr + 0.002
 
 
 def test_emcee_agrees_with_sequential_monte_carlo_on_five_parameters() -> None:

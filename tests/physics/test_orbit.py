@@ -29,12 +29,6 @@ def test_a_cycle_of_a_gravity_pendulum_agrees_with_elliptic_integrals(amplitude)
     assert float(result.energy_lost) == pytest.approx(2 * 0.05 * action + 0.1 * drag, rel=1e-8)
 
 
-def test_dry_friction_dissipates_four_times_its_size_and_amplitude():
-    p = {"stiffness": K, "rest_angle": 0.0, "mu_c": 0.03}
-    lost = cycle(Oscillator(("coulomb",), "linear"), p, 0.3, 0.0).energy_lost
-    assert float(lost) == pytest.approx(4 * 0.03 * 0.3)
-
-
 def test_a_cycle_of_an_asymmetric_law_agrees_with_a_trajectory():
     """The turning points of k(θ − θ_s) − γ cos θ have different distances from rest; the amplitude is their mean."""
     p = {"stiffness": 40.0, "gravity": -30.0, "spring_angle": 0.5, "theta0": 1.6, "omega0": 0.0}

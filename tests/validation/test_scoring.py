@@ -14,7 +14,6 @@ from bayesdamp.verdict.parts import DampingRatio, Grade, Rival
 from bayesdamp.verdict.types import Verdict
 from tests.validation.answering import a_case, peer_of
 from validation.contest.page import paired
-from validation.reports.deviation import page
 from validation.scoring import (
     SCORES,
     Reply,
@@ -70,24 +69,6 @@ def test_coverage_is_the_mean_over_records_that_have_intervals() -> None:
     rows = pd.DataFrame([row_of(a_case(i), lambda *_, r=r: r) for i, r in enumerate(replies)])
     assert coverage(rows).value == pytest.approx((2 / 3 + 0) / 2)
     assert np.isnan(coverage(rows.iloc[2:]).value)
-
-
-def test_the_page_scores_each_group_and_peer_separately() -> None:
-    rng, rows = np.random.default_rng(2), []
-    for mode, sure in (("none", 1.0), ("auto", 0.5)):
-        for case in (a_case(n, group) for n in range(20) for group in ("family", "drift", "jitter")):
-            grade = "deviates" if case.group == "drift" else "exact"
-            rows.append(row_of(case, peer_of(case, rng, sure=sure, grade=grade), mode))
-    text = page(pd.DataFrame(rows))
-    assert "| drift, auto | 20 | 20 | 20 of 20 (0.84–1.00) | 20 of 20 (0.84–1.00) |" in text
-    for group, score in {
-        "family, none": "9.8 % | 0",
-        "family, auto": "20 % | 0",
-        "drift, auto": "20 % | 20",
-    }.items():
-        lines = [line for line in text.splitlines() if line.startswith(f"| {group} |")]
-        assert any(f"| {score} |" in line for line in lines)
-    assert "| all discrepancies, auto | 40 | 40 |" in text
 
 
 def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:

@@ -279,17 +279,11 @@ def test_reservations_precede_other_remarks() -> None:
         exponent=Quantity(1.0, 0.9, 1.1),
         notes=["Given a note."],
     )
-    starts = [
-        "If damping and spring followed their laws exactly, Coulomb (dry friction) would be",
-        "The record cannot distinguish viscous damping from structural",
-        "The record does not determine the rest angle; its interval is just the prior.",
-        "The amplitude falls by only 10 %, so damping models are hard to distinguish.",
-        "A residual of 2 % of the amplitude is explained neither by the law nor by the noise.",
-        "The midline drifts by 0.4 % of the first amplitude over the record.",
-        "Given a note.",
-        "Fitted as a power law, the damping force grows as v^(1.00 ± 0.10), which is viscous.",
-    ]
-    assert [line[: len(start)] for line, start in zip(verdict.remarks, starts, strict=True)] == starts
+    parts = [
+        "exactly, Coulomb", "from structural", "rest angle; its interval is just the prior", "falls by only 10 %",
+        "A residual of 2 %", "drifts by 0.4 %", "Given a note", "which is viscous",
+    ]  # fmt: skip
+    assert all(part in line for part, line in zip(parts, verdict.remarks, strict=True))
 
 
 def test_the_fall_of_the_amplitude_follows_from_the_damping_ratio() -> None:

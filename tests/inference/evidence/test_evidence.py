@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from bayesdamp.inference.evidence import EVIDENCES, Draws, EvidenceMethod, nested
+from bayesdamp.inference.evidence import EVIDENCES, Draws, nested
 from bayesdamp.inference.evidence.bridge import bridge
 from bayesdamp.inference.mode import log_evidence_near
 from bayesdamp.inference.samplers import SAMPLERS, Settings
@@ -59,24 +59,6 @@ def test_evidence_of_nested_sampling_around_the_mode_is_that_of_quadrature(case,
     assert abs(result.log_evidence - quadrature(case)) < LIMIT
     reflected = int(np.sum(target.reflected))
     assert abs(result.log_evidence - reflected * np.log(2.0) - quadrature(case)) > LIMIT
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_seed_determines_the_result_and_another_seed_agrees(method):
-    """Two seeds within five standard errors: a false alarm in 1.7 million."""
-    plugin = EVIDENCES.get(method)
-    assert isinstance(plugin, EvidenceMethod)
-    assert plugin.name == method
-    case = "two touching"
-    result, other = evidence(case, method), evidence(case, method, 2)
-    assert (result.method, result.model) == (method, "model")
-    assert result.diagnostic
-    assert result.evaluations > 0
-    evidence.cache_clear()
-    again = evidence(case, method)
-    assert (again.log_evidence, again.stderr) == (result.log_evidence, result.stderr)
-    assert other.log_evidence != result.log_evidence
-    assert abs(other.log_evidence - result.log_evidence) < 5 * np.hypot(result.stderr, other.stderr)
 
 
 @pytest.mark.slow

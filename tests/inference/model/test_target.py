@@ -1,4 +1,4 @@
-"""The posterior as a function: its value, its derivatives, its numerical error, and motions that escape."""
+"""The posterior as a function: its value, its derivatives, and its numerical error."""
 
 from __future__ import annotations
 
@@ -9,12 +9,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.special import logsumexp
 
 from bayesdamp.inference.mode import MOST_CHANGE
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target, build_target, default_prior
-from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import (
@@ -27,20 +25,9 @@ from bayesdamp.priors import (
     SharedHalfNormal,
     Uniform,
 )
-from bayesdamp.types import InputError, Reference, Refusal, Signal, System
+from bayesdamp.types import InputError, Reference, Signal, System
 from tests.inference import problems
 from tests.inference.problems import FEATURES, linear_target
-
-
-def case(noise: str) -> tuple[Target, np.ndarray]:
-    """Return a target and scores at its mode, or near it for Student's t, which has the record of Gaussian noise."""
-    name = "coulomb_correlated" if noise == "correlated" else "viscous_coulomb"
-    base, z = problems.target(name), problems.mode(name).z
-    if noise != "student_t":
-        return base, z
-    priors = {**base.priors, "noise_dof": LogNormal(median=6.0, sigma=0.8)}
-    target = Target(base.signal, base.oscillator, "student_t", priors, base.known)
-    return target, target.scores({**{n: float(v) for n, v in base.values(z).items()}, "noise_dof": 5.0})
 
 
 def test_prior_and_likelihood_are_those_of_the_reference():
@@ -52,20 +39,6 @@ def test_prior_and_likelihood_are_those_of_the_reference():
         assert result == pytest.approx(reference["at_truth"]["log_likelihood"], abs=2e-3), name
         prior = sum(float(p.log_density(reference["truth"][n])) for n, p in target.priors.items())
         assert prior == pytest.approx(reference["at_truth"]["log_prior"], abs=1e-9), name
-
-
-@pytest.mark.parametrize("noise", ["gaussian", "correlated", "student_t"])
-def test_the_gradient_is_that_of_differences(noise):
-    """By every score, also those of the noise, and away from the mode. Control: the gradient is not zero there."""
-    target, z = case(noise)
-    z = z + 0.3 * np.linspace(-0.02, 0.03, z.size)
-    likelihood = Likelihood.near(target, z, 1e-9)
-    value, gradient = likelihood.gradient(z)
-    assert value == pytest.approx(likelihood.log_posterior(z), abs=1e-9)
-    expected = differences(likelihood.log_posterior, z, 1e-5)
-    scale = np.max(np.abs(expected))
-    np.testing.assert_allclose(gradient, expected, atol=1e-5 * scale + 1e-3)
-    assert scale > 10
 
 
 def test_a_more_exact_motion_changes_the_log_likelihood_by_less_than_the_bound():
@@ -91,28 +64,6 @@ def test_the_likelihood_of_a_part_of_the_record_counts_only_its_samples():
         assert parts[1].log_likelihood(mode.z) == pytest.approx(own, abs=1e-3)
         off = sum(p.log_likelihood(mode.z) for p in parts) - whole.log_likelihood(mode.z)
         assert abs(off) < MOST_CHANGE if independent else abs(off) > 1e-3
-
-
-def test_a_motion_that_escapes_has_a_log_likelihood_of_minus_infinity():
-    """For starts of a softening Duffing oscillator beyond its unstable equilibrium; for smaller ones it is finite."""
-    t = np.linspace(0, 6, 80)
-    priors: dict[str, Prior] = {"zeta": HalfNormal(scale=0.4), "cubic": Normal(mean=-60.0, sd=30.0)}
-    priors["theta0"] = Normal(mean=0.3, sd=0.3)
-    known = {"stiffness": 20.0, "rest_angle": 0.0, "omega0": 0.0, "noise_sd": 0.01}
-    law = Oscillator(("viscous",), "duffing")
-    target = Target(Signal(t, 0.3 * np.cos(4 * t)), law, "gaussian", priors, known)
-    likelihood = Likelihood.near(target, target.scores({"zeta": 0.1, "cubic": -60.0, "theta0": 0.3}), 1e-6)
-    starts = [0.3, 0.5, 0.65, 0.8, 1.2, 3.0]
-    z = np.array([target.scores({"zeta": 0.1, "cubic": -60.0, "theta0": x}) for x in starts])
-    result = likelihood.log_posteriors(z)
-    assert not np.any(np.isnan(result))
-    assert np.all(np.isfinite(result[:2]))
-    assert np.all(result[3:] == -np.inf)
-    value, gradient = likelihood.gradient(z[4])
-    assert value == -np.inf
-    assert np.all(np.isfinite(gradient))
-    with pytest.raises(Refusal, match="finite likelihood"):
-        find_mode(target, [{"zeta": 0.1, "cubic": -60.0, "theta0": 3.0}], noise_level=0.01)
 
 
 REFERENCE = Reference(0.3, 4.47)
@@ -190,31 +141,9 @@ def sharing() -> tuple[Likelihood, np.ndarray]:
     return Likelihood.near(target, z, 1e-9), z
 
 
-def log_prior(likelihood: Likelihood, z: np.ndarray, scales: tuple[float, ...]) -> float:
-    """Return the log of the mean over scales of normal densities, by SciPy."""
-    shared = likelihood.target.shared
-    logs = [float(stats.norm.logpdf(z[shared], scale=s).sum()) for s in scales]
-    return float(logsumexp(logs) - np.log(len(scales)) + stats.norm.logpdf(z[~shared]).sum())
-
-
 def differences(function: Callable[[np.ndarray], np.ndarray | float], z: np.ndarray, d: float) -> np.ndarray:
     """Return the central differences of a function by each score."""
     return np.array([(function(z + s) - function(z - s)) / (2 * d) for s in d * np.eye(z.size)])
-
-
-@pytest.mark.parametrize("size", [0.05, 1.0, 3.0])
-def test_the_prior_of_coefficients_that_share_a_scale_is_a_mean_over_scales(size):
-    """Its density and its slope, also with one scale; the folded density has a factor of two for each coefficient."""
-    likelihood, z = sharing()
-    target = likelihood.target
-    z = np.where(target.shared, size * np.array([1.0, -0.7, 0, 0, 0, 0]), 0.4 * z)
-    for of, scales in ((likelihood, target.scales), (likelihood.with_scale(0.5), (0.5,))):
-        expected = log_prior(likelihood, z, scales)
-        assert float(of.log_prior(z)) == pytest.approx(expected, rel=1e-12)
-        assert of.log_posterior(z) - of.log_likelihood(z) == pytest.approx(expected, rel=1e-9, abs=1e-6)
-        slope = differences(lambda u, s=scales: log_prior(likelihood, u, s), z, 1e-5)
-        assert -z * target.prior_precision(z, scales) == pytest.approx(slope, rel=1e-6, abs=1e-8)
-    assert likelihood.folded(z[None])[0] == pytest.approx(likelihood.log_posterior(z) + 2 * np.log(2.0))
 
 
 @pytest.mark.parametrize("louder", [1.0, 30.0])

@@ -39,31 +39,6 @@ def test_frequencies_and_damping_ratios_of_modes_are_right() -> None:
     assert modes.first == pytest.approx([0.3, 0.1], rel=0.02)
 
 
-@pytest.mark.parametrize(
-    ("kind", "parts"),
-    [
-        ("beats", ((0.3, 1.0, 0.01), (0.1, 1.12, 0.01))),
-        ("beats", ((0.3, 1.0, 0.02), (0.15, 0.9, 0.01))),
-        ("two modes", ((0.3, 1.0, 0.01), (0.1, 2.7, 0.004))),
-        ("two modes", ((0.3, 1.0, 0.01), (0.1, 0.6, 0.01))),
-        ("driven", ((0.3, 1.0, 0.02), (0.08, 1.3, 0.0))),
-        ("growing", ((0.02, 1.0, -0.012),)),
-        ("steady", ((0.3, 1.0, 0.0),)),
-    ],
-)
-def test_the_kind_of_other_motion_is_recognised(
-    kind: str, parts: tuple[tuple[float, float, float], ...]
-) -> None:
-    motion = find_other_motion(*sum_of(*parts), PERIOD)
-    assert motion.kind == kind
-    if kind in ("beats", "steady"):  # the window is not cut at the first beat
-        cleaned = clean(RawRecord(*sum_of(*parts)), name=kind)
-        assert cleaned.t[-1] > 39
-        assert "not the free decay" in " ".join(map(str, cleaned.provenance.notes)) or kind == "steady"
-    if len(parts) > 1:
-        assert motion.size == pytest.approx(parts[1][0] / parts[0][0], rel=0.1)
-
-
 def test_a_drive_close_to_the_frequency_is_recognised_if_its_amplitude_is_constant() -> None:
     """Less than a beat apart. Negative control: the second sinusoid decays, too."""
     motion = find_other_motion(*sum_of((0.3, 1.0, 0.05), (0.05, 1.01, 0.0)), PERIOD)
