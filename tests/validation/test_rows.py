@@ -17,9 +17,10 @@ from validation.truth.records import KINDS
 
 
 def row(kind: str, mode: str) -> dict[str, object]:
-    """Answer a record without the package."""
+    """Answer a record without the package; `auto` has intervals of half the width, and only a drift deviates."""
     case = a_case(0, kind)
-    return row_of(case, peer_of(case, np.random.default_rng(1)), mode)
+    sure, grade = 2.0 if mode == "auto" else 1.0, "deviates" if kind == "drift" else "exact"
+    return row_of(case, peer_of(case, np.random.default_rng(1), sure=sure, grade=grade), mode)
 
 
 def refused_or_failed(number: int) -> dict[str, object]:
@@ -54,6 +55,9 @@ def test_a_run_scores_and_resumes(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert len(read_rows(table)) == 6
     text = (tmp_path / "page" / "README.md").read_text(encoding="utf-8")
     assert text.count("| all discrepancies, auto | 3 | 3 | 3 of 3 (0.44–1.00) |") == 1
+    for group, deviates in (("drift", 1), ("power", 0)):
+        (line,) = (line for line in text.splitlines() if line.startswith(f"| {group}, auto |"))
+        assert f"| 4.9 % | {deviates} |" in line
 
 
 def test_numbers_read_back_with_six_digits(tmp_path: Path) -> None:
