@@ -10,16 +10,16 @@ from bayesdamp import formatting as fmt
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.types import NORMAL_95, LawFreeDamping, Signal
-from bayesdamp.units import Unit
+from bayesdamp.units import unit_named
 
 
-def first_words(signal: Signal, unit: Unit | None = None) -> LawFreeDamping:
+def first_words(signal: Signal, unit: str = "") -> LawFreeDamping:
     """Return frequency and damping of a free decay at three amplitudes, without assuming a damping law.
 
     The amplitudes are that in the first window of the fit (the largest), the geometric mean of first and last, and that
     in the last window (the smallest). The field `sentence` describes the result, with the mean frequency and its 95 %
-    interval; its amplitudes are in `unit`, if this is a unit of the signal's quantity. Raises Refusal if the record
-    does not oscillate or has too few cycles.
+    interval; its amplitudes are in `unit`, such as "deg", if this is a unit of the signal's displacement. Raises
+    Refusal if the record does not oscillate or has too few cycles.
 
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=10.0, samples=400, noise_sd=0.003)
@@ -35,9 +35,8 @@ def first_words(signal: Signal, unit: Unit | None = None) -> LawFreeDamping:
     start = begin + float(signal.t[0])
     stop = begin + min(last + 0.5 * float(fit.windows.widths[-1]), float(signal.t[-1]))
     frequency = fmt.with_error(mean, half) if half < mean else f"about {mean:.2g}"
-    scale, name = 1.0, signal.unit
-    if unit is not None and unit.displacement.base == signal.unit:
-        scale, name = unit.displacement.scale, unit.displacement.name
+    own = unit_named(unit).displacement
+    scale, name = (own.scale, own.name) if own.base == signal.unit else (1.0, signal.unit)
     ratios = [
         f"{fmt.with_error(100 * ratio, 100 * NORMAL_95 * sd)} % at {fmt.compact(scale * amplitude, 2)} {name}"
         for amplitude, ratio, sd in np.column_stack([at.amplitude, at.ratio, at.ratio_sd]).tolist()

@@ -249,6 +249,6 @@ def early_lines(records: Sequence[r.FileRecord], options: r.ReadingOptions) -> l
             lines.append(f"{label}: {in_unit(not_a_free_decay, UNITS[record.unit]).sentence}")
             continue
         with suppress(Refusal):
-            lines.append(f"{label}: {first_words(signal, UNITS[record.unit]).sentence}")
+            lines.append(f"{label}: {first_words(signal, record.unit).sentence}")
     unit = "No unit given; assuming an angle in rad. Use --unit deg, m or mm to change this."
     return [*lines, *(f"{name}: {unit}" for name in assumed)]
