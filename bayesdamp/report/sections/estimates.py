@@ -10,7 +10,7 @@ from typing import Any
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table, TableLine
+from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures.estimators import (
     LOWEST_ERROR,
@@ -40,7 +40,6 @@ from bayesdamp.report.sections import (
     Section,
     SignalSection,
     by_model,
-    collapsible,
     heading,
     is_drawn,
     stack,
