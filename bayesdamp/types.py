@@ -227,7 +227,7 @@ class PartialFit:
     """The posterior mode for a part of the record, from start to stop (s).
 
     label: name of the part, such as "first half". values, sd: mode and standard deviation of each parameter, by the
-    Laplace approximation. log_evidence: log evidence of the part (nats), by the same approximation.
+    Laplace approximation.
     """
 
     label: str
@@ -235,21 +235,6 @@ class PartialFit:
     stop: float
     values: Mapping[str, float]
     sd: Mapping[str, float]
-    log_evidence: float = float("nan")
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """The prediction of the second half of a record from the first.
-
-    rms, expected: rms error of the prediction, and its expected value, in the unit of the record. coverage: fraction of
-    samples inside the 95 % interval. log_predictive: log density of the second half, given the first (nats).
-    """
-
-    rms: float
-    expected: float
-    coverage: float
-    log_predictive: float
 
 
 @dataclass(frozen=True)
@@ -286,8 +271,6 @@ class FitCheck:
     window_spread, window_p
         Largest shift of a damping coefficient between a half and the whole record, in standard deviations of its chance
         distribution, and the p-value of this shift.
-    forecast
-        Prediction of the second half from the first; None if the first half does not determine it.
     rivals
         Log Bayes factors of the model with other forms of damping added, one for each form.
     verdict
@@ -305,21 +288,8 @@ class FitCheck:
     tails_p: float = float("nan")
     window_spread: float = float("nan")
     window_p: float = float("nan")
-    forecast: Forecast | None = None
     rivals: tuple[AddedForm, ...] = ()
     verdict: str = ""
-
-
-@dataclass(frozen=True)
-class NestedRatio:
-    """Log Bayes factor (nats) of a model without a damping term against the model with it, by the Savage–Dickey ratio.
-
-    stderr: standard error of this log Bayes factor. outcome: `ok`, or why the factor is not valid.
-    """
-
-    log_bayes_factor: float = float("nan")
-    stderr: float = float("nan")
-    outcome: str = OK
 
 
 @dataclass(frozen=True)

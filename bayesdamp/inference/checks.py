@@ -1,9 +1,9 @@
-"""Checks of a fit: tests of the residuals, fits to parts of the record, and a forecast of the second half."""
+"""Checks of a fit: tests of the residuals, and fits to parts of the record."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -14,11 +14,9 @@ from bayesdamp.inference.mode import (
     ROUGH_LAST_STEP,
     Mode,
     covariance_factor,
-    log_evidence_near,
     maximise_posterior,
     value_sds,
 )
-from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.inference.residual_tests import (
@@ -30,18 +28,14 @@ from bayesdamp.inference.residual_tests import (
     orthonormal,
 )
 from bayesdamp.outcomes import P_LIMIT, FitStatus
-from bayesdamp.types import NORMAL_95, FitCheck, Forecast, PartialFit, Refusal
+from bayesdamp.types import FitCheck, PartialFit, Refusal
 
 PREDICTIVE_DRAWS = 200
 """Number of posterior draws in the predictive check. Their statistics are compared with those of the same number of
 series of simulated white noise."""
-FORECAST_DRAWS = 50
-"""A forecast uses this number of draws from Laplace's approximation. A prediction from more draws computes their
-motions in batches of about this number (fewer if the record is long). With 50 draws, the part of the predictive
-standard deviation that comes from the parameters is accurate to about 10 %."""
 MOST_RESIDUALS = 2_000_000
-"""Approximate greatest number of residuals (draws times samples) that the predictive check and a forecast hold in
-memory at a time; 16 MB for each array."""
+"""Approximate greatest number of residuals (draws times samples) that the predictive check holds in memory at a time;
+16 MB for each array."""
 DIFFERENCE_STEP = 0.1
 """Step of the finite differences of the residuals with respect to a parameter, in posterior standard deviations."""
 ZERO_SCORE = 1e-6
@@ -148,7 +142,7 @@ def _comparable(mode: Mode, r: np.ndarray) -> np.ndarray:
 
 
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[FitCheck, dict[str, np.ndarray]]:
-    """Check how well a model fits: test its residuals, fit halves of the record, and forecast the second half.
+    """Check how well a model fits: test its residuals, and fit halves of the record.
 
     Parameters
     ----------
@@ -165,7 +159,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     Returns
     -------
     check : FitCheck
-        The p values of the tests, the fits of the halves, the forecast and the verdict.
+        The p values of the tests, the fits of the halves, and the verdict.
     arrays : dict of str to ndarray
         `fit` and `residual`, (n,), in the unit of the record; `whitened`: the whitened residuals, (n,), which should be
         independent and standard normal; `autocorrelation`: that of the whitened residuals, (l,), from lag 0 to three
@@ -194,7 +188,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     # Whitening has removed the peaks: name that of the residuals themselves.
     if line.chance > NAMED_PEAK_LIMIT:
         line = replace(line, words=find_largest_peak(t, r, period).words)
-    windows, shift, count, later = _fit_windows(target, mode, seed)
+    windows, shift, count = _fit_windows(target, mode)
     window_p = min(1.0, count * math.erfc(shift / math.sqrt(2)))
     rms = float(np.sqrt(np.mean(r**2)))
     fit = target.signal.y - r
@@ -216,7 +210,6 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
         tails_p=p_tails,
         window_spread=shift,
         window_p=window_p,
-        forecast=later,
         rivals=form.rivals,
         verdict=_verdict(
             target.noise_model, p, line, form, window_p, p_tails < P_LIMIT and tails > OUTLIER_KURTOSIS
@@ -251,25 +244,21 @@ def _verdict(
     return f"{FitStatus.FITS.value}, with correlated noise" if correlated else FitStatus.FITS.value
 
 
-def _fit_windows(
-    target: Target, mode: Mode, seed: int
-) -> tuple[tuple[PartialFit, ...], float, int, Forecast | None]:
-    """Fit the first, the middle and the last half of the record separately; forecast the second half from the first.
+def _fit_windows(target: Target, mode: Mode) -> tuple[tuple[PartialFit, ...], float, int]:
+    """Fit the first, the middle and the last half of the record separately.
 
-    The motion of every fit starts at the record's first sample. seed: of the draws of the forecast.
+    The motion of every fit starts at the record's first sample.
 
     Returns
     -------
     fits : tuple of PartialFit
         The fit of the whole record, then those of the halves. A half without a finite posterior is left out. If the
-        information of a fit is not positive definite, its standard deviations and evidence are nan.
+        information of a fit is not positive definite, its standard deviations are nan.
     largest : float
         Largest difference of a damping coefficient between a half and the whole record, in standard deviations of this
         difference (taken as at least half of the sd in the whole record); 0 without halves or coefficients.
     count : int
         Number of differences of which this is the largest. A difference whose standard deviation is nan does not count.
-    forecast : Forecast or None
-        None if the fit of the first half is left out, or if `forecast` returns None.
     """
     t, n = target.signal.t, target.signal.t.size
     half = n // 2
@@ -280,143 +269,27 @@ def _fit_windows(
         "last half": slice(n - half, n),
     }
     windows: list[PartialFit] = []
-    shifts, later = [], None
+    shifts = []
     for label, samples in parts.items():
-        part = replace(mode.likelihood, part=samples)
         z, information = mode.z, mode.information
         if windows:
+            part = replace(mode.likelihood, part=samples)
             top = maximise_posterior(part, mode.z, close=ROUGH_LAST_STEP)
             z, information = top.x, top.information
             if not np.isfinite(top.value):
                 continue
         try:
-            factor, evidence = covariance_factor(information), log_evidence_near(part, z)
+            factor = covariance_factor(information)
         except Refusal:  # the information is too ill-conditioned
-            factor, evidence = np.full_like(information, np.nan), np.nan
+            factor = np.full_like(information, np.nan)
         values = {n: float(v) for n, v in target.values(z).items()}
         sd = value_sds(target, z, factor @ factor.T)
-        windows.append(
-            PartialFit(label, float(t[samples.start]), float(t[samples.stop - 1]), values, sd, evidence)
-        )
+        windows.append(PartialFit(label, float(t[samples.start]), float(t[samples.stop - 1]), values, sd))
         whole = windows[0]
-        if label == "first half":
-            density = whole.log_evidence - evidence
-            later = forecast(mode.likelihood, part.with_scale(1.0), z, factor, density, seed)
         for name in target.oscillator.coefficients if len(windows) > 1 else ():
             shift = abs(values[name] - whole.values[name])
             # A window is part of the whole record, so the variance of the shift is the difference (Hausman 1978).
             variance = max(sd[name] ** 2 - whole.sd[name] ** 2, 0.25 * whole.sd[name] ** 2)
             shifts.append(shift / variance**0.5)
     finite = np.array(shifts)[~np.isnan(shifts)]
-    return tuple(windows), float(finite.max(initial=0.0)), finite.size, later
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """The prediction of the second half of a record, at each of its m samples.
-
-    Attributes
-    ----------
-    error : ndarray, shape (m,)
-        Record minus predictive mean, in the unit of the record.
-    sd : ndarray, shape (m,)
-        Predictive standard deviation, including the noise, in the same unit.
-    """
-
-    error: np.ndarray
-    sd: np.ndarray
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of `error`, in the unit of the record."""
-        return float(np.sqrt(np.mean(self.error**2)))
-
-    @property
-    def expected(self) -> float:
-        """Root mean square of the predictive `sd`, in the unit of the record: the expected value of `rms`."""
-        return float(np.sqrt(np.mean(self.sd**2)))
-
-    @property
-    def coverage(self) -> float:
-        """Fraction of the m samples inside their predictive 95 % intervals."""
-        return float(np.mean(np.abs(self.error) < NORMAL_95 * self.sd))
-
-
-def predict_second_half(likelihood: Likelihood, draws: np.ndarray, half: int) -> Prediction:
-    """Predict the samples after the first `half` ones from draws of the posterior given the first `half` samples.
-
-    The variance of the noise is the mean square residual in the first half, whatever the noise model is. Draws whose
-    motion is not finite are left out.
-
-    Parameters
-    ----------
-    likelihood : Likelihood
-        Likelihood of the whole record of n samples.
-    draws : ndarray, shape (k, d)
-        Posterior draws given the first half, as standard normal scores.
-    half : int
-        Number of samples in the first half.
-
-    Returns
-    -------
-    Prediction
-        The prediction of the n − half later samples.
-
-    Raises
-    ------
-    Refusal
-        If no draw has a finite motion.
-    """
-    n = likelihood.y.size
-    count, total, square, first = 0, np.zeros(n - half), np.zeros(n - half), 0.0
-    for batch in np.array_split(
-        draws, max(1, len(draws) // FORECAST_DRAWS, len(draws) * n // MOST_RESIDUALS)
-    ):
-        r = likelihood.residuals(batch)
-        r = r[np.all(np.isfinite(r), axis=1)]
-        count += len(r)
-        total += r[:, half:].sum(axis=0)
-        square += (r[:, half:] ** 2).sum(axis=0)
-        first += float((r[:, :half] ** 2).sum())
-    if not count:
-        raise Refusal("no motion that fits the first half has a finite continuation in the second half")
-    error = total / count
-    return Prediction(error, np.sqrt(np.maximum(square / count - error**2, 0.0) + first / (count * half)))
-
-
-def forecast(
-    whole: Likelihood, first: Likelihood, z: np.ndarray, factor: np.ndarray, log_predictive: float, seed: int
-) -> Forecast | None:
-    """Forecast the second half of a record from the first by Laplace's approximation, and compare it with the samples.
-
-    Parameters
-    ----------
-    whole : Likelihood
-        Likelihood of the whole record.
-    first : Likelihood
-        Likelihood of the first half, with the common prior scale of the damping coefficients (the standard deviation of
-        their scores) fixed at 1.
-    z : ndarray, shape (d,)
-        Mode of the posterior given the first half, as standard normal scores.
-    factor : ndarray, shape (d, d)
-        Cholesky factor of the covariance of the scores at this mode.
-    log_predictive : float
-        Log density of the second half given the first, in nats; it is stored in the result.
-    seed : int
-        Seed of the draws.
-
-    Returns
-    -------
-    Forecast or None
-        Rms error of the prediction, its expected value, the fraction of samples inside their 95 % intervals, and
-        `log_predictive`. None if `log_predictive` or `factor` is not finite, the covariance is singular, or no draw has
-        a finite motion.
-    """
-    if not (np.isfinite(log_predictive) and np.all(np.isfinite(factor))):
-        return None
-    try:
-        draws = truncated_near(first, z, factor).draw(np.random.default_rng(seed), FORECAST_DRAWS)
-        ahead = predict_second_half(whole, draws, first.y.size)
-    except (np.linalg.LinAlgError, Refusal):  # a singular covariance, or no draw has a finite motion
-        return None
-    return Forecast(ahead.rms, ahead.expected, ahead.coverage, log_predictive)
+    return tuple(windows), float(finite.max(initial=0.0)), finite.size

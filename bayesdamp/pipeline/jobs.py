@@ -230,9 +230,9 @@ def _task_group_of(name: str) -> str:
     """Return the `task_group` of the candidate's job that contains the task of this name."""
     parts = TaskName.of(name)
     kind, method = parts.kind, parts.method
-    if kind == "sensitivity" and method != "savage_dickey":
+    if kind == "sensitivity":
         return "sensitivity"
-    if kind in ("posterior", "sensitivity") or method == REFEREE:
+    if kind == "posterior" or method == REFEREE:
         return "sample"
     if kind == "evidence" and EVIDENCES.get(method).needs_draws:
         return "sample"

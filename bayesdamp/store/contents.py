@@ -16,9 +16,7 @@ from bayesdamp.types import (
     Evidence,
     FeatureValues,
     FitCheck,
-    Forecast,
     InputError,
-    NestedRatio,
     Posterior,
     Ratio,
     Reference,
@@ -189,53 +187,6 @@ class WidthsContent(Content):
     """
 
     varied: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class HalfContent(Forecast, Content):
-    """The evidence of the first half of a record, and its forecast of the second half (`sensitivity/.../half`).
-
-    rms, expected: root mean square error of the forecast, and its expected value, in the unit of the record. coverage:
-    fraction of the samples in their 95 % intervals. log_predictive: log density of the second half, given the first
-    (nats). evidence: that of the first half. start: time at which the second half starts, in s. log_predictive_stderr:
-    standard error of `log_predictive`, nats.
-    """
-
-    start: float
-    log_predictive_stderr: float
-    evidence: Evidence
-
-
-@dataclass(frozen=True)
-class UnderNoise:
-    """Log evidence (nats) under a noise model by Laplace's approximation.
-
-    It is −∞ if there is no fit; the outcome is then the reason.
-    """
-
-    log_evidence: float
-    outcome: str = OK
-
-
-@dataclass(frozen=True)
-class NoisesContent(Content):
-    """Evidence under each noise model of the study (`sensitivity/.../noises`), by the name of the noise model.
-
-    chosen: the noise model that is used.
-    """
-
-    chosen: str
-    evidence: Mapping[str, UnderNoise]
-
-
-@dataclass(frozen=True)
-class RatiosContent(Content):
-    """Log Bayes factors of models with one term less against the candidate (`sensitivity/.../savage_dickey`).
-
-    against: the log Bayes factor (nats) of each smaller model by its name; a positive one favours the smaller model.
-    """
-
-    against: Mapping[str, NestedRatio]
 
 
 @dataclass(frozen=True)

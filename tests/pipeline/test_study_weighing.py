@@ -62,10 +62,6 @@ def test_the_sensitivity_of_the_answer_is_stored(run):
     widths = store.read("sensitivity/noisy/0/viscous/widths")
     whole = store.read("evidence/noisy/0/viscous/importance").meta["evidence"]["log_evidence"]
     assert widths.arrays["log_evidence"][4] == pytest.approx(whole, abs=1e-3)
-    half = store.read("sensitivity/noisy/0/quadratic/half").meta
-    assert half["evidence"]["outcome"] == "ok"
-    assert half["log_predictive"] < store.read("sensitivity/noisy/0/viscous/half").meta["log_predictive"]
-    assert "sensitivity/noisy/0/viscous/savage_dickey" not in store.names()
     average = store.read("averaged/noisy/0")
     own = store.read("posterior/noisy/0/viscous/nuts").arrays["curve/equivalent_ratio"]
     np.testing.assert_allclose(average.arrays["curve/equivalent_ratio"], own, rtol=0.02)

@@ -149,15 +149,6 @@ class Data:
         """Return the duration of the used part of the record, in s."""
         return self.end * (1.0 if self.averaged is None else self.averaged.track.slowness)
 
-    def first(self, count: int) -> Data:
-        """Return a copy with only the first `count` values of y.
-
-        `t`, `rows` and `readings` are shortened with y, and `times`, `end` and `duration` follow from them;
-        all other attributes are unchanged.
-        """
-        rows, readings = (None if a is None else a[:count] for a in (self.rows, self.readings))
-        return replace(self, t=self.t[:count], y=self.y[:count], rows=rows, readings=readings)
-
     def of_amplitude(self, values: np.ndarray) -> np.ndarray:
         """Return the amplitudes among values, (n,), of an averaged record; else all values.
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.inference.checks import Prediction
 from bayesdamp.inference.deviation.candidate import MotionCandidate, active_of, linearise, tangents_at
 from bayesdamp.inference.deviation.data import Data, prepare_data
 from bayesdamp.inference.deviation.draws import (
@@ -363,24 +362,6 @@ class Single:
         solve = DrawSolver(solver, fit.parameters, fit.active).at_each
         return np.array(solve(u, lambda y: none if y is None else y)).reshape(len(u), none.size)
 
-    def predict_second_half(self, half: Single, z: Array, seed: int) -> Prediction:
-        """Predict the second half of the record from draws, for the first half, of the parameters.
-
-        z: the draws as standard normal scores, (n, d). Return the record minus the mean prediction and the sd of the
-        prediction, noise included, for each value of the second half. half: the same candidate on the first half
-        (`first_half`). Given the scores and the first half, its deviations over the whole record are drawn. Draws whose
-        motion is unbounded are left out; raises Refusal if none remains.
-        """
-        motions = self.motions(half.with_deviations(z, seed))
-        motions = motions[np.all(np.isfinite(motions), axis=1)]
-        if not len(motions):
-            raise Refusal("no motion that fits the first half can be continued through the second")
-        comparison, count = self.comparison, half.comparison.data.y.size
-        second, noise = motions[:, count:], comparison.variance / comparison.inflation  # of one value of y
-        return Prediction(
-            comparison.data.y[count:] - second.mean(axis=0), np.sqrt(second.var(axis=0) + noise)
-        )
-
     @property
     def best(self) -> Array:
         """Return the mode of all unknowns with deviations from the laws, as a row, (1, K).
@@ -511,26 +492,6 @@ def replace_priors(single: Single, priors: Mapping[str, Prior]) -> Single:
     return _rebuild(single.comparison.data, single.result.candidate, moved)
 
 
-def first_half(single: Single) -> Single:
-    """Return the candidate on the first half of its record, linearised about the motion of the whole record.
-
-    Knots and noise are those of the whole record, so that the evidence of the whole record is that of this half times
-    the predictive density of the second half. Raises Refusal if the record is reduced to amplitudes and phases, or if
-    half of it has no more values than there are unknowns (parameters and deviations).
-    """
-    data, knots = single.comparison.data, single.result.solver.knots
-    if data.averaged is not None:
-        raise Refusal(
-            "not applicable: a record that is reduced to amplitudes and phases is not split into halves"
-        )
-    count, inferred = data.t.size // 2, single.state.u.size
-    if count <= inferred:
-        raise Refusal(
-            f"half the record has {count} values for {inferred} parameters and deviations, which is too few"
-        )
-    return _rebuild(data.first(count), single.result.candidate, single.state, knots)
-
-
 def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
     """Restore a candidate on its record from its stored fit, without fitting.
 
@@ -545,17 +506,14 @@ def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
     )
 
 
-def _rebuild(
-    data: Data, candidate: MotionCandidate, state: FitState, knots: np.ndarray | None = None
-) -> Single:
+def _rebuild(data: Data, candidate: MotionCandidate, state: FitState) -> Single:
     """Restore a candidate on a record from its stored fit, linearised about the stored motion.
 
-    knots: times of the deviations' knots in s from the start, by default those of the data. Raises Refusal where the
-    motion is unbounded, for example because the fit is of another record.
+    Raises Refusal where the motion is unbounded, for example because the fit is of another record.
     """
-    knots = knots_of(data.end, data.cycles) if knots is None else knots
+    knots = knots_of(data.end, data.cycles)
     if state.working is not None:
-        data = replace(data, y=state.working[: data.y.size], readings=data.recorded)
+        data = replace(data, y=state.working, readings=data.recorded)
     solver = data.solver(state.terms, candidate.restoring, state.epsilon, knots)
     parameters = Parameters(solver.names, state.priors, state.known)
     active, p = active_of(parameters, solver), parameters.values(state.z)

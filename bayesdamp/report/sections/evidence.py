@@ -9,15 +9,13 @@ from dataclasses import replace
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table, TableLine
+from bayesdamp.formatting import Table
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.priors import FURTHER_TERM, LEAST_SCALE, MOST_SCALE, OTHER_FORMS_ODDS, SharedHalfNormal
 from bayesdamp.report import words
 from bayesdamp.report.results.run import (
-    EvidenceRanking,
     Row,
     RunFolder,
-    mode_of,
     models_by_rank,
     only_answered,
     probabilities_by_odds,
@@ -33,8 +31,7 @@ from bayesdamp.report.sections import (
     repeat_column,
     stack,
 )
-from bayesdamp.store import TaskResult
-from bayesdamp.store.contents import HalfContent, NoisesContent, RatiosContent, WidthsContent
+from bayesdamp.store.contents import WidthsContent
 from bayesdamp.types import OK
 
 EVIDENCE = (
@@ -57,10 +54,6 @@ ANSWER = (
     "which shifts the log evidence of all models by the same amount. If it averages a long record in short blocks, it "
     "also penalises models that fit badly less than the other methods do. Therefore compare log Bayes factors within "
     "one method only."
-)
-_ONE_NOISE = (
-    'With the setting deviation = "law" the evidence is computed for one noise model only. Deviations, and a larger '
-    "noise variance near the oscillation frequency, then account for coloured residuals."
 )
 _NO_WIDTH = "No damping prior has a width that can be varied: the scale of default priors is unknown and averaged out."
 COMPARED = (
@@ -157,17 +150,13 @@ class SensitivitySection(SignalSection):
     title = "What the evidence depends on"
 
     def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether the evidence was also computed under other assumptions, such as wider priors."""
-        return any(task_result.outcome == OK for task_result in run.task_results("sensitivity", signal))
+        """Return whether the evidence of two or more models was also computed under wider and narrower priors."""
+        return sum(task_result.outcome == OK for task_result in run.task_results("sensitivity", signal)) > 1
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return Bayes factors for other prior widths, parts of the record, noise models and prior odds."""
+        """Return Bayes factors for other widths of the priors, and probabilities for other prior odds."""
         models, ranked = models_by_rank(run, signal, 0), rank_models(run, signal, 0)
-        parts: list[object] = [
-            _widths(run, signal, models),
-            _parts_and_noises(run, signal, models),
-            _halves(run, signal, models, ranked),
-        ]
+        parts: list[object] = [_widths(run, signal, models)]
         shares = probabilities_by_odds(ranked) if ranked else {}
         if ranked and shares:
             columns: dict[str, Callable[[str], str]] = {"damping": words.model}
@@ -179,19 +168,7 @@ class SensitivitySection(SignalSection):
                 f"{fmt.number(FURTHER_TERM, 3)}."
             )
             parts.append(Table.of(ranked.dampings, columns, caption=caption))
-        if ranked:
-            parts.append(_ratios(run, signal, ranked))
-        return stack(*parts, paragraph(_ONE_NOISE, "small") if run.under_law else "")
-
-
-def _cells(run: RunFolder, signal: str, models: list[str], kind: str) -> dict[str, TaskResult]:
-    """Return the results of one kind of sensitivity task for the first repeat, by model, if their outcome is `ok`.
-
-    The kinds are "widths" (wider and narrower priors), "noises" (each noise model), "half" (the first half of the
-    record) and "savage_dickey" (density ratios of nested models).
-    """
-    task_results = {m: run.task_result("sensitivity", signal, 0, m, kind) for m in models}
-    return {m: c for m, c in task_results.items() if c is not None and c.outcome == OK}
+        return stack(*parts)
 
 
 def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | None:
@@ -200,7 +177,8 @@ def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | 
     They are relative to the first of `models` with results. If no model has a prior whose width can be varied, return a
     sentence that says so.
     """
-    task_results = _cells(run, signal, models, "widths")
+    stored = {m: run.task_result("sensitivity", signal, 0, m, "widths") for m in models}
+    task_results = {m: c for m, c in stored.items() if c is not None and c.outcome == OK}
     if len(task_results) < 2:
         return None
     if not any(WidthsContent.of(task_result).varied for task_result in task_results.values()):
@@ -226,120 +204,6 @@ def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | 
         'A "?" marks a value whose diagnostics are poor.'
     )
     return Table.of(task_results, columns, caption=caption)
-
-
-def _parts_and_noises(run: RunFolder, signal: str, models: list[str]) -> Table | None:
-    """Return a table of log Bayes factors from parts of the record, and under each noise model.
-
-    They are in nats relative to the best model of the column. None for a study with deviations, for fewer than two
-    models with evidence under other widths, or without values.
-    """
-    noises = _cells(run, signal, models, "noises")
-    if run.under_law or len(_cells(run, signal, models, "widths")) < 2:
-        return None
-    rows: dict[str, dict[str, float]] = {}
-    for model in models:
-        mode = mode_of(run, signal, 0, model)
-        windows = mode.windows if mode else ()
-        logs = {w.label: w.log_evidence for w in windows if math.isfinite(w.log_evidence)}
-        if not logs:
-            continue
-        if model in noises:
-            under = NoisesContent.of(noises[model])
-            for name, evidence in under.evidence.items():
-                logs[f"{words.method(name)}{', chosen' * (name == under.chosen)}"] = evidence.log_evidence
-        rows[model] = logs
-    best: dict[str, float] = {}
-    for label, log_evidence in (item for logs in rows.values() for item in logs.items()):
-        best[label] = max(log_evidence, best.get(label, -math.inf))
-    columns: dict[str, Callable[[str], str]] = {
-        label: lambda model, label=label: fmt.fixed_decimals(
-            rows[model].get(label, math.nan) - best[label], 1
-        )
-        for label, log_evidence in best.items()
-        if math.isfinite(log_evidence)
-    }
-    caption = (
-        "Log Bayes factors (nats) of the models by Laplace's approximation, each relative to the best model of its "
-        "column: first from parts of the record, then from the whole record under each noise model (only for the more "
-        "probable models)."
-    )
-    return Table.of(rows, {"model": words.model, **columns}, caption=caption) if columns else None
-
-
-def _halves(run: RunFolder, signal: str, models: list[str], ranked: EvidenceRanking | None) -> Table | None:
-    """Return a table of the evidence from the first half of the record, and of how well it predicts the second half.
-
-    Log Bayes factors and log predictive densities are in nats, relative to the best model. None if there are no results
-    of the task `half`.
-    """
-    halves = {
-        m: HalfContent.of(task_result) for m, task_result in _cells(run, signal, models, "half").items()
-    }
-    if not halves:
-        return None
-    whole = {r["model"]: r["log_bayes_factor"] for r in ranked.rows} if ranked else {}
-    logs = {
-        m: math.nan if h.evidence.log_evidence is None else h.evidence.log_evidence for m, h in halves.items()
-    }
-    best = max(logs.values())
-    # Only reliable predictive densities are stored.
-    densities = [h.log_predictive for h in halves.values() if math.isfinite(h.log_predictive)]
-    highest = max(densities, default=math.nan)
-    columns: dict[str, Callable[[str], str]] = {
-        "model": words.model,
-        "log Bayes factor": lambda m: fmt.nats(whole.get(m)),
-        "from the first half": lambda m: fmt.nats(logs[m] - best, halves[m].evidence.stderr),
-        "error / expected": lambda m: fmt.number(halves[m].rms / halves[m].expected, 3),
-        "inside 95 %": lambda m: f"{100 * halves[m].coverage:.0f} %",
-        "log predictive density": lambda m: fmt.nats(
-            halves[m].log_predictive - highest, halves[m].log_predictive_stderr
-        ),
-        "diagnostic": lambda m: halves[m].evidence.diagnostic,
-    }
-    caption = (
-        "Log Bayes factors (nats) from the whole record and from its first half alone, and how well each model, "
-        "fitted to the first half, predicts the second: the root mean square error divided by the expected one, the "
-        "percentage of samples inside their 95 % prediction interval, and the log density of the second half given "
-        "the first, relative to the best model (nats). Coloured: the evidence from the first half is unreliable."
-    )
-
-    def kind(model: str) -> str:
-        return "" if halves[model].evidence.outcome == OK else "alert"
-
-    return Table.of(halves, columns, (0, 6), caption, kind)
-
-
-def _ratios(run: RunFolder, signal: str, ranked: EvidenceRanking) -> Table | None:
-    """Return a table of Savage–Dickey density ratios of nested models, as log Bayes factors in nats; None without any.
-
-    The difference of the models' log evidence is in the next column.
-    """
-    rows = {frozenset(r["model"].split("+")): r for r in ranked.rows}
-    task_results = _cells(run, signal, [r["model"] for r in ranked.rows], "savage_dickey")
-    lines = []
-    for model, task_result in task_results.items():
-        for smaller, factor in RatiosContent.of(task_result).against.items():
-            first, second = (rows.get(frozenset(m.split("+"))) for m in (smaller, model))
-            if first is None or second is None:
-                continue
-            valid = factor.outcome == OK
-            difference = first["log_evidence"] - second["log_evidence"]
-            cells_of_line = [
-                f"{words.model(smaller)} to {words.model(model)}",
-                fmt.nats(factor.log_bayes_factor, factor.stderr) if valid else fmt.NONE,
-                fmt.nats(difference, math.hypot(first["stderr"], second["stderr"])),
-                factor.outcome,
-            ]
-            lines.append(TableLine(cells_of_line, "" if valid else "quiet"))
-    caption = (
-        "A check of the evidence for pairs of nested models: the log Bayes factor of the smaller model against the "
-        "larger, computed in two ways, which should agree. "
-        "Savage–Dickey: the logarithm of the larger model's posterior density at zero coefficient, divided by its "
-        "prior density there. Evidence: the log evidence of the smaller model minus that of the larger."
-    )
-    headers = ["pair", "Savage–Dickey / nats", "evidence / nats", "outcome"]
-    return Table(headers, lines, (0, 3), caption) if lines else None
 
 
 class PriorsSection(SignalSection):
