@@ -238,17 +238,6 @@ class PartialFit:
 
 
 @dataclass(frozen=True)
-class AddedForm:
-    """The evidence for another form of damping in addition to those of a model.
-
-    words: name of the form. log_bayes: log Bayes factor (nats) of the model with it against the model without it.
-    """
-
-    words: str
-    log_bayes: float
-
-
-@dataclass(frozen=True)
 class FitCheck:
     """The checks of how well a model fits, at its posterior mode.
 
@@ -256,39 +245,24 @@ class FitCheck:
     ----------
     windows
         Fits of the whole record and of its first, middle and last half.
-    rms, share
-        Rms of the residuals, in the unit of the record, and as a fraction of half the range of the fit.
+    rms
+        Rms of the residuals, in the unit of the record.
     residual_autocorrelation
         Autocorrelation of the residuals at lag one.
-    predictive_p, tails_p
-        Posterior predictive p-values of the autocorrelation of the whitened residuals, and of their kurtosis.
-    line_p
-        p-value of the strongest line in the spectrum of the whitened residuals.
-    form_p
-        p-value of the most significant other force (which no candidate contains) in the whitened residuals.
-    kurtosis
-        Excess kurtosis of the whitened residuals.
-    window_spread, window_p
+    predictive_p
+        Posterior predictive p-value of the autocorrelation of the whitened residuals.
+    window_spread
         Largest shift of a damping coefficient between a half and the whole record, in standard deviations of its chance
-        distribution, and the p-value of this shift.
-    rivals
-        Log Bayes factors of the model with other forms of damping added, one for each form.
+        distribution.
     verdict
         Whether the model fits, and the reason if not.
     """
 
     windows: tuple[PartialFit, ...] = ()
     rms: float = float("nan")
-    share: float = float("nan")
     residual_autocorrelation: float = float("nan")
     predictive_p: float = float("nan")
-    line_p: float = float("nan")
-    form_p: float = float("nan")
-    kurtosis: float = float("nan")
-    tails_p: float = float("nan")
     window_spread: float = float("nan")
-    window_p: float = float("nan")
-    rivals: tuple[AddedForm, ...] = ()
     verdict: str = ""
 
 

@@ -159,7 +159,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     Returns
     -------
     check : FitCheck
-        The p values of the tests, the fits of the halves, and the verdict.
+        The numbers of fits.csv, the fits of the halves, and the verdict.
     arrays : dict of str to ndarray
         `fit` and `residual`, (n,), in the unit of the record; `whitened`: the whitened residuals, (n,), which should be
         independent and standard normal; `autocorrelation`: that of the whitened residuals, (l,), from lag 0 to three
@@ -190,27 +190,18 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
         line = replace(line, words=find_largest_peak(t, r, period).words)
     windows, shift, count = _fit_windows(target, mode)
     window_p = min(1.0, count * math.erfc(shift / math.sqrt(2)))
-    rms = float(np.sqrt(np.mean(r**2)))
-    fit = target.signal.y - r
     arrays = {
-        "fit": fit,
+        "fit": target.signal.y - r,
         "residual": r,
         "whitened": white,
         "autocorrelation": autocorrelation(white, min(3 * lags, n // 2)),
     }
     check = FitCheck(
         windows=windows,
-        rms=rms,
-        share=rms / max(0.5 * float(np.ptp(fit)), 1e-300),
+        rms=float(np.sqrt(np.mean(r**2))),
         residual_autocorrelation=float(autocorrelation(r, 1)[1]),
         predictive_p=p,
-        line_p=line.chance,
-        form_p=form.chance,
-        kurtosis=tails,
-        tails_p=p_tails,
         window_spread=shift,
-        window_p=window_p,
-        rivals=form.rivals,
         verdict=_verdict(
             target.noise_model, p, line, form, window_p, p_tails < P_LIMIT and tails > OUTLIER_KURTOSIS
         ),

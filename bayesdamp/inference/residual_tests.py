@@ -7,8 +7,7 @@ show. The direction is the change of the fitted motion by a small additional for
 parameters, from the derivatives of the motion by its start (Coddington and Levinson, Theory of Ordinary Differential
 Equations, 1955, section 3.6). The fitted directions (changes of the motion by fitted parameters) are projected out of
 both. If the model is right, the projection of the residuals on the direction is then standard normal (Rao, Proceedings
-of the Cambridge Philosophical Society 44, 1948). Together with the length of the direction in units of the noise, and a
-prior for the size of the force, it gives the Bayes factor of the model with this force added.
+of the Cambridge Philosophical Society 44, 1948).
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.physics.kernel import Motion
 from bayesdamp.physics.kernel.solve import QUANTITIES, Slopes
-from bayesdamp.types import AddedForm
 
 OVERTONES = (2, 3)
 """Overtones at which the spectrum of the residuals is tested, as multiples of the frequency of the oscillation."""
@@ -61,9 +59,6 @@ LEAST_REMAINING_LENGTH = 1e-3
 """An additional force is not tested if fitted parameters can replace it: if, of the change that it causes in the
 whitened residuals, at most this fraction (of its norm) remains after the changes by fitted parameters are projected
 out."""
-FORCE_SCALE = 0.5
-"""Prior scale of an additional force, as a fraction of the largest damping force in the fit (conventional). The prior
-is half-normal, or normal if the force may have either sign."""
 
 
 @dataclass(frozen=True)
@@ -191,16 +186,10 @@ class Form:
     force : callable
         Function of displacement from the equilibrium and velocity, each divided by its largest value, and of time,
         which goes from −½ to ½ over the record, (n,) each; it returns the force, (n,), in an arbitrary unit.
-    damps : bool
-        Whether it is a damping force, for which a Bayes factor is reported.
-    signed : bool
-        Whether the coefficient of a damping force may have either sign.
     """
 
     words: str
     force: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-    damps: bool = True
-    signed: bool = False
 
 
 FORMS = (
@@ -210,10 +199,10 @@ FORMS = (
         "friction is larger at low velocity",
         lambda x, v, t: np.tanh(v / REVERSAL_WIDTH) * np.exp(-((v / NEAR_REST) ** 2)),
     ),
-    Form("damping depends on the displacement", lambda x, v, t: x**2 * v, signed=True),
-    Form("damping changes with time", lambda x, v, t: t * v, signed=True),
-    Form("stiffness changes with time", lambda x, v, t: t * x, damps=False),
-    Form("the restoring force has an additional cubic part", lambda x, v, t: x**3, damps=False),
+    Form("damping depends on the displacement", lambda x, v, t: x**2 * v),
+    Form("damping changes with time", lambda x, v, t: t * v),
+    Form("stiffness changes with time", lambda x, v, t: t * x),
+    Form("the restoring force has an additional cubic part", lambda x, v, t: x**3),
 )
 """Forms of force that `find_missing_form` tests, with x, v and t scaled as `Form.force` says. Their descriptions follow
 "the residuals look as if "."""
@@ -229,14 +218,10 @@ class StrongestForm:
         p value of the reduction, corrected for the number of forms; 1 if nothing was tested.
     words : str
         Description of the form; "" if nothing was tested.
-    rivals : tuple of AddedForm
-        For each damping force in `FORMS`: log Bayes factor (nats) of the model with it against the model without it; 0
-        if fitted parameters can replace the force. Empty if nothing was tested.
     """
 
     chance: float = 1.0
     words: str = ""
-    rivals: tuple[AddedForm, ...] = ()
 
 
 def find_missing_form(
@@ -265,7 +250,7 @@ def find_missing_form(
     Returns
     -------
     StrongestForm
-        The form with the smallest p value, and the Bayes factors of all damping forces.
+        The form with the smallest p value.
     """
     likelihood = mode.likelihood
     osc = likelihood.target.oscillator
@@ -274,42 +259,16 @@ def find_missing_form(
     if motion is None or (osc.switches and p["epsilon"] == 0.0):
         return StrongestForm()
     chances: list[tuple[float, str]] = []
-    rivals: list[AddedForm] = []
-    law = [float(p[name]) for name in osc.law.parameters]
-    forces = [-a - osc.law.kernel(x, law) for x, _, a in motion.states[:, :3].tolist()]
-    largest = float(np.max(np.abs(forces)))
     for form, response in zip(FORMS, responses_to_forms(likelihood, motion, p), strict=True):
         direction = whiten(response)
         size = np.linalg.norm(direction)
         direction = direction - absorbed @ (absorbed.T @ direction)
         remaining = np.linalg.norm(direction)
-        score, log_bayes = 0.0, 0.0  # for a direction that is left out
         if np.isfinite(remaining) and remaining > LEAST_REMAINING_LENGTH * size > 0:
             score = float(direction @ scores / remaining)
             chances.append((float(scipy.special.erfc(abs(score) / np.sqrt(2))), form.words))
-            length = (
-                FORCE_SCALE * largest * remaining / size * np.sqrt(likelihood.information(response, mode.z))
-            )
-            log_bayes = log_bayes_factor(score, float(length), form.signed)
-        if form.damps:
-            rivals.append(AddedForm(form.words, log_bayes))
     chance, words = min(chances, default=(1.0, ""))
-    return StrongestForm(min(1.0, len(chances) * chance), words, tuple(rivals))
-
-
-def log_bayes_factor(score: float, length: float, signed: bool) -> float:
-    """Return the log Bayes factor (nats) of a model with an additional force against the model without it.
-
-    score: projection of the whitened residuals on the unit vector of the force's direction. length: change of the
-    whitened residuals, as a length, by a force of one prior standard deviation. signed: whether the force may have
-    either sign.
-
-    A force of s prior standard deviations changes the log likelihood by score·length·s − (length·s)²/2. The exponential
-    of this is averaged over a standard normal s, or a half-normal s if the force cannot be negative.
-    """
-    shrunk = length * length / (1.0 + length * length)
-    log = 0.5 * (shrunk * score * score - np.log1p(length * length))
-    return float(log if signed else log + np.log(2.0) + scipy.special.log_ndtr(score * np.sqrt(shrunk)))
+    return StrongestForm(min(1.0, len(chances) * chance), words)
 
 
 def responses_to_forms(likelihood: Likelihood, motion: Motion, p: Mapping[str, float]) -> np.ndarray:

@@ -240,15 +240,6 @@ class Likelihood:
         """
         return self.target.noise_model.whiten(residual, self.gaps, self.target.all_values(z))
 
-    def information(self, change: np.ndarray, z: np.ndarray) -> float:
-        """Return the Fisher information about a shift of the record by `change`, (n,), for the noise at scores z, (d,).
-
-        change: in the unit of the record. To second order, such a shift lowers the mean log likelihood by half of the
-        result, in nats.
-        """
-        root = self.target.noise_model.information_root(change, self.gaps, self.target.all_values(z))
-        return float(np.sum(root**2))
-
     def log_likelihood_of(self, p: Mapping[str, float]) -> float:
         """Return the log likelihood (nats) for values of all parameters, also known ones, by name; −∞ if not finite."""
         return self._log_density(self._residual_of(p), p)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-import scipy  # loads its modules when they are used
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
@@ -29,14 +28,13 @@ from bayesdamp.report.sections import (
     SignalSection,
     bullets,
     by_model,
-    collapsible,
     is_drawn,
     paragraph,
     repeat_column,
     stack,
 )
 from bayesdamp.store.contents import RecordContent
-from bayesdamp.types import OK, AddedForm, PartialFit
+from bayesdamp.types import OK, PartialFit
 
 CHECKS = (
     "Checks of the fit of each model at its posterior mode: root mean square (rms) residual; autocorrelation of the "
@@ -62,18 +60,6 @@ PARTS = (
     "Coefficients from parts of the record, with their standard deviations (±). If the coefficients differ by much "
     "more than their standard deviations, the model is incomplete and its posterior is too narrow."
 )
-ADDED = (
-    "Log Bayes factor (nats) of this model with each additional form of damping against the model alone, and the "
-    "posterior probability of the additional form if the models with and without it have equal prior probability."
-)
-FORMS: dict[str, Callable[[AddedForm], str]] = {
-    "additional form": lambda form: form.words,
-    "log Bayes factor": lambda form: fmt.fixed_decimals(form.log_bayes, 2),
-    "probability at equal prior odds": lambda form: fmt.probability(
-        float(scipy.special.expit(form.log_bayes))
-    ),
-}
-"""Columns of the table of additional forms of damping."""
 _EXACT = (
     "All these fits assume that the laws hold exactly. The chains and the evidence of this study allow deviations from "
     "the laws, which account for systematic residuals of these fits."
@@ -175,7 +161,7 @@ class FitQualitySection(SignalSection):
         return fitted and not only_answered(run)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return checks of each fit, fits to parts of the record, and the evidence for additional forms of damping."""
+        """Return checks of each fit, and fits to parts of the record."""
         repeats = run.repeats(signal)
         ranked = models_by_rank(run, signal, repeats[0])
         parts: list[object] = [paragraph(_EXACT)] if run.under_law else []
@@ -207,11 +193,6 @@ class FitQualitySection(SignalSection):
                         w.values.get(n), w.sd.get(n)
                     )
                 models[model].append(Table.of(windows, of_part, caption=PARTS))
-            if mode is not None and mode.rivals and not place:
-                forms = sorted(mode.rivals, key=lambda form: -form.log_bayes)
-                models[model].append(
-                    collapsible("Other forms of damping in addition", Table.of(forms, FORMS, caption=ADDED))
-                )
         return stack(*parts, by_model(models))
 
 
