@@ -213,10 +213,6 @@ class Mode:
         Likelihood and target of the posterior.
     searches : tuple of LocalSearch
         The searches that led to this and to other modes; empty with `linear`.
-    step_error, likelihood_error : float
-        Largest effects of the solver's error within three sds of the mode, measured by a more accurate motion: change
-        of a sample, in the unit of the record, and change of the log likelihood, in nats. nan in a restored mode and
-        with `linear`.
     linear : LinearDraws or None
         Posterior of the linear model, with deviations from the laws; None under exact laws.
     """
@@ -226,8 +222,6 @@ class Mode:
     information: np.ndarray
     likelihood: Likelihood
     searches: tuple[LocalSearch, ...] = ()
-    step_error: float = np.nan
-    likelihood_error: float = np.nan
     linear: LinearDraws | None = None
 
     @property
@@ -303,7 +297,7 @@ def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple
     Returns
     -------
     Mode
-        The mode with its errors.
+        The mode.
 
     Raises
     ------
@@ -317,18 +311,17 @@ def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple
         top = _maximum(likelihood, z)
         z = top.x
         mode = Mode(z, top.value, top.information, likelihood, searches)
-        step_error, change = _solution_errors(likelihood, z, mode.factor)
+        change = _solution_error(likelihood, z, mode.factor)
         if change < MOST_CHANGE or attempts == 6:
-            return replace(mode, step_error=step_error, likelihood_error=change)
+            return mode
         tolerance *= np.clip(MOST_CHANGE / change, 1e-3, 0.5) * 0.5
 
 
 def mode_near(likelihood: Likelihood, mode: Mode, z: np.ndarray) -> Mode:
-    """Return the mode of another likelihood, such as that of a part of the record, by a search from given scores.
+    """Return the mode of another likelihood, such as one under other priors, by a search from given scores.
 
-    z: standard normal scores at which the search starts, (d,). Errors, searches and `linear` are copied from `mode`
-    unchanged, so the errors are not those of the result. Raises Refusal if the posterior is not finite at the end of
-    the search.
+    z: standard normal scores at which the search starts, (d,). Searches and `linear` are copied from `mode`. Raises
+    Refusal if the posterior is not finite at the end of the search.
     """
     top = _maximum(likelihood, z)
     return replace(mode, z=top.x, log_posterior=top.value, information=top.information, likelihood=likelihood)
@@ -345,28 +338,26 @@ def _maximum(likelihood: Likelihood, z: np.ndarray) -> Maximum:
     return top
 
 
-def _solution_errors(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> tuple[float, float]:
-    """Return the largest changes of a sample (unit of the record) and of the log likelihood by a more accurate motion.
+def _solution_error(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> float:
+    """Return the largest change of the log likelihood (nats) by a more accurate motion.
 
-    They are evaluated at z, (d,), and at points three sds away in the direction of each column of the covariance's
+    It is evaluated at z, (d,), and at points three sds away in the direction of each column of the covariance's
     `factor`, (d, d). Where the log posterior is D > 4.5 nats below that at z, the change of the log likelihood is
     multiplied by 4.5 / D. Points with an unbounded motion are left out.
     """
     finer = replace(likelihood, tolerance=FINER_FACTOR * likelihood.tolerance)
     top: float | None = None
-    step_error = change = 0.0
+    change = 0.0
     around = z + np.concatenate([np.zeros((1, z.size)), NEAR_SDS * factor.T, -NEAR_SDS * factor.T])
     for at in around:
-        coarse, fine = likelihood.residual(at), finer.residual(at)
-        lower, upper = likelihood.log_noise(coarse, at), finer.log_noise(fine, at)
+        lower, upper = (of.log_noise(of.residual(at), at) for of in (likelihood, finer))
         top = upper - 0.5 * float(at @ at) if top is None else top
         if not (np.isfinite(lower) and np.isfinite(upper)):
             continue
         # Far below the mode a larger change is allowed, in proportion to the decrease of the log posterior.
         depth = top - (upper - 0.5 * float(at @ at))
         change = max(change, abs(lower - upper) * min(1.0, 0.5 * NEAR_SDS**2 / max(depth, 1e-300)))
-        step_error = max(step_error, float(np.max(np.abs(coarse - fine))))
-    return step_error, change
+    return change
 
 
 def covariance_factor(information: np.ndarray) -> np.ndarray:

@@ -330,12 +330,11 @@ def run_info(study: Study, store: Store) -> Row:
     """Return the content of the run.json of a run.
 
     It has the settings and tables of the study, the versions and hashes of `provenance`, the duration and key of each
-    task, formulas of the laws, and, by signal, how the record was read, its features, priors of the candidates and the
-    error budget of their fits.
+    task, formulas of the laws, and, by signal, how the record was read, its features and the priors of the candidates.
     """
     files = {s.source.file: s.source.path for s in study.signals if isinstance(s.source, Recording)}
     about: dict[str, Row] = {}
-    priors, budget, equilibrium = {}, {}, {}
+    priors, equilibrium = {}, {}
     assumed: dict[str, None] = {}
     for spec in study.signals:
         first = StudyRecord(study, spec, 0, store)
@@ -373,7 +372,6 @@ def run_info(study: Study, store: Store) -> Row:
         results = {m: store.find(f"mode/{first.name}/{m}", arrays=False) for m in study.compare(spec)}
         modes = {m: ModeContent.maybe(c) for m, c in results.items() if c}
         priors[spec.name] = {m: dict(mode.priors) if mode else {} for m, mode in modes.items()}
-        budget[spec.name] = {m: dict(mode.error_budget) if mode else {} for m, mode in modes.items()}
         if not modes and (answered := stored_answer(first)):  # only the answer fitted candidates
             own = answered.content.priors
             priors[spec.name] = {spec.candidate(c.damping, c.restoring): dict(c.priors) for c in own}
@@ -401,7 +399,6 @@ def run_info(study: Study, store: Store) -> Row:
             n: {"parameter": t.parameter, "unit": t.unit, "force": t.formula} for n, t in terms.items()
         },
         "restoring": {law: LAWS.get(law).formula for law in laws},
-        "error_budget": budget,
         "equilibrium": equilibrium,
     }
 

@@ -145,7 +145,6 @@ class RunMaker:
             for label, start, stop in (("whole", 0, 1), ("first half", 0, 0.5), ("second half", 0.5, 1))
         ]
         meta = {"values": values, "sd": sds, "log_posterior": 1234.5, "windows": windows}
-        meta |= {"error_budget": {"step_error": 2e-8, "log_likelihood_change": 0.0021}}
         arrays = {"t": t, "fit": fit, "residual": residual, "whitened": residual / residual.std()}
         self.put(f"mode/{path}", meta, arrays | {"autocorrelation": 0.94 ** np.arange(26)})
         factor, unit = (180 / math.pi, "deg") if kind == "bench" else (1.0, "rad")

@@ -81,7 +81,6 @@ def compute_mode(candidate: StudyCandidate) -> Product:
         "known": fit.known,
         "priors": {n: p.describe() for n, p in fit.priors.items()},
         "log_posterior": mode.log_posterior,
-        "error_budget": {"step_error": mode.step_error, "log_likelihood_change": mode.likelihood_error},
         "stored": split(mode.stored, arrays, "stored"),
     }
     return Product(ModeContent.of_meta(split(content)), arrays)

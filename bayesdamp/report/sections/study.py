@@ -117,14 +117,14 @@ def _signals(run: RunFolder) -> Table | str:
 
 
 class ProvenanceSection(Section):
-    """The section with versions, revision, machine, inputs, failed tasks, times, and numerical errors of the solver."""
+    """The section with versions, revision, machine, inputs, failed tasks and times."""
 
     order = 90
     name = "provenance"
     title = "How this report was made"
 
     def render(self, run: RunFolder) -> str:
-        """Return tables of the inputs, software, machine, failed tasks, times, and numerical errors of the solver."""
+        """Return tables of the inputs, software, machine, failed tasks and times."""
         info, text = run.info, (0, 1)
         facts = {
             "source revision": info.get("revision"),
@@ -168,18 +168,6 @@ class ProvenanceSection(Section):
                 "The sum may exceed the duration of the run, because tasks can run in parallel."
             )
             parts.append(Table.of(kinds, of_kind, caption=caption))
-        budget = (info.get("error_budget") or {}).items()
-        rows = {f"{signal}/{model}": own for signal, each in budget for model, own in each.items() if own}
-        if rows:
-            columns: dict[str, Callable[[str], str]] = {"signal/model": str}
-            for name in dict.fromkeys(key for own in rows.values() for key in own):
-                columns[name.replace("_", " ")] = lambda row, name=name: fmt.number(rows[row].get(name), 2)
-            caption = (
-                "Numerical error of the ODE solver: the largest changes with finer integration steps, within three "
-                "posterior standard deviations of the mode. Step error: of a sample of the motion, in the unit of the "
-                "equation of motion. Log likelihood change: in nats."
-            )
-            parts.append(Table.of(rows, columns, caption=caption))
         return stack(*parts)
 
 
