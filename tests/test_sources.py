@@ -97,10 +97,10 @@ def keys(copy: Path) -> dict[str, str]:
     [
         ("report/render.py", ()),
         ("cli/app.py", ()),
-        ("inference/samplers/emcee.py", ("/emcee", "averaged/")),
+        ("inference/samplers/emcee.py", ("/emcee",)),
         (
             "physics/damping/quadratic.py",
-            ("quadratic", "viscous/sindy", "averaged/", "answer/", "sampled/", *AFTER_SINDY),
+            ("quadratic", "viscous/sindy", "answer/", "sampled/", *AFTER_SINDY),
         ),
         ("physics/trajectories.py", ("",)),
     ],

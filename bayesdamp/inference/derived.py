@@ -23,7 +23,7 @@ half-life is exact, and the relative error of the decrement is half the damping 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -36,9 +36,6 @@ from bayesdamp.physics.oscillator import Oscillator
 SLOW_VELOCITY = 1e-170
 """Step in rad/s of the difference quotient of the damping force at zero velocity. Its square is zero in double
 precision, so that only terms that are linear in the velocity have a derivative there."""
-CURVE_DRAWS = 1000
-"""Thinning for a curve against amplitude keeps at least this number of draws. The ends of its intervals are then
-accurate to a tenth of the posterior standard deviation."""
 _HALVING = np.polynomial.legendre.leggauss(6)
 """Nodes and weights of the Gauss–Legendre rule with which `Motions.half_life` integrates over ln A."""
 
@@ -173,7 +170,7 @@ QUANTITIES = (
     DerivedQuantity(
         "quality_factor", "1", "1", lambda m: None if m.damping_ratio is None else 0.5 / m.damping_ratio
     ),
-    DerivedQuantity("equivalent_ratio", "1", "1", lambda m: _ratio(m.cycle)),
+    DerivedQuantity("equivalent_ratio", "1", "1", lambda m: equivalent_ratio(m.cycle)),
     DerivedQuantity("log_decrement", "1", "1", lambda m: _decrement(m.cycle, m.amplitude)),
     DerivedQuantity("half_life", "s", "s", lambda m: m.half_life),
     DerivedQuantity("energy_fraction", "1", "1", lambda m: np.asarray(m.cycle.energy_lost / m.cycle.energy)),
@@ -207,37 +204,7 @@ def units(displacement: str) -> dict[str, str]:
     return {q.name: q.angular if displacement == "rad" else q.linear for q in QUANTITIES}
 
 
-def curves_against_amplitude(
-    motions: Motions, amplitudes: np.ndarray, levels: Sequence[float] = (0.025, 0.5, 0.975)
-) -> dict[str, np.ndarray]:
-    """Compute quantiles of the logarithmic decrement and of the equivalent damping ratio at several amplitudes.
-
-    Parameters
-    ----------
-    motions : Motions
-        The draws. If there are n ≥ 2,000 of them, only every (n // 1,000)-th is used.
-    amplitudes : ndarray, shape (m,)
-        Amplitudes in rad or m.
-    levels : sequence of float, length q
-        Probabilities of the quantiles; by default the median and the ends of the central 95 % interval.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (q, m)
-        The quantiles, under the keys `log_decrement` and `equivalent_ratio`.
-    """
-    every = max(1, int(np.prod(motions.shape)) // CURVE_DRAWS)
-    few = {n: v if np.ndim(v) == 0 else np.ravel(v)[::every] for n, v in motions.values.items()}
-    thinned = Motions(motions.osc, few, motions.near, motions.amplitude)
-    curves: dict[str, list[np.ndarray]] = {"log_decrement": [], "equivalent_ratio": []}
-    for a in amplitudes:
-        at = thinned.at(a)
-        curves["log_decrement"].append(_decrement(at, a))
-        curves["equivalent_ratio"].append(_ratio(at))
-    return {n: np.quantile(v, levels, axis=1) for n, v in curves.items()}
-
-
-def _ratio(at: Cycle) -> np.ndarray:
+def equivalent_ratio(at: Cycle) -> np.ndarray:
     """Return the equivalent damping ratio ΔE/(4πE) for each draw's cycle; ΔE: energy lost in it, E: energy."""
     return np.asarray(at.energy_lost / (4.0 * np.pi * at.energy))
 

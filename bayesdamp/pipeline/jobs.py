@@ -15,10 +15,9 @@ from bayesdamp.inference.evidence._method import REFEREE
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, answer_key, compute_answer, shortlist
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
-from bayesdamp.pipeline.candidates.evidence import compute_average, has_average
 from bayesdamp.pipeline.candidates.tasks import compute, task_keys
 from bayesdamp.pipeline.records import StudyRecord, compute_signal
-from bayesdamp.pipeline.tasks import Make, digest_of, task_key
+from bayesdamp.pipeline.tasks import Make, digest_of
 from bayesdamp.plugins import use_modules
 from bayesdamp.store import Store, TaskResult
 from bayesdamp.store.contents import EvidenceContent
@@ -147,8 +146,7 @@ class Job:
     repeat: number of the repeat of a simulated signal, from 0.
     model: the candidate; None if the job concerns the whole record.
     task_group: its tasks. For a record: "read", "answer" or "sampled". For a candidate: "fit" (estimates, mode and
-    Laplace's evidence), "evidence" (by the other methods), "sample", "sensitivity", or None for all of these. For
-    several models: "average".
+    Laplace's evidence), "evidence" (by the other methods), "sample", "sensitivity", or None for all of these.
     """
 
     signal: str
@@ -198,17 +196,13 @@ def jobs_of(study: Study) -> list[Job]:
         for s, r in records
         if task_group == ANSWER or not s.is_envelope
     ]
-    jobs += [Job(s.name, r, model) for s, r in records for model in study.compare(s)]
-    return jobs + [Job(s.name, 0, task_group="average") for s in study.signals if has_average(study, s)]
+    return jobs + [Job(s.name, r, model) for s, r in records for model in study.compare(s)]
 
 
 def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]:
     """Return the tasks of a job: by name, the key of the task and the function that computes it."""
     spec = next(s for s in study.signals if s.name == job.signal)
     record = StudyRecord(study, spec, job.repeat, store)
-    if job.task_group == "average":
-        keys = [task_keys(StudyCandidate(study, spec, job.repeat, m, store)) for m in study.compare(spec)]
-        return {f"averaged/{record.name}": (task_key("averaged", keys), partial(compute_average, record))}
     if job.model is not None:
         candidate = StudyCandidate(study, spec, job.repeat, job.model, store)
         return {
@@ -252,7 +246,6 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
     if depth is not Depth.WHOLE:
         return
     yield from _candidate_stages(study, store)
-    yield [job for job in jobs if job.task_group == "average"]
 
 
 def _candidate_stages(study: Study, store: Store) -> Iterator[list[Job]]:

@@ -23,7 +23,6 @@ ACTIVITIES = {
     "evidence": "computing the evidence of {models} on {records}",
     "sample": "sampling {models} on {records}",
     "check": "checking the evidence of {models} on {records}",
-    "average": "averaging over damping models",
 }
 """What the jobs of a stage do, by the `task_group` of the first one. Sensitivity is in the stage of "sample". In a
 study without samplers, "check" describes this stage."""

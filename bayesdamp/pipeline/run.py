@@ -289,9 +289,8 @@ def _current_keys(study: Study, store: Store) -> dict[str, str]:
     stored = [name for name, kind in kinds if kind not in ("signal", ANSWER, SAMPLED_ANSWER)]
     for job in jobs_of(study):
         # Computing the keys of candidates is slow, and most runs store no results of candidates.
-        prefix = f"{job.signal}/{job.repeat}/{job.model or ''}"
-        is_of_candidates = job.model is not None or job.task_group == "average"
-        if is_of_candidates and not any(prefix in f"{name}/" for name in stored):
+        prefix = f"{job.signal}/{job.repeat}/{job.model}"
+        if job.model is not None and not any(prefix in f"{name}/" for name in stored):
             continue
         for name, (key, _) in tasks_of(study, store, job).items():
             result = store.find(name, arrays=False)

@@ -39,7 +39,6 @@ CODE: dict[str, tuple[str, ...]] = {
     "posterior": (*_CANDIDATE, "bayesdamp.pipeline.candidates.posteriors"),
     "evidence": (*_CANDIDATE, "bayesdamp.pipeline.candidates.evidence"),
     "sensitivity": (*_CANDIDATE, "bayesdamp.pipeline.candidates.sensitivity"),
-    "averaged": ("bayesdamp.pipeline.candidates.evidence",),
     "calibration": ("bayesdamp.calibrate.ranks", "bayesdamp.calibrate.recovery"),
 }  # fmt: skip
 """Modules that compute each kind of task; their source, with all that they import, is part of the task's key. Plug-ins

@@ -114,9 +114,7 @@ class ModeContent(FitCheck, Content):
     values, sd: inferred parameters and their standard deviations, by name and in their units. known: the values of the
     other parameters. priors: descriptions in words. log_posterior: log density at the mode (nats, not normalised).
     shares: fractions of the posterior probability of the mode and of the other maxima that were found, the mode first.
-    error_budget: changes with finer integration steps, of a sample (`step_error`, in the record's unit) and of the log
-    likelihood (`log_likelihood_change`, nats). stored: an `inference.mode.StoredMode`, as `bayesdamp.serial` splits it,
-    with arrays `stored/...`.
+    stored: an `inference.mode.StoredMode`, as `bayesdamp.serial` splits it, with arrays `stored/...`.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -124,7 +122,6 @@ class ModeContent(FitCheck, Content):
     known: Mapping[str, float] = field(default_factory=dict)
     priors: Mapping[str, str] = field(default_factory=dict)
     log_posterior: float = NAN
-    error_budget: Mapping[str, float] = field(default_factory=dict)
     shares: tuple[float, ...] = ()
     stored: Mapping[str, Any] = field(default_factory=dict)
 
@@ -141,7 +138,7 @@ class PosteriorContent(Content):
     parameter). summary, units: of parameters and derived quantities. reference_amplitude: amplitude at which derived
     quantities are computed, in rad or m. without: derived quantities without a summary, with the number of draws for
     which they are not defined. file: path of the netCDF file with all draws, in the run's folder. ratios: damping
-    ratios at the verdict's amplitudes, if deviations from the laws are allowed.
+    ratios at the verdict's amplitudes.
     """
 
     posterior: Posterior = field(default_factory=lambda: Posterior("", (), *NO_DRAWS))
@@ -151,21 +148,6 @@ class PosteriorContent(Content):
     without: Mapping[str, int] = field(default_factory=dict)
     file: str = ""
     ratios: tuple[Ratio, ...] = ()
-
-
-@dataclass(frozen=True)
-class AverageContent(Content):
-    """The damping against amplitude, averaged over models (`averaged/NAME/0`).
-
-    The curves are arrays of the result. probabilities: by model, from the evidence by `method`. covered: total
-    probability of the models in the average. weighed: models without a sampled posterior, for which weighted importance
-    draws are used.
-    """
-
-    probabilities: Mapping[str, float]
-    method: str
-    covered: float = 1.0
-    weighed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,6 @@ from bayesdamp.inference.deviation.data import Data, prepare_data
 from bayesdamp.inference.deviation.draws import (
     CandidateDraws,
     Quantity,
-    draw_ratios,
     mean_deviation,
     noise_sds,
     quantity,
@@ -336,16 +335,6 @@ class Single:
         """
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         return tuple(ratio_at(self.comparison, [drawn], a, sensor, rng) for a in amplitudes)
-
-    def ratio_draws(self, amplitudes: Array, u: Array, sensor: float) -> Array:
-        """Return draws of the equivalent damping ratio, (n, m), at m amplitudes in rad or m.
-
-        They are NaN where no orbit has the amplitude. u: draws of the unknowns, (n, K). sensor: relative sd of the
-        sensor's linearity and clock; each draw is multiplied by a random factor with this sd.
-        """
-        drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
-        columns = [draw_ratios(self.comparison, [drawn], float(a), sensor, rng)[0] for a in amplitudes]
-        return np.column_stack([ratios if ratios.size else np.full(len(u), np.nan) for ratios in columns])
 
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
         """Return the motions, (n, m), of draws u of all unknowns, (n, K), at times t, (m,); NaN if unbounded.

@@ -1,4 +1,4 @@
-"""Compute the evidence of a candidate by each method, and average the damping over models.
+"""Compute the evidence of a candidate by each method.
 
 Nested sampling is called the referee here: by default it is computed only if the other methods disagree.
 """
@@ -12,19 +12,16 @@ from dataclasses import replace
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.config import SignalSpec, Study
+from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence._method import ADOPTED, REFEREE, choose_evidence, disagreement
 from bayesdamp.interface.evidence import FROM_DRAWS, run_evidence_method
-from bayesdamp.numerics.weights import quantiles
-from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
-from bayesdamp.pipeline.candidates.posteriors import CURVE, QUANTILE_LEVELS, weighted_curves
 from bayesdamp.pipeline.records import StudyRecord
-from bayesdamp.pipeline.tasks import Product, task_seed
+from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import odds
-from bayesdamp.store.contents import AverageContent, EvidenceContent
-from bayesdamp.types import OK, Evidence, Refusal, candidate_parts
+from bayesdamp.store.contents import EvidenceContent
+from bayesdamp.types import OK, Evidence, candidate_parts
 
 FIRST_METHOD = "laplace"
 """The evidence method by which candidates are pruned (Laplace's approximation). It has no error estimate; its evidence
@@ -128,69 +125,6 @@ def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
     return by_method
 
 
-LEAST_COVERED = 0.95
-"""Smallest total probability of the models with a damping curve from which their average is computed (conventional)."""
-ENOUGH_COVERED = 0.99
-"""Total probability of the models in the average from which no further model is added (conventional)."""
-
-
-def has_average(study: Study, spec: SignalSpec) -> bool:
-    """Return whether the damping of a signal is averaged over models.
-
-    It is averaged if the study has several models for this signal, samples posteriors by NUTS, and computes evidence.
-    """
-    computes_evidence = "nuts" in study.posterior.samplers and bool(study.evidence.methods)
-    return computes_evidence and len(study.compare(spec)) > 1
-
-
-def compute_average(record: StudyRecord) -> Product:
-    """Return the damping against amplitude on a record, averaged over models (task `averaged/SIGNAL/REPEAT`).
-
-    The arrays are `amplitudes`, (a,), in rad or m; `curve/equivalent_ratio`, (3, a), the 2.5, 50 and 97.5 % quantiles
-    of the equivalent damping ratio; and `median/MODEL`, (a,), the median of each model. The weights are the models'
-    posterior probabilities; pruned models have weight 0. Models that were not sampled are represented by weighted
-    importance draws, the most probable first, until `ENOUGH_COVERED` of the probability is included.
-
-    Raises Refusal if a model has no evidence, or if the models with draws have less than `LEAST_COVERED` of the
-    probability.
-    """
-    study, spec, store = record.study, record.spec, record.store
-    models = study.compare(spec)
-    method, evidence = list(evidence_by_method(record).items())[-1]
-    weights = probabilities(evidence)
-    weights |= {m: 0.0 for m, e in evidence.items() if status_of(e.outcome) is Status.PRUNED}
-    if len(weights) < len(models):
-        raise Refusal("not applicable: some models have no evidence")
-    drawn: dict[str, Mapping[str, np.ndarray]] = {}
-    for model in models:
-        result = store.find(f"posterior/{record.name}/{model}/nuts")
-        if result is not None and _has_curve(result.arrays):
-            drawn[model] = result.arrays
-    from_weights: list[str] = []
-    for model in sorted(set(weights) - set(drawn), key=lambda m: -weights[m]):
-        if sum(weights[m] for m in drawn) >= ENOUGH_COVERED:
-            break
-        candidate = StudyCandidate(study, spec, record.repeat, model, store)
-        arrays = weighted_curves(candidate, task_seed(study, f"averaged/{candidate.path}"))
-        if _has_curve(arrays):
-            drawn[model] = arrays
-            from_weights.append(model)
-    covered = sum(weights[m] for m in drawn)
-    if covered < LEAST_COVERED:
-        total = f"the models with draws have only {covered:.2f} of the probability"
-        raise Refusal(f"not applicable: {total}, and an average over models needs {LEAST_COVERED}")
-    shared = np.array(sorted(set.intersection(*(set(a["amplitudes"]) for a in drawn.values()))))
-    curves = {m: a[f"spread/{CURVE}"][:, np.isin(a["amplitudes"], shared)] for m, a in drawn.items()}
-    arrays = {"amplitudes": shared, f"curve/{CURVE}": average_curves(curves, weights)}
-    arrays |= {f"median/{m}": np.median(c, axis=0) for m, c in curves.items()}
-    return Product(AverageContent(weights, method, covered, tuple(from_weights)), arrays)
-
-
-def _has_curve(arrays: Mapping[str, np.ndarray]) -> bool:
-    """Return whether the arrays of a posterior contain a damping curve of two or more points."""
-    return f"spread/{CURVE}" in arrays and arrays["amplitudes"].size > 1
-
-
 def probabilities(evidence: Mapping[str, Evidence]) -> dict[str, float]:
     """Return the posterior probability of each model, from its evidence and the prior odds of its damping sum (`odds`).
 
@@ -203,23 +137,3 @@ def probabilities(evidence: Mapping[str, Evidence]) -> dict[str, float]:
     }
     total = float(np.asarray(scipy.special.logsumexp(list(logs.values())))) if logs else 0.0
     return {m: float(np.exp(v - total)) for m, v in logs.items()}
-
-
-def average_curves(curves: Mapping[str, np.ndarray], weights: Mapping[str, float]) -> np.ndarray:
-    """Return median and central 95 % interval of a mixture of models at each of m points.
-
-    Parameters
-    ----------
-    curves
-        Values that represent a model's draws with equal weight, shape (k, m), by model; k may differ between models.
-    weights
-        Weights of the models, which need not sum to one. A model's weight is divided equally among its k values.
-
-    Returns
-    -------
-    numpy.ndarray
-        Rows 2.5, 50 and 97.5 %, shape (3, m).
-    """
-    values = np.concatenate(list(curves.values()))
-    each = np.concatenate([np.full(len(c), weights[m] / len(c)) for m, c in curves.items()])
-    return np.stack([quantiles(column, each / each.sum(), QUANTILE_LEVELS) for column in values.T], axis=-1)

@@ -1,10 +1,9 @@
-"""Compare a record's answer with the study's chains, evidence, residuals and estimators, and with the truth."""
+"""Compare a record's answer with the study's chains, evidence and residuals, and with the truth."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,11 +27,10 @@ from bayesdamp.report.results.run import (
     truth,
 )
 from bayesdamp.store.contents import CLEAR_NATS, PosteriorContent
-from bayesdamp.types import NORMAL_95, OK, candidate_parts
+from bayesdamp.types import OK, candidate_parts
 from bayesdamp.verdict.agreement import Agreement, agreement, worst_agreement
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.thresholds import AGREEMENT_SDS, WIDTH_HOLDS
-from bayesdamp.verdict.types import Verdict
 
 WINDOW_SPREAD = 3.0
 """Largest change of a coefficient between parts of a record that passes the check, in standard deviations that are
@@ -42,6 +40,9 @@ PRINTED = 0.001
 "> 0.999", and larger log odds depend on the tails of the approximations."""
 LARGEST_OTHER = 0.03
 """Largest fraction of the posterior probability that another maximum than the mode may have (conventional)."""
+MOSTLY_ONE = 1 / (1 + AGREEMENT_SDS**2)
+"""The mean of a model of this probability differs from the mean over all models by at most `AGREEMENT_SDS`: it is at
+most √((1 − p)/p) standard deviations of all models."""
 ANSWER_SAMPLER = "smc"
 """The sampler of the answer itself, which therefore cannot check the answer."""
 UNLISTED_OUTCOMES = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
@@ -98,7 +99,7 @@ def sampling_checks(run: RunFolder, signal: str) -> list[Check]:
 
 
 class RecordChecks:
-    """Checks of one record's answer against the study's chains, evidence, residuals and trajectory fits.
+    """Checks of one record's answer against the study's chains, evidence and residuals, and against the truth.
 
     Only the first repeat of the record is checked.
 
@@ -111,8 +112,6 @@ class RecordChecks:
         probable model. None if the study has no such model.
     coefficient_names
         Names of the damping coefficients of `model`; [] without a model.
-    answer_coefficients
-        The coefficients in the answer, by name; {} without an answer.
     exact_only
         Whether the answer allows deviations from the laws, while the chains, evidence and fits assume exact laws.
     """
@@ -127,7 +126,6 @@ class RecordChecks:
             candidates = [m for m, d, law in parts if law in ("", v.restoring) and _same_sum([d], v.damping)]
         self.model = next(iter(candidates), None)
         self.coefficient_names = coefficients(run, self.model) if self.model else []
-        self.answer_coefficients = {c.name: c for c in v.coefficients} if v else {}
         self.exact_only = v is not None and v.deviation is not None and not run.under_law
 
     def all(self) -> list[Check]:
@@ -146,14 +144,8 @@ class RecordChecks:
                 "the answer."
             )
             return [Check(text)] if has_tables else []
-        checks = [
-            *self._convergence(),
-            *self._maxima(),
-            *self._ratios(),
-            *self._coefficients(),
-            *self._evidence(evidence),
-        ]
-        checks += self._residuals()
+        checks = [*self._convergence(), *self._maxima(), *self._ratios(), *self._truth()]
+        checks += [*self._evidence(evidence), *self._residuals()]
         true = true_models(self.run).get(self.signal)
         if true is not None and v is not None and v.damping:
             text = f"Truth: the record was simulated with {words.model(true)} damping"
@@ -220,26 +212,20 @@ class RecordChecks:
             )
 
     def _ratios(self) -> Iterator[Check]:
-        """Yield a check that compares the damping ratios from the chains with the answer's; none without both.
+        """Yield checks that compare the damping ratios from each sampler with the answer's.
 
-        It fails if, at the amplitude with the worst agreement, the ratio differs by at least `AGREEMENT_SDS` standard
-        deviations of the answer, or its interval is at least `WIDTHS_AGREE` times as wide. It never fails if
-        `exact_only`, or if the chains have only the answer's damping and another one is more probable.
+        A check fails if, at the amplitude with the worst agreement, the ratio differs by at least `AGREEMENT_SDS`
+        standard deviations of the answer, or its interval is at least `WIDTHS_AGREE` times as wide. It never fails if
+        `exact_only`, or if the answer, which is averaged over the models, gives the sampled one a probability below
+        `MOSTLY_ONE`.
         """
+        for sampler, ratios in self._drawn_ratios().items():
+            yield self._check_ratios(_name(sampler), ratios)
+
+    def _check_ratios(self, name: str, ratios: list[tuple[float, float, float]]) -> Check:
+        """Return the check of damping ratios from a sampler, which are as `_drawn_ratios` returns them."""
         v = self.verdict
-        drawn = self._drawn_ratios(v) if v is not None else None
-        if v is None or drawn is None:
-            return
-        sampler, ratios, averaged = drawn
-        name = f"{_name(sampler)}, averaged over the damping models," if averaged else _name(sampler)
-        likelier = [r for r in v.rivals if r.probability > v.probability]
-        if not averaged and v.probability < 0.5 and likelier:
-            yield Check(
-                f"{name} sampled {words.model(v.damping)} damping alone, which has probability "
-                f"{fmt.probability(v.probability)} in the answer; {words.model(likelier[0].damping)} has "
-                f"{fmt.probability(likelier[0].probability)}."
-            )
-            return
+        assert v is not None
 
         def ratio_at(i: int) -> str:
             """Return the damping ratio from the chains at the i-th amplitude, as text."""
@@ -249,117 +235,66 @@ class RecordChecks:
 
         worst, middle = worst_agreement(v, ratios), ratio_at(len(ratios) // 2)
         if self.exact_only:
-            yield Check(
+            return Check(
                 f"{name} assumes that laws hold exactly and gives a damping ratio of {middle}; the answer allows "
                 "deviations."
             )
-        elif worst.confirms:
-            yield Check(f"{name} confirms the damping ratio: {middle}.")
-        else:
-            largest = ratio_at(
-                next(i for i, r in enumerate(v.damping_ratio) if r.amplitude == worst.amplitude)
+        if worst.confirms:
+            return Check(f"{name} confirms the damping ratio: {middle}.")
+        if v.probability < MOSTLY_ONE:
+            return Check(
+                f"{name} sampled {words.model(v.damping)} damping alone, which has probability "
+                f"{fmt.probability(v.probability)} in the answer, and gives a damping ratio of {middle}."
             )
-            width = f"an interval {worst.wider:.1f} times as wide"
-            text = f"{name} agrees with the damping ratio but gives {width}: {largest}."
-            if worst.moved >= AGREEMENT_SDS:
-                text = (
-                    f"{name} contradicts the damping ratio: it gives {largest}, which differs by {worst.moved:.1f} of "
-                    f"the answer's standard deviations, with {width}."
-                )
-            yield Check(text, fails=worst.moved >= AGREEMENT_SDS or worst.wider > 1)
+        largest = ratio_at(next(i for i, r in enumerate(v.damping_ratio) if r.amplitude == worst.amplitude))
+        width = f"an interval {worst.wider:.1f} times as wide"
+        if worst.moved >= AGREEMENT_SDS:
+            text = (
+                f"{name} contradicts the damping ratio: it gives {largest}, which differs by {worst.moved:.1f} of "
+                f"the answer's standard deviations, with {width}."
+            )
+            return Check(text, fails=True)
+        text = f"{name} agrees with the damping ratio but gives {width}: {largest}."
+        return Check(text, fails=worst.wider > 1)
 
-    def _drawn_ratios(self, v: Verdict) -> tuple[str, list[tuple[float, float, float]], bool] | None:
-        """Return the damping ratios from the chains at the answer's amplitudes; None if there are none.
+    def _drawn_ratios(self) -> dict[str, list[tuple[float, float, float]]]:
+        """Return the damping ratios from the draws of `model`, at the answer's amplitudes, by sampler.
 
-        Returns
-        -------
-        tuple
-            The sampler; median and ends of the 95 % interval (value, low, high) of the ratio at each amplitude; whether
-            the ratios are averaged over the damping models by their evidence. Otherwise they are those of the answer's
-            damping.
+        They are the median and both ends of the 95 % interval at each amplitude. Samplers are left out if they failed,
+        or have no ratio at some amplitude.
         """
-        if not v.damping_ratio:
-            return None
-        run, signal, repeat = self.run, self.signal, self.repeat
-        at = np.log([r.amplitude / run.unit(signal).displacement.scale for r in v.damping_ratio])
+        drawn = {}
+        for sampler, rows in self._samplers().items():
+            result = self.run.task_result("posterior", self.signal, self.repeat, self.model or "", sampler)
+            content = PosteriorContent.maybe(result)
+            ratios = [(r.value, r.low, r.high) for r in content.ratios] if content else []
+            is_complete = self.verdict is not None and len(ratios) == len(self.verdict.damping_ratio) > 0
+            if is_complete and np.isfinite(ratios).all() and all(r["outcome"] == OK for r in rows):
+                drawn[sampler] = ratios
+        return drawn
 
-        def of_curve(arrays: Mapping[str, np.ndarray]) -> list[tuple[float, float, float]]:
-            grid = np.log(arrays["amplitudes"])
-            low, middle, high = (np.interp(at, grid, row) for row in arrays["curve/equivalent_ratio"])
-            return [(float(m), float(a), float(b)) for a, m, b in zip(low, middle, high, strict=True)]
+    def _truth(self) -> Iterator[Check]:
+        """Yield a failed check for each true coefficient outside the answer's 95 % interval.
 
-        averaged = run.task_result("averaged", signal, repeat)
-        if averaged is not None and averaged.outcome == OK and averaged.arrays["amplitudes"].size > 1:
-            return "nuts", of_curve(averaged.arrays), True
-        rows = rows_of(run.posteriors, signal=signal, restoring=v.restoring, outcome=OK)
-        rows = [r for r in rows if _same_sum([damping_of(r)], v.damping) and r["sampler"] != ANSWER_SAMPLER]
-        for model, sampler in dict.fromkeys((r["model"], r["sampler"]) for r in rows):
-            task_result = run.task_result("posterior", signal, repeat, model, sampler)
-            content = PosteriorContent.maybe(task_result)
-            if task_result is None or content is None:
-                continue
-            if len(content.ratios) == len(v.damping_ratio):
-                return sampler, [(r.value, r.low, r.high) for r in content.ratios], False
-            if task_result.arrays.get("amplitudes", np.empty(0)).size > 1:
-                return sampler, of_curve(task_result.arrays), False
-        return None
-
-    def _coefficients(self) -> Iterator[Check]:
-        """Yield a failed check for each contradiction to a coefficient of the answer.
-
-        A chain contradicts the answer if its median differs from the answer's value by at least `AGREEMENT_SDS` of the
-        answer's standard deviations. A trajectory fit or the true value contradicts it outside the answer's 95 %
-        interval; all such fits are counted in one check. Chains and fits are not compared if `exact_only`. Without an
-        answer, only the true value is compared, with the first chain's interval.
+        Without an answer, the interval is that of the first sampler.
         """
-        chains = self._samplers()
-        limits = {name: (c.low, c.high) for name, c in self.answer_coefficients.items()}
+        limits = {c.name: (c.low, c.high) for c in self.verdict.coefficients} if self.verdict else {}
         if self.verdict is None:
-            rows = next(iter(chains.values()), [])
+            rows = next(iter(self._samplers().values()), [])
             limits = {r["parameter"]: (r["q2.5"], r["q97.5"]) for r in rows}
         for name in filter(limits.__contains__, self.coefficient_names):
-            symbol, (low, high) = words.symbol(name).text, limits[name]
-            comparable = name in self.answer_coefficients and not self.exact_only
-            for sampler, rows in chains.items() if comparable else ():
-                for r in rows_of(rows, parameter=name, outcome=OK):
-                    moved = (
-                        abs(r["median"] - self.answer_coefficients[name].value)
-                        * 2
-                        * NORMAL_95
-                        / max(high - low, 1e-300)
-                    )
-                    if moved >= AGREEMENT_SDS:
-                        text = (
-                            f"{_name(sampler)} contradicts the answer: its {symbol} differs by {moved:.1f} of the "
-                            "answer's standard deviations."
-                        )
-                        yield Check(text, fails=True)
-            rows = (
-                self._rows(self.run.estimates, stage="refined", parameter=name, outcome=OK)
-                if comparable
-                else []
-            )
-            fits = [r["value"] for r in rows if math.isfinite(r["value"])]
-            outside = [value for value in fits if not low <= value <= high]
-            if outside:
-                text = (
-                    f"{len(outside)} of {len(fits)} trajectory fits give {symbol} = {fmt.spread(outside)}, outside the "
-                    "answer's 95 % interval."
-                )
-                yield Check(text, fails=True)
-            true = truth(self.run, self.signal, name)
+            true, (low, high) = truth(self.run, self.signal, name), limits[name]
             if math.isfinite(true) and not low <= true <= high:
-                yield Check(
-                    f"Truth: {symbol} = {fmt.as_entered(true)}, which is outside the 95 % interval.",
-                    fails=True,
-                )
+                symbol = words.symbol(name).text
+                text = f"Truth: {symbol} = {fmt.as_entered(true)}, which is outside the 95 % interval."
+                yield Check(text, fails=True)
 
     def _evidence(self, ranked: EvidenceRanking | None) -> Iterator[Check]:
         """Yield checks that compare the probabilities from the study's evidence with those of the answer.
 
         They report evidence that failed or is unreliable; each method's probability of the answer's damping (a failed
-        check if its log odds differ from the answer's by more than `CLEAR_NATS`); methods that rank another damping
-        first; and how the result depends on the width of the priors and on the repeat.
+        check if the log odds by the method that counts differ from the answer's by more than `CLEAR_NATS`); and how the
+        result depends on the width of the priors.
         `ranked` is the result of `rank_models`. There are none if the study has no evidence besides that of the answer.
         """
         if ranked is None or ranked.method == ANSWER_SAMPLER:
@@ -390,10 +325,8 @@ class RecordChecks:
                 if total > 0:
                     own = v.probability / total
                     answer = f"; the answer gives {fmt.probability(own)}"
-                    # If the evidence ranks another damping first, this has a check of its own below.
-                    p = shares.get(ranked.method, {})
-                    if p and p[named] == max(p.values()):
-                        apart = abs(_log_odds(p[named]) - _log_odds(own))
+                    if ranked.method in shares:
+                        apart = abs(_log_odds(shares[ranked.method][named]) - _log_odds(own))
             contradicts = apart > CLEAR_NATS and not self.exact_only
             if contradicts:
                 answer = f"{answer}, and the log odds differ by {apart:.1f} nats"
@@ -402,21 +335,7 @@ class RecordChecks:
                 f"{by}{answer}.",
                 fails=contradicts,
             )
-        # Methods that rank another damping first.
-        for method, p in shares.items():
-            first = max(p, key=lambda damping: p[damping])
-            if first == named:
-                continue
-            text = (
-                f"{_name(method)} ranks {words.model(first)} damping first, with probability "
-                f"{fmt.probability(p[first])}"
-            )
-            if self.exact_only:
-                text = f"If the laws held exactly: {text}. The ranking depends on how closely the laws hold."
-            else:
-                text = f"{text}, which contradicts {'the answer' if v else words.method(ranked.method)}."
-            yield Check(text, fails=not self.exact_only)
-        # The dependence on the width of the priors, and on the repeat of the record.
+        # The dependence on the width of the priors.
         widths = probability_by_width(run, signal, repeat, ranked)
         factor = min(widths, key=lambda f: widths[f], default=1.0)
         if widths and widths[factor] < min(WIDTH_HOLDS, ranked.dampings[leading]):
@@ -425,15 +344,6 @@ class RecordChecks:
                 f"the probability of {words.model(leading)} is {fmt.probability(widths[factor])}."
             )
             yield Check(text, fails=True)
-        rankings = [r for r in (rank_models(run, signal, each) for each in run.repeats(signal)) if r]
-        if len(rankings) > 1:
-            firsts = [next(iter(r.dampings.items())) for r in rankings]
-            wins = Counter(damping for damping, _ in firsts)
-            counted = fmt.listing(f"{words.model(d)} in {n}" for d, n in wins.most_common())
-            yield Check(
-                f"Most probable damping by evidence in {len(rankings)} repeats of this record: {counted} (probability "
-                f"at least {fmt.probability(min(p for _, p in firsts))})."
-            )
 
     def _residuals(self) -> Iterator[Check]:
         """Yield a check whether `model` fits, by its residuals, and checks of what is wrong with the fit otherwise.

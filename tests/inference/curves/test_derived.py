@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from bayesdamp.inference.derived import Motions, curves_against_amplitude, derive_quantities
+from bayesdamp.inference.derived import Motions, derive_quantities
 from bayesdamp.physics.oscillator import Oscillator
 
 K, A, INERTIA = 20.0, 0.3, 0.7
@@ -74,15 +74,3 @@ def test_the_natural_frequency_is_derived_if_the_stiffness_is_inferred():
     result = derive_quantities(motions(("viscous",), zeta=SIZES, stiffness=100 * SIZES))
     np.testing.assert_allclose(result["natural_frequency"], 10 * np.sqrt(SIZES))
     np.testing.assert_allclose(result["damping_ratio"], 0.1 * np.sqrt(SIZES))
-
-
-def test_curves_are_quantiles_of_the_draws():
-    """The decrement of friction is inversely proportional to the amplitude."""
-    zeta = np.abs(np.random.default_rng(0).normal(0.05, 0.01, (4, 1000)))
-    grid = np.array([0.05, 0.1, 0.3])
-    result = curves_against_amplitude(motions(("viscous",), zeta=zeta), grid)
-    expected = np.quantile(zeta.ravel()[::4] / W, [0.025, 0.5, 0.975])
-    np.testing.assert_allclose(result["equivalent_ratio"], np.tile(expected[:, None], 3), rtol=1e-9)
-    curves = curves_against_amplitude(motions(("coulomb",), mu_c=zeta, epsilon=0.0), grid)
-    friction = curves["log_decrement"][1]
-    np.testing.assert_allclose(friction * grid, friction[0] * grid[0], rtol=1e-9)
