@@ -36,9 +36,9 @@ number of cycles, but at most this (conventional)."""
 OUTLIER_SIGMAS = 8.0
 """A sample is an outlier if it differs from a harmonic fit to a window around it by more than this many standard
 deviations of the noise. Outliers are counted, but not removed."""
-MAX_TURNS = 0.5
-"""If the amplitude of an angle is more than this many turns (of 360°), and the column's name does not state the unit, a
-warning says that the values may have another unit (conventional)."""
+MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0
+"""If the amplitude of an angle is more than `MAX_TURNS` turns (of 360°), a warning says that the values may have
+another unit. If the column's name states the unit, the limit is `MAX_TURNS_NAMED` turns (conventional)."""
 PLURAL = {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}
 """Words for values of each quantity, in messages."""
 CLIPPED = (
@@ -230,7 +230,7 @@ def clean(
             f"{label}; if this is wrong, give another unit or quantity."
         )
     turns = measured.amplitude / (2 * np.pi)
-    if base == "rad" and named is None and turns > MAX_TURNS:
+    if base == "rad" and turns > (MAX_TURNS if named is None else MAX_TURNS_NAMED):
         warnings.append(
             f"it swings by {turns:.2g} turns to either side when its values are read in {unit}; if they have another "
             "unit (such as degrees or volts), give the unit."
