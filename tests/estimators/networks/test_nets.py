@@ -145,5 +145,5 @@ def test_training_and_validation_records_are_different():
 @pytest.mark.parametrize(("fall", "rounds"), [(1e-4, 9), (1e-2, 51)])
 def test_training_ends_when_it_fits_only_noise(fall, rounds):
     """It ends early if the loss of 500 samples falls by less than 1/500 in a round, even if values still change."""
-    descent = (Round(np.array([1.0 + i]), (1.0 - fall) ** i, i) for i in range(1000))
-    assert len(train(descent, 50, lambda x: x, samples=500).losses) == rounds
+    descent = (Round(np.array([1.0 + i]), (1.0 - fall) ** i, i + 1) for i in range(1000))
+    assert train(descent, 50, lambda x: x, samples=500).evaluations == rounds
