@@ -45,7 +45,6 @@ def test_the_page_has_every_section_in_order(page):
 def test_warnings_are_on_the_page(page):
     words = Page(page).words
     for text in (
-        "Most probable damping by evidence in 2 repeats of this record: viscous in 2 (probability at least 0.80).",
         "changes by up to 4.1 times the standard deviation that is expected by chance",
         "predictive p 0.0030",
         "not converged: R̂ of stiffness is 1.034",
