@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -39,7 +38,7 @@ from bayesdamp.store.contents import (
     SampledPosterior,
 )
 from bayesdamp.store.files import SCHEMA
-from bayesdamp.types import NORMAL_95, OK, Evidence, Refusal
+from bayesdamp.types import NORMAL_95, OK, Evidence
 from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
 from bayesdamp.verdict.specimen import pool_coefficients, specimen
 from bayesdamp.verdict.types import Verdict, save_verdicts
@@ -103,7 +102,7 @@ def write_verdicts(study: Study, store: Store) -> None:
 
 
 def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[SignalSpec]) -> Verdict | None:
-    """Return the verdict on a specimen; None if fewer than two of its records have an answer, or no common model."""
+    """Return the verdict on a specimen; None if fewer than two of its records have an answer."""
     records = (StudyRecord(study, spec, repeat, store) for spec in specs for repeat in range(spec.repeats))
     answers = [a for a in map(stored_answer, records) if a is not None]
     if specs[0].is_envelope:
@@ -113,10 +112,8 @@ def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[Sig
     own = [a.of_specimen() for a in answers if a.content.candidates]
     if len(own) < 2:
         return None
-    with suppress(Refusal):
-        seed = task_seed(study, f"specimen/{name}")
-        return specimen(name, own, study.priors, study.posterior.sensor, seed)
-    return None
+    seed = task_seed(study, f"specimen/{name}")
+    return specimen(name, own, study.priors, study.posterior.sensor, seed)
 
 
 def _population(specimens: Sequence[Verdict]) -> Iterator[Row]:

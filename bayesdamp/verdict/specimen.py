@@ -16,7 +16,7 @@ from bayesdamp.inference.deviation.specimen import RunComparison, SpecimenCompar
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.priors import Prior
-from bayesdamp.types import NORMAL_95, Refusal, candidate_name, sum_probabilities
+from bayesdamp.types import NORMAL_95, candidate_name, sum_probabilities
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import rivals_of, twin_pairs
 from bayesdamp.verdict.parts import NAN, Coefficient, DampingRatio, Grade, Interval, Share
@@ -139,14 +139,14 @@ def specimen(
     ------
     ValueError
         Where there is no record.
-    Refusal
-        If no damping model was fitted to all records.
     """
     if not records:
         raise ValueError("a specimen needs at least one record with a verdict")
     comparison = compare_runs([r.comparison for r in records], priors, seed=seed)
     if not comparison.repeats:
-        raise Refusal("no damping model was fitted to all records")
+        reason = "No damping model was fitted to all records."
+        kind = records[0].verdict.quantity
+        return Verdict(name, Grade.NOT_WEIGHED, False, "", NAN, quantity=kind, sentence=reason)
     damping, restoring, others = specimen_probabilities(comparison)
     own = [r.verdict for r in records]
     ranges = [(float(r.curve["amplitude"].min()), float(r.curve["amplitude"].max())) for r in records]
@@ -307,12 +307,17 @@ def coefficients_of(comparison: SpecimenComparison, damping: str, unit: str) -> 
 def pool_coefficients(specimens: Sequence[Verdict]) -> list[tuple[Coefficient, PooledMean]]:
     """Return each damping coefficient of the first specimen, with its mean and spread over all specimens.
 
-    The list is empty if there are fewer than two specimens, if they do not all have the same damping and restoring law,
-    or if a coefficient is missing or has another unit. Coefficients of envelopes are relative to amplitudes at their
-    starts, so they are not pooled.
+    The list is empty if there are fewer than two specimens, if they do not all have the same named damping and
+    restoring law, or if a coefficient is missing or has another unit. Coefficients of envelopes are relative to
+    amplitudes at their starts, so they are not pooled.
     """
     models = {(v.damping, v.restoring, v.quantity == "envelope") for v in specimens}
-    if len(specimens) < 2 or len(models) > 1 or specimens[0].quantity == "envelope":
+    if (
+        len(specimens) < 2
+        or len(models) > 1
+        or not specimens[0].damping
+        or specimens[0].quantity == "envelope"
+    ):
         return []
     results = []
     for name in [TERMS.get(t).parameter for t in specimens[0].damping.split("+")]:

@@ -18,7 +18,7 @@ from bayesdamp.inference.deviation.specimen import (
 )
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.priors import FURTHER_TERM, OTHER_FORMS_COUNT, OTHER_FORMS_ODDS, SharedHalfNormal
-from bayesdamp.types import Reference, Refusal
+from bayesdamp.types import Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Bound, DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.specimen import (
@@ -283,5 +283,7 @@ def test_a_deviation_that_all_records_share_changes_the_damping_ratio_of_the_spe
 
 
 def test_records_without_a_common_model_have_no_common_verdict() -> None:
-    with pytest.raises(Refusal, match="no damping model was fitted to all records"):
-        specimen("rig", [answered("a", 0.01, {V: 0.0}), answered("b", 0.01, {Q: 0.0})])
+    verdict = specimen("rig", [answered("a", 0.01, {V: 0.0}), answered("b", 0.01, {Q: 0.0})])
+    assert (verdict.grade, verdict.damping, verdict.decided) == (Grade.NOT_WEIGHED, "", False)
+    assert verdict.sentence == "No damping model was fitted to all records."
+    assert pool_coefficients([verdict, verdict]) == []
