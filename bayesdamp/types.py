@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 OK = "ok"
 """Outcome of a task that succeeded; any other outcome is a sentence on what went wrong or is doubtful."""
-VERDICT_SCHEMA = 1
+VERDICT_SCHEMA = 2
 """Version of the format of verdict.json; it increases if a field is renamed, removed, or changes its meaning."""
 NORMAL_95 = 1.959963984540054
 """Half the width of the central 95 % interval of a normal distribution, in standard deviations."""
@@ -206,10 +206,10 @@ class Estimate:
     """A point estimate of one method at one stage.
 
     estimator, stage: names of the method and of the stage. values: parameter values that the method computes, by name
-    (SI units). stderr: standard errors that the method computes, by parameter. details:
-    further results of the method (selected terms, an expression, a learnt force), as strings, numbers and lists of
-    these. evaluations, seconds: number of evaluations, and
-    computing time. outcome: `ok`, why the method failed (there are then no values), or why the values are doubtful.
+    (SI units). stderr: standard errors that the method computes, by parameter. details: further results of the method
+    (selected terms, an expression, a learnt force), as strings, numbers and lists of these. evaluations, seconds:
+    number of evaluations, and computing time. outcome: `ok`, why the method failed (there are then no values), or why
+    the values are doubtful.
     """
 
     estimator: str

@@ -113,10 +113,9 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
 
     The unknowns are the damping coefficients (not negative), further parameters of damping terms, and every restoring
     parameter, theta0 and omega0 that is not known; values that `first` does not have start from the record's features.
-    If the fit loses the phase of the record (the rms residual is
-    0.3 of the record's sd or more), it starts again with the first two cycles and doubles this window until it covers
-    the record, from the same start and, if this loses the phase too, from the coefficients of `decay_start`. The fit
-    with the least sum of squares counts.
+    If the fit loses the phase of the record (the rms residual is 0.3 of the record's sd or more), it starts again with
+    the first two cycles and doubles this window until it covers the record, from the same start and, if this loses the
+    phase too, from the coefficients of `decay_start`. The fit with the least sum of squares counts.
 
     A recorded velocity or acceleration determines only the difference of theta0 and a rest angle that shifts the law
     (`RestoringLaw.shift`). If both are unknown, the rest angle keeps its start value, and theta0 is relative to it.

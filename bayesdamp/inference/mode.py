@@ -378,33 +378,28 @@ def covariance_factor(information: np.ndarray) -> np.ndarray:
 
 
 def restore_mode(target: Target, stored: StoredMode) -> Mode:
-    """Rebuild a mode from its stored values.
-
-    What is not stored is missing: `linear` is None, and the errors of the motion are nan.
-    """
+    """Rebuild a mode, under exact laws, from its stored values."""
     likelihood = Likelihood.near(target, stored.z, stored.tolerance)
     return Mode(stored.z, stored.log_posterior, stored.information, likelihood, stored.searches)
 
 
-def log_evidence_near(likelihood: Likelihood, z: np.ndarray) -> float:
-    """Return the log evidence by Laplace's approximation about scores z, (d,), at or near a mode, in nats.
+def log_evidence_about(mode: Mode) -> float:
+    """Return the log evidence at a mode, in nats: that of the mode's linear model if it has one, else Laplace's.
 
-    The log likelihood is expanded to second order at z, and integrated with reflected scores (half-normal priors) ≥ 0;
-    the evidence is averaged over the values of the common prior scale of coefficients.
+    For Laplace's approximation, the log likelihood is expanded to second order at the mode, and integrated with
+    reflected scores (half-normal priors) ≥ 0; the evidence is averaged over the values of the common prior scale of
+    coefficients.
     """
-    target, scales = likelihood.target, np.asarray(likelihood.scales)
-    at = np.where(target.reflected, np.abs(z), z)
-    value, gradient, information = likelihood.with_scale(1.0).curvature(at)
+    if mode.linear is not None:
+        return mode.linear.log_evidence
+    target, scales = mode.likelihood.target, np.asarray(mode.likelihood.scales)
+    at = np.where(target.reflected, np.abs(mode.z), mode.z)
+    value, gradient, information = mode.likelihood.with_scale(1.0).curvature(at)
     extra = np.outer(scales**-2.0 - 1.0, target.shared)  # of the prior's precision, (scales, d)
     log_density = value - 0.5 * extra @ at**2 - np.sum(target.shared) * np.log(scales)
     precision = information + extra[:, :, None] * np.eye(at.size)
     logs = log_integral(log_density, gradient - extra * at, precision, at, np.flatnonzero(target.reflected))
     return float(scipy.special.logsumexp(logs) - np.log(scales.size))
-
-
-def log_evidence_about(mode: Mode) -> float:
-    """Return the log evidence at a mode, in nats: that of the mode's linear model if it has one, else Laplace's."""
-    return log_evidence_near(mode.likelihood, mode.z) if mode.linear is None else mode.linear.log_evidence
 
 
 def log_integral(

@@ -36,8 +36,7 @@ class Estimate(Result):
     initial, refined
         The estimator's own estimate from the record, and the result of the least-squares trajectory fit that starts
         from it. Each has values and stderr (standard errors) by parameter, in the units of `units`, for the parameters
-        that were computed; details; evaluations of the method's objective; seconds (its
-        computing time); and outcome.
+        that were computed; details; evaluations of the method's objective; seconds (its computing time); and outcome.
     units
         Unit of each parameter that a stage computed, by name.
     """

@@ -41,8 +41,8 @@ def first_words(signal: Signal, unit: str = "") -> LawFreeDamping:
         f"{fmt.with_error(100 * ratio, 100 * NORMAL_95 * sd)} % at {fmt.compact(scale * amplitude, 2)} {name}"
         for amplitude, ratio, sd in np.column_stack([at.amplitude, at.ratio, at.ratio_sd]).tolist()
     ]
-    q = 0.5 / float(at.ratio[1])
-    quality = f" (Q about {float(f'{q:.2g}'):g})" if q > 0 else ""
+    middle = float(at.ratio[1])
+    quality = f" (Q about {float(f'{0.5 / middle:.2g}'):g})" if middle > 0 else ""
     sentence = (
         f"It oscillates at {frequency} Hz for {features(signal).cycles:.0f} cycles ({fmt.time_span(start, stop)}); "
         f"the equivalent viscous damping ratio (95 %) is {fmt.listing(ratios)}{quality}; "

@@ -85,8 +85,6 @@ class Posterior(Result, types.Posterior):
         Log likelihood of each draw in nats, shape (chain, draw).
     stats
         Statistics of the sampler by name, each of shape (chain, draw).
-    starts
-        Starting points of the chains.
     divergences
         Number of divergent NUTS transitions; None for other samplers.
     evaluations

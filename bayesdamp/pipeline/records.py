@@ -58,9 +58,8 @@ def read_raw(source: Recording) -> RawRecord:
         channel=source.channel,
         time_unit=source.time_unit,
     )
-    refuse_questions(
-        findings(raw, source.unit, source.quantity)
-    )  # as if no unit were given: "rad" may be the default
+    # As if no unit were given: "rad" may be the default.
+    refuse_questions(findings(raw, source.unit, source.quantity))
     return raw
 
 

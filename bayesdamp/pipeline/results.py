@@ -121,14 +121,15 @@ class Run(ResultView):
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
         """The results for each model on each record and repeat, in the order of task names."""
-        store = Store(self.folder)
+        description = read_description(self.folder)
+        store = Store(self.folder, description.get("cells"))
         results: dict[tuple[str, int, str], list[TaskResult]] = {}
         for name in store.names():
             parts = TaskName.of(name)
             if parts.kind in ("mode", "estimate", "posterior", "evidence") and parts.repeat is not None:
                 key = parts.record, parts.repeat, parts.candidate
                 results.setdefault(key, []).append(store.read(name))
-        signals = (read_description(self.folder).get("study") or {}).get("signals") or []
+        signals = (description.get("study") or {}).get("signals") or []
         laws = {s["name"]: (s.get("system") or {}).get("restoring") or "" for s in signals}
         return tuple(_candidate(self.folder, key, own, laws.get(key[0], "")) for key, own in results.items())
 

@@ -68,8 +68,9 @@ def write_verdicts(study: Study, store: Store) -> None:
     A verdict is on a record, or on a specimen with several records. verdict.json has an object for each verdict, in
     rad, m or the sensor's unit. verdicts.csv has a row for each verdict, and damping_curves.csv the law-free damping
     curve of each record, both in the unit of the record's file. If the study has several specimens, also write
-    population.csv, from the verdict on each of them.
+    population.csv, from the verdict on each of them; else remove a file of this name.
     """
+    (store.folder / "population.csv").unlink(missing_ok=True)
     verdicts: list[tuple[Verdict, Unit]] = []
     curves: list[Row] = []  # the law-free damping, a row for each amplitude
     for spec, repeat in study.records:
@@ -84,11 +85,11 @@ def write_verdicts(study: Study, store: Store) -> None:
             rows = zip(*(arrays[f"free/{name}"].tolist() for name in DAMPING_CURVES), strict=True)
             curves += [{**head, **dict(zip(DAMPING_CURVES, row, strict=True))} for row in rows]
     by_record = {v.record: v for v, _ in verdicts}
-    specimens: list[Verdict] = []
+    specimens: list[Verdict | None] = []
     for name, specs in study.specimens.items():
         together = _specimen_verdict(study, store, name, specs)
-        alone = [by_record[spec.name] for spec in specs if spec.name in by_record]
-        specimens += alone[:1] if together is None else [together]
+        alone = [v for v in (by_record.get(spec.name) for spec in specs) if v is not None and v.damping]
+        specimens.append(together or next(iter(alone), None))
         if together is not None:
             units = {unit_named(spec.source.unit) for spec in specs}
             base = unit_named(unit_named(specs[0].source.unit).base)
@@ -116,15 +117,19 @@ def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[Sig
     return specimen(name, own, study.priors, study.posterior.sensor, seed)
 
 
-def _population(specimens: Sequence[Verdict]) -> Iterator[Row]:
+def _population(specimens: Sequence[Verdict | None]) -> Iterator[Row]:
     """Yield the rows of population.csv: mean and spread of each damping coefficient over the specimens.
 
-    There are none if the specimens do not have a common model (see `pool_coefficients`).
+    There are none if a specimen has no verdict with a damping (None), or if the specimens do not have a common model
+    (see `pool_coefficients`).
     """
-    for coefficient, p in pool_coefficients(specimens):
+    verdicts = [v for v in specimens if v is not None]
+    if len(verdicts) < len(specimens):
+        return
+    for coefficient, p in pool_coefficients(verdicts):
         yield {
-            "model": specimens[0].damping,
-            "restoring": specimens[0].restoring,
+            "model": verdicts[0].damping,
+            "restoring": verdicts[0].restoring,
             "parameter": coefficient.name,
             "unit": coefficient.unit,
             "specimens": len(specimens),

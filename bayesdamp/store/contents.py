@@ -289,11 +289,6 @@ class AnswerContent(Content):
     envelope: EnvelopeContent | None = None
 
 
-CLEAR_NATS = 3.0
-"""A check of an answer fails if log odds from evidence differ from the answer's by more than this, in nats: odds of 20
-(conventional)."""
-
-
 @dataclass(frozen=True)
 class ChunkContent(Content):
     """The simulated records of one calibration task.

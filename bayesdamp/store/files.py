@@ -22,7 +22,7 @@ import numpy as np
 from bayesdamp.serial import split
 from bayesdamp.types import InputError
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of the tables, stated in run.json. It increases when a column is renamed, removed or redefined."""
 READ_ERRORS = (
     zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, KeyError, ValueError, TypeError, AttributeError,

@@ -53,7 +53,6 @@ from bayesdamp.verdict.specimen import (
     common_verdict,
     pool_records,
     specimen_probabilities,
-    spread_of,
     spread_remark,
 )
 from bayesdamp.verdict.types import Verdict
@@ -472,7 +471,7 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     next_low, next_high = np.exp([p.low, p.high]).tolist()
     verdict = replace(
         common_verdict(name, own, {n: min(share, thresholds.CAP) for n, share in damping.items()}, {}),
-        spread=spread_of(joint) if joint else Interval(p.spread, p.spread_low, p.spread_high),
+        spread=Interval(*joint.spread()) if joint else Interval(p.spread, p.spread_low, p.spread_high),
         rate=None if quality else common,
         quality_factor=common if quality else None,
         decay_rate=table(rates),

@@ -185,8 +185,10 @@ def specimen(
         frequency=frequency,
         damping_ratio=ratios,
         next_record=following,
-        coefficients=coefficients_of(comparison, next(iter(damping)), unit),
-        spread=spread_of(comparison) if len(records) > 1 else None,
+        coefficients=()
+        if any(v.contradicted for v in own)
+        else coefficients_of(comparison, next(iter(damping)), unit),
+        spread=Interval(*comparison.spread()) if len(records) > 1 else None,
     )
     rising = sorted(following, key=lambda r: r.amplitude)
     place, r = ("middle", rising[len(rising) // 2]) if len(rising) % 2 else ("smallest", rising[0])
@@ -272,16 +274,6 @@ def specimen_probabilities(
     every = {candidate_name(*model): p for model, p in comparison.probability.items()}
     sums = {n: p for n, p in sum_probabilities(every).items() if n not in others}
     return sums, sum_probabilities(every, part=1), others
-
-
-def spread_of(comparison: SpecimenComparison) -> Interval:
-    """Return the relative standard deviation of the damping between records as a fraction: median and 95 % interval.
-
-    It is the standard deviation of the log factors by which the records' coefficients differ from those of the
-    specimen.
-    """
-    low, middle, high = comparison.spread()
-    return Interval(middle, low, high)
 
 
 def coefficients_of(comparison: SpecimenComparison, damping: str, unit: str) -> tuple[Coefficient, ...]:

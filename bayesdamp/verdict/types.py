@@ -119,6 +119,7 @@ class Verdict(CheckedMethods):
         that is because the best law contradicts them.
     coefficients
         Parameters of the damping that is named and of the restoring law, in base units (rad, m or the sensor's, and s).
+        For a specimen, only those of the damping.
     motion, modes
         For a record that is not a free decay of one oscillator: what it is, and its oscillations, the largest first.
     window, averages
@@ -275,7 +276,7 @@ class Verdict(CheckedMethods):
             ) from None
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             raise InputError(
-                f"{path}: does not contain a verdict; give a file that a verdict's save() or a run wrote"
+                f"{path}: does not contain a verdict of this version; give a file that save() or a run wrote"
             ) from None
         chosen = verdicts if record is None else [v for v in verdicts if v.record == record]
         if len(chosen) != 1:

@@ -34,7 +34,7 @@ def test_several_records_of_one_damping_determine_it_better():
     probability = specimen_probabilities(joint)[0]
     assert next(iter(probability)) == truth
     assert probability[truth] > max(item.verdict.probabilities[truth] for item in answers)
-    low, _, high = joint.spread()
+    _, low, high = joint.spread()
     assert low < 0.05 < high
     assert joint_damping(answers[:1]) is None
     further = "viscous+coulomb+quadratic"

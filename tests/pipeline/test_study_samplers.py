@@ -8,7 +8,7 @@ import pytest
 
 from bayesdamp.inference.samplers import SAMPLERS, Sampler
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.store import Store, read_table
+from bayesdamp.store import read_table
 from bayesdamp.types import Refusal
 from tests.studies import SYSTEM, study_text, write_study
 
@@ -50,5 +50,3 @@ def test_a_posterior_has_derived_quantities_and_a_refusal_its_reason(tmp_path):
     assert (coefficient["unit"], parameters["energy_lost"]["unit"]) == ("N m s", "J")
     outcomes = [r["outcome"] for r in rows if r["sampler"] == "refusing"]
     assert outcomes == ["it does not support this record"]
-    arrays = Store(tmp_path / "out").read("posterior/noisy/0/viscous/nuts").arrays
-    assert arrays["curve/log_decrement"].shape == (3, arrays["amplitudes"].size)

@@ -24,7 +24,7 @@ NO_RUN = {
     "[]": "does not describe a run",
     "3": "does not describe a run",
     "null": "does not describe a run",
-    '{"schema": 2}': "was written by another version of bayesdamp",
+    '{"schema": 1}': "was written by another version of bayesdamp",
 }
 NO_STUDY = [
     "{",

@@ -130,9 +130,9 @@ class Genes:
     Instead, the frequency and the midline of a motion at the record's middle amplitude are searched, from which these
     parameters follow by harmonic balance. (If stiffness and gravity were searched themselves, most pairs would miss the
     record's frequency and so lose its phase, even if both values are nearly right.) For all other parameters the
-    variable is the parameter, scaled to the search range. names: names of
-    the unknown parameters; low, high (d,): the range of what is varied for each, in its unit (rad/s for the frequency);
-    positive (d,): whether it must not be negative.
+    variable is the parameter, scaled to the search range. names: names of the unknown parameters; low, high (d,): the
+    range of what is varied for each, in its unit (rad/s for the frequency); positive (d,): whether it must not be
+    negative.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:

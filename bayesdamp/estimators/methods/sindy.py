@@ -91,9 +91,9 @@ class SparseModel:
     """A sparse solution.
 
     support (p,): whether each term of the library is used. x (p,): the coefficients in natural units, 0 for unused
-    terms. sound: whether its damping coefficients are not negative and its
-    terms do not cancel each other. score: extended Bayesian information criterion of the predicted record; the smallest
-    is best. It is ∞ if the solution is not sound.
+    terms. sound: whether its damping coefficients are not negative and its terms do not cancel each other. score:
+    extended Bayesian information criterion of the predicted record; the smallest is best. It is ∞ if the solution is
+    not sound.
     """
 
     support: np.ndarray

@@ -39,7 +39,7 @@ from bayesdamp.inference.deviation.forms import bound_other_forms
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.tempered import TemperedDraws
 from bayesdamp.inference.diagnostics import moments_and_quantiles
-from bayesdamp.physics.forces import newton_many
+from bayesdamp.physics.forces import newton_many, slope_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.types import NORMAL_95, SENSOR, Ratio, sum_probabilities
@@ -298,8 +298,9 @@ def _equilibria(result: CandidateResult, law: np.ndarray) -> np.ndarray:
     if "rest_angle" in names:
         return law[:, names.index("rest_angle")]
     near = np.full(len(law), result.data.rest_under(name, result.law))
-    rest = newton_many(restoring_of(name, law), near, NEWTON_STEPS)
-    return np.where(np.isfinite(rest), rest, near)
+    force = restoring_of(name, law)
+    rest = newton_many(force, near, NEWTON_STEPS)
+    return np.where(np.isfinite(rest) & (slope_of(force, rest) > 0), rest, near)
 
 
 def _limits_of_absent_terms(

@@ -119,7 +119,6 @@ def join_runs(
     log_sizes: np.ndarray,
     *,
     seed: int = 0,
-    draws: int = JOINT_DRAWS,
 ) -> Repeats:
     """Compute the evidence and the joint posterior of one damping for several records.
 
@@ -133,8 +132,8 @@ def join_runs(
         Priors of the specimen's parameters, in the order of the likelihoods' names.
     log_sizes : ndarray, shape (c,)
         Log prior probability of each grid point of the hyperparameters.
-    seed, draws : int
-        Seed of the random stream, and number of draws.
+    seed : int
+        Seed of the random stream.
 
     Raises
     ------
@@ -166,7 +165,7 @@ def join_runs(
     positive = np.array([p.reflected for p in priors.values()], bool)
     shared = np.array([isinstance(p, SharedHalfNormal) for p in priors.values()], bool)
     posterior = with_priors(normals, positive, shared)
-    z, places = posterior.draws(draws, np.random.default_rng(seed))
+    z, places = posterior.draws(JOINT_DRAWS, np.random.default_rng(seed))
     rows = posterior.combos[places]
     natural = np.column_stack([p.value(z[:, i]) for i, p in enumerate(priors.values())])
     drawn = spreads[at[rows]]

@@ -211,19 +211,6 @@ class Single:
             linearisation.z, likelihood.log_posterior(linearisation.z), information, likelihood, linear=linear
         )
 
-    def with_deviations(self, z: Array, seed: int | Sequence[int]) -> Array:
-        """Return draws of all unknowns, (z, g, h), (n, K): draws z of the parameters, with deviations drawn given z.
-
-        z: the parameters as standard normal scores, (n, d). g (log damping) and h (relative frequency), at knots in
-        time, are drawn from their posterior given z, in which the motion is linear in g and h about the mode. Equal
-        seeds give equal draws.
-        """
-        likelihood, rng = self.mode.likelihood, np.random.default_rng(seed)
-        deviation = likelihood.target.deviation
-        assert deviation is not None
-        drawn = [deviation.draw_given(r, rng) for r in at_once(likelihood.residual, z)]
-        return np.concatenate([z, np.array(drawn).reshape(len(z), -1)], axis=1)
-
     @cached_property
     def scores(self) -> Array:
         """Return `LINEAR_DRAWS` draws of all K unknowns from the posterior of the linear model about the mode, (n, K).
@@ -282,11 +269,19 @@ class Single:
         return replace(posterior, summaries=summaries)
 
     def draw_deviations(self, draws: np.ndarray, seed: int) -> Array:
-        """Draw the deviations g and h given draws of the parameters, (chain, draw, p); return u, (chain, draw, K)."""
+        """Draw the deviations g and h given draws of the parameters, (chain, draw, p); return u, (chain, draw, K).
+
+        u contains the parameters as standard normal scores, then g (log damping) and h (relative frequency) at knots in
+        time. Given the parameters, the motion is linear in g and h about the mode.
+        """
         scores = [self.state.priors[n].score(draws[..., i]) for i, n in enumerate(self.names)]
-        z = np.stack(scores, axis=-1)
-        u = self.with_deviations(z.reshape(-1, z.shape[-1]), [seed, 4])
-        return u.reshape(*z.shape[:2], -1)
+        z = np.stack(scores, axis=-1).reshape(-1, len(scores))
+        likelihood, rng = self.mode.likelihood, np.random.default_rng([seed, 4])
+        deviation = likelihood.target.deviation
+        assert deviation is not None
+        drawn = [deviation.draw_given(r, rng) for r in at_once(likelihood.residual, z)]
+        u = np.concatenate([z, np.array(drawn).reshape(len(z), -1)], axis=1)
+        return u.reshape(*draws.shape[:2], -1)
 
     def quantities(self) -> dict[str, Quantity]:
         """Return median, 95 % interval and parts of the sd (see `Quantity`) of each inferred parameter, by name.

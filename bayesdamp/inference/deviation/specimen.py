@@ -228,7 +228,7 @@ class SpecimenComparison:
     runs: Mapping[Model, tuple[RatioLikelihood, ...]]
 
     def spread(self) -> tuple[float, float, float]:
-        """Return the quantiles at 2.5, 50 and 97.5 % of the spread between records, over the models in `repeats`.
+        """Return the median and the ends of the 95 % interval of the spread between records, over `repeats`' models.
 
         Models are weighted by their probabilities. The spread is the sd of the log factors by which a record's
         coefficients differ from those of the specimen.
@@ -237,7 +237,7 @@ class SpecimenComparison:
         sizes = [(r.spreads.size, self.probability[m]) for m, r in self.repeats.items()]
         weight = np.concatenate([np.full(n, p / n) for n, p in sizes])
         low, middle, high = quantiles(every, weight / weight.sum(), (0.025, 0.5, 0.975)).tolist()
-        return low, middle, high
+        return middle, low, high
 
     def others(self) -> dict[str, float]:
         """Return the total probability of each rival over all restoring laws, by the name of its damping sum.

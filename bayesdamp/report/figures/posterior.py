@@ -26,7 +26,7 @@ Draws = Mapping[str, Mapping[str, np.ndarray]]
 """For each sampler and parameter its draws, of any shape."""
 
 
-def outline(draws: np.ndarray, reflected: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def outline(draws: np.ndarray, reflected: bool) -> tuple[np.ndarray, np.ndarray]:
     """Estimate the density of draws with a Gaussian kernel, scaled to a maximum of 1.
 
     Parameters

@@ -26,7 +26,7 @@ from bayesdamp.report.results.run import (
     rows_of,
     truth,
 )
-from bayesdamp.store.contents import CLEAR_NATS, PosteriorContent
+from bayesdamp.store.contents import PosteriorContent
 from bayesdamp.types import OK, candidate_parts
 from bayesdamp.verdict.agreement import Agreement, agreement, worst_agreement
 from bayesdamp.verdict.parts import Grade
@@ -38,6 +38,9 @@ expected by chance."""
 PRINTED = 0.001
 """Log odds are compared after probabilities are limited to this and to 1 minus this: the report prints "< 0.001" and
 "> 0.999", and larger log odds depend on the tails of the approximations."""
+CLEAR_NATS = 3.0
+"""A check of an answer fails if log odds from evidence differ from the answer's by more than this, in nats: odds of 20
+(conventional)."""
 LARGEST_OTHER = 0.03
 """Largest fraction of the posterior probability that another maximum than the mode may have (conventional)."""
 MOSTLY_ONE = 1 / (1 + AGREEMENT_SDS**2)
@@ -294,8 +297,8 @@ class RecordChecks:
 
         They report evidence that failed or is unreliable; each method's probability of the answer's damping (a failed
         check if the log odds by the method that counts differ from the answer's by more than `CLEAR_NATS`); and how the
-        result depends on the width of the priors.
-        `ranked` is the result of `rank_models`. There are none if the study has no evidence besides that of the answer.
+        result depends on the width of the priors. `ranked` is the result of `rank_models`. There are none if the study
+        has no evidence besides that of the answer.
         """
         if ranked is None or ranked.method == ANSWER_SAMPLER:
             return

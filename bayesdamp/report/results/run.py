@@ -60,7 +60,7 @@ class RecordAnswer:
     verdict
         The verdict on the record.
     content
-        The stored answer: compared models, noise models, widths of friction, and values of an envelope; in base units.
+        The stored answer: compared models, noise models, and values of an envelope; in base units.
     arrays
         Arrays of the answer, such as those of its figure, by name.
     """

@@ -343,11 +343,11 @@ class OverviewSection(Section):
     title = "All records"
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether at least three records have an answer, or several records are of one specimen.
+        """Return whether at least three records have an answer, records are of one specimen, or there is a population.
 
         A study with published errors has no such section.
         """
-        several = len(answers(run)) >= FEWEST_RECORDS or bool(specimens(run))
+        several = len(answers(run)) >= FEWEST_RECORDS or bool(specimens(run) or run.population)
         return several and not run.study.get("published")
 
     def render(self, run: RunFolder) -> str:

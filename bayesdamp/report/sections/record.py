@@ -104,7 +104,10 @@ class RecordSection(SignalSection):
         width = answer.content.epsilon if answer and not only_answered(run) else None
         if width is not None and not math.isclose(width, content.known.get("epsilon", width), rel_tol=1e-3):
             size = f"{fmt.number(width, 3)} {unit.base}/s"
-            notes.append(f"The damping models are compared with ε = {size}, which is clearly more probable.")
+            notes.append(
+                f"The damping models are compared with ε = {size}, which is clearly more probable than 2 % of the peak "
+                "velocity."
+            )
         factor, name = unit.scale, unit.of(quantity)
         axis = f"{unit.quantity_name(quantity)} / {words.divisor(name)}"
         t, y = task_result.arrays["t"], task_result.arrays["y"] * factor
