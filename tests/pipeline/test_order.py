@@ -23,10 +23,10 @@ def test_a_file_that_is_replaced_with_the_same_time_stamp_is_read_again(tmp_path
         np.savetxt(path, np.column_stack([t, y]), delimiter=",", fmt="%.6f")  # both files have the same size
         os.utime(path, (1e9, 1e9))
         path.replace(file)
-        signals.append(read_free_decay(recording, "rig")[1])
+        signals.append(read_free_decay(recording, "rig"))
     first, second = signals
     assert np.max(second.y) == pytest.approx(1.5 * np.max(first.y), rel=1e-3)
-    assert read_free_decay(recording, "rig")[1] is second
+    assert read_free_decay(recording, "rig") is second
 
 
 def test_evidence_that_needs_draws_comes_after_the_samplers(monkeypatch: pytest.MonkeyPatch) -> None:
