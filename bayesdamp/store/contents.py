@@ -135,16 +135,14 @@ class PosteriorContent(Content):
     """The draws of one sampler (`posterior/NAME/REPEAT/CANDIDATE/SAMPLER`).
 
     posterior: names, diagnostics and settings of the draws without their arrays; the result has `draws`, (chain, draw,
-    parameter). summary, units: of parameters and derived quantities. reference_amplitude: amplitude at which derived
-    quantities are computed, in rad or m. without: derived quantities without a summary, with the number of draws for
-    which they are not defined. file: path of the netCDF file with all draws, in the run's folder. ratios: damping
-    ratios at the verdict's amplitudes.
+    parameter). summary, units: of parameters and derived quantities. without: derived quantities without a summary,
+    with the number of draws for which they are not defined. file: path of the netCDF file with all draws, in the run's
+    folder. ratios: damping ratios at the verdict's amplitudes.
     """
 
     posterior: Posterior = field(default_factory=lambda: Posterior("", (), *NO_DRAWS))
     units: Mapping[str, str] = field(default_factory=dict)
     summary: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    reference_amplitude: float = NAN
     without: Mapping[str, int] = field(default_factory=dict)
     file: str = ""
     ratios: tuple[Ratio, ...] = ()

@@ -44,8 +44,13 @@ def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Pro
     write_bytes(file, diagnostics.to_netcdf(whole))
     target, record = candidate.fit.engine[0], candidate.record
     values = {**target.known, **{n: posterior.draws[..., i] for i, n in enumerate(posterior.names)}}
-    reference = record.content.scales.amplitude
-    motions = Motions(target.oscillator, values, record.features.rest, reference, candidate.spec.inertia)
+    motions = Motions(
+        target.oscillator,
+        values,
+        record.features.rest,
+        record.content.scales.amplitude,
+        candidate.spec.inertia,
+    )
     summary = dict(posterior.summaries)
     derived = derive_quantities(motions)
     # A quantity that some draws do not have (no stable equilibrium, an escape) gets no summary: it would be biased.
@@ -61,7 +66,6 @@ def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Pro
             for n in summary
         },
         summary=summary,
-        reference_amplitude=reference,
         without=partial,
         file=file.relative_to(folder).as_posix(),
         ratios=_ratios(candidate, motions, u),
