@@ -69,7 +69,7 @@ def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: 
     assert legend is not None
     below = 0.5 + 0.14 * math.ceil(len(legend.get_texts()) / 2)
     if has_fit:
-        fix_margins(figure, down=below + 0.42)
+        fix_margins(figure, left=0.98, down=below + 0.42)  # room for residuals such as −0.00025
     else:
         fix_margins(figure, bottom=below, down=0.95)
     return figure
