@@ -147,7 +147,8 @@ def _read_systems(
     Returns
     -------
     systems
-        A system for each law: numbers as known values, other parameters with their prior, or None for the default one.
+        A system for each law. A parameter that is given as a number is known; any other has its stated prior, or None,
+        which means its default prior.
         The first law is the one that `own` or `base` names, or else the first of `laws`.
     reference
         Amplitude (rad or m), frequency (rad/s) and inertia (kg m² or kg), as far as the tables state them, by name.

@@ -106,8 +106,8 @@ class CandidateSelection:
     def _log_evidences(self) -> dict[str, float]:
         """Return the log evidence (nats) of the candidates that were not pruned, by name, the best first.
 
-        It is that of the first method of the study with a finite value, with Laplace's as the last choice; −∞ if none
-        has one.
+        For each candidate, the evidence methods of the study are tried in their order, and Laplace's last; the first
+        finite value is used. It is −∞ if no method gives a finite value.
         """
         order = [m for m in self.study.evidence.methods if m != "laplace"] + ["laplace"]
         log_evidences = {}

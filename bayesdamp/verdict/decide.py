@@ -197,10 +197,11 @@ def _with_intervals(law_free: LawFreeDamping, unit: str) -> tuple[tuple[DampingR
 
 
 def possible_twins(findings: Findings, damping: str) -> tuple[tuple[str, str, float], ...]:
-    """Return the terms of the sum `damping` for which a twin is possible: a term with the same loss at every amplitude.
+    """Return the terms of the sum `damping` whose twin cannot be excluded.
 
-    A twin is possible if it was compared, is not in the sum, and its 95 % upper limit is at least `thresholds.TWIN`.
-    Each is returned as (term, twin, upper limit of the twin's energy fraction, from 0 to 1); empty if there is none.
+    A twin of a term is another term that dissipates the same energy as this term at every amplitude. It cannot be
+    excluded if it is in a compared sum, is not in `damping`, and the 95 % upper limit of its energy fraction is at
+    least `thresholds.TWIN`. Each result is (term, twin, this upper limit as a fraction); empty if there is none.
     """
     own = damping.split("+")
     return tuple(

@@ -41,7 +41,10 @@ class RecurrentNetwork:
         return rng.uniform(-1.0, 1.0, count) / self.units**0.5
 
     def answers(self, weights: Tensor, sequences: Tensor) -> Tensor:
-        """Return the answer (m,) to each sequence (m, steps, inputs), for weights (k,), or one row (m, k) for each."""
+        """Return the network's output (m,) for m input sequences (m, steps, inputs).
+
+        weights: (k,) if all sequences have the same weights, or (m, k) with a row for each sequence.
+        """
         split = weights.shape[-1] - self.units - 1
         matrix = weights[..., :split].unflatten(-1, (self.gates, -1))
         of_input, of_state, bias = matrix.split([self.inputs, self.units, 1], dim=-1)

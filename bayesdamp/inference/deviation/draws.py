@@ -558,11 +558,12 @@ def midline_drift(result: CandidateResult) -> float:
 
 
 def unexplained_and_noise(result: CandidateResult) -> tuple[float, float]:
-    """Return the rms of the part of the residual under exact laws that is not noise, and the sd of a sample's noise.
+    """Return the rms of what the laws do not explain, and the sd of a sample's noise.
 
-    Both are fractions of the first amplitude of the recorded quantity. The noise is the residual that remains with
-    deviations g and h; without a linearisation with deviations, all of the residual counts as noise. Of an averaged
-    record only the residuals of the amplitudes are used for the first number.
+    Both are fractions of the first amplitude of the recorded quantity. The noise is the residual of the fit with
+    deviations g (of the damping) and h (of the frequency) from the laws. The first number is the part of the residual
+    of the fit under exact laws that exceeds this noise. If there is no fit with deviations, the whole residual counts
+    as noise. For an averaged record (amplitudes and phases), the first number uses only the amplitudes.
     """
     linearisation = result.linearisation
     left = result.fit.residual if linearisation is None else linearisation.left

@@ -120,9 +120,10 @@ def join_runs(
     *,
     seed: int = 0,
 ) -> Repeats:
-    """Compute the evidence and the joint posterior of one damping for several records.
+    """Compute the evidence and the joint posterior of one damping sum, with common coefficients, for several records.
 
-    With one record, which determines nothing about the spread s, it is 0.
+    A factor multiplies the coefficients in each record. Its spread between records is inferred; with a single record,
+    which does not determine it, the spread is 0.
 
     Parameters
     ----------

@@ -560,8 +560,9 @@ def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
 class PowerFit:
     """A fit of the power law dA/dt = -c A^p.
 
-    A is relative to the reference amplitude. exponent: median and 95 % interval of p. odds: log Bayes factor (nats) of
-    the power law against all sums of damping terms together, weighted by their prior odds.
+    A is the amplitude divided by the reference amplitude. exponent: median and 95 % interval of p. odds: log Bayes
+    factor in nats, the log of the evidence of the power law divided by the mean evidence of all sums of damping terms.
+    This mean is weighted by their prior probabilities.
     """
 
     exponent: Quantity

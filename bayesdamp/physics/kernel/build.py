@@ -62,7 +62,7 @@ processes may write the same file."""
 
 @dataclass(frozen=True)
 class Kernel:
-    """The compiled functions that integrate oscillators with any of some damping terms and one of some restoring laws.
+    """Compiled functions for oscillators with any sum of the damping terms `terms` and one restoring law of `laws`.
 
     terms, laws: names of the damping terms and restoring laws that the source contains. march: integrates the equation
     of motion. sums: computes weighted sums of the terms' forces.

@@ -327,12 +327,13 @@ def curvatures(slopes, row, live, base, piece, knots, by_knots):
 
 @njit
 def carry(old, new, local, half):
-    """Compute a tangent at the end of a step from its values at the start, without the effect of its source.
+    """Advance a tangent (derivative of the motion by one parameter) over a step, without its source.
 
-    old, new: the tangent at the start and at the end of the step, (4,) each. local, half: results of `solve_step`. The
-    displacement and velocity are written into `new`, and the displacement at the middle of the step into `old[3]`,
-    where `close` replaces it by the factor of the correction. The second derivative in `new` is set to 0; `add` and
-    `close` complete it.
+    The source is the derivative of the force by the parameter; `add` adds its effect. old, new: the tangent at the
+    start and at the end of the step, (4,) each: derivatives of displacement, velocity and acceleration, and the factor
+    of the correction of the dense output. local, half: results of `solve_step`. The displacement and velocity are
+    written into `new`, and the displacement at the middle of the step into `old[3]`, which `close` replaces by the
+    factor. The acceleration in `new` is set to 0; `add` and `close` complete it.
     """
     new[0] = local[0, 0] * old[0] + local[0, 1] * old[1]
     new[1] = local[1, 0] * old[0] + local[1, 1] * old[1]

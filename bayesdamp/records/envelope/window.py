@@ -211,9 +211,9 @@ def average_in_blocks(t: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarr
 
 
 def fall_in_db(y: np.ndarray, begin: int, end: int) -> float:
-    """Return the fall of levels `begin` to `end` − 1 in dB: mean of the first twentieth minus that of the last.
+    """Return by how many dB the levels y[begin:end] fall: the mean of the first 5 % of them minus that of the last 5 %.
 
-    y: levels in dB, (n,). The fall is 0 for fewer than two levels.
+    y: levels in dB, (n,). The result is 0 for fewer than two levels.
     """
     if end - begin < 2:
         return 0.0

@@ -50,9 +50,10 @@ class _Fits:
         return self.values - (self.columns @ (self.inverse @ self.values[:, :, None]))[:, :, 0]
 
     def weighted_residuals(self, which: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Return the residuals r (v, n) of fits with weights w (v, n), which minimise Σ (w r)².
+        """Fit the columns to some windows by weighted least squares; return the residuals r (v, n), without weights.
 
-        which: indices of the windows that are fitted, (v,).
+        The fits minimise Σ (w r)². which: indices of the v windows that are fitted, (v,). weights: w, (v, n), for the n
+        samples of each window.
         """
         columns = self.columns if self.is_uniform else self.columns[which]
         values = self.values[which]

@@ -142,8 +142,9 @@ def _model(run: RunFolder, ranks: list[dict[str, str]], rows: list[dict[str, str
         f"Ranks of the true value of each parameter among {result['draws']} independent posterior draws, over "
         f"{result['counts'][model]['counted']} simulated records with {words.model(model)} damping. Upper row: number "
         "of records in each bin of the rank. Lower row: empirical distribution function of the ranks (ECDF) minus that "
-        "of the uniform distribution. One line for each sampler. Grey: 99 % band if the posteriors are calibrated; in "
-        "the lower row it holds for the whole curve, in the upper row for each bin separately."
+        "of the uniform distribution. One line for each sampler. Grey: the band that "
+        "contains the result with 99 % probability if the posteriors are calibrated, that is, if all ranks are equally "
+        "probable; in the lower row for the whole curve, in the upper row for each bin separately."
     )
     figure = run.drawings.add(f"ranks-{model}", caption, lambda: _ranks(names, counts, result))
     checks = {(r["parameter"], r["method"], r["check"], r["level"]): r for r in rows}

@@ -50,10 +50,10 @@ from bayesdamp.types import OK
 Details = Mapping[str, Any]
 """Further results of an estimator by name, as it stores them."""
 PANELS = (
-    "Each method's own estimate (open circle) and the result of the trajectory fit that starts there (filled circle), "
-    "in repeat 1. An arrow with a number stands for an estimate that is off the axis. Dashed line: the true value, if "
-    "it is known. Shaded: the 95 % interval of the posterior, if there is one. An estimate inside this interval is as "
-    "good as the record allows; outside it, the error is due to the method."
+    "Each method's own estimate (open circle) and the result of the trajectory fit that starts there (filled circle); "
+    "of several repeats, the first is shown. An arrow with a number: an estimate that is off the axis. Dashed line "
+    "(where the true value is known): the true value. Shaded (where there is a posterior): its 95 % interval. An "
+    "estimate in this interval agrees with the record within its uncertainty; one far outside has an error of its own."
 )
 TABLE = (
     "Estimates by method and stage, with the standard error (±) if the method gives one. The error is absolute, in % "
