@@ -26,6 +26,8 @@ from bayesdamp.report.results.estimators import (
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.types import Estimate, Problem, Signal, System
 
+TITLE = "# The paper's claims, measured\n"
+"""First line of the page of verdicts. A file that begins with it may be overwritten."""
 Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be judged"]
 """Verdicts on a claim. "Better than claimed": the measured error or time is so far below the printed one that the
 printed one is not confirmed."""
@@ -234,8 +236,7 @@ def write_page(judgements: Iterable[tuple[Claim, Judgement]], runs: Runs) -> str
     verdicts = [f"{verdict} {counts[verdict]}" for verdict in get_args(Verdict) if counts[verdict]]
     rows = [(c.text, c.where, j.measured, f"**{j.verdict}**") for c, j in judgements]
     lines = [
-        "# The paper's claims, measured",
-        "",
+        TITLE,
         f"Verdicts on {len(judgements)} claims: {', '.join(verdicts)}.",
         "",
         "Made by `bayesdamp claims`. Errors are in per cent of the truth: *initial* is the method's own estimate,",

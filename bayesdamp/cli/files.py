@@ -5,15 +5,11 @@ A command overwrites a file only if an earlier run of the same command wrote it.
 
 from __future__ import annotations
 
-import errno
 import os
-import re
 from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
-from bayesdamp.store.files import create, is_disk_full, refuse_special, write_bytes
+from bayesdamp.store.files import refuse_special
 from bayesdamp.types import InputError
 
 
@@ -53,92 +49,12 @@ def check_names(paths: Sequence[Path]) -> None:
             raise InputError(f"{path}: the file name is not valid UTF-8; rename the file") from None
 
 
-FIRST_LINE = "# simulated by bayesdamp\n"
-"""First line of a simulated record."""
-SIMULATED = re.compile(FIRST_LINE)
-CLAIMS_PAGE = re.compile(r"# The paper's claims, measured\n.*\nMade by `bayesdamp claims`\.", re.DOTALL)
-"""`SIMULATED` and `CLAIMS_PAGE` are patterns that match the beginning of a file that `bayesdamp simulate` or `claims`
-has written. Such a file may be overwritten by the same command."""
-_HEAD_BYTES = 4096
-"""Number of bytes at the beginning of a file that are compared with its pattern, such as `SIMULATED`."""
-
-
-@dataclass(frozen=True)
-class SingleFile:
-    """A file that a command writes.
-
-    Attributes
-    ----------
-    path
-        Path of the file.
-    ours
-        Pattern for the beginning of a file that the same command wrote, and that may be replaced.
-    option
-        The option with which the user names the file, for errors.
-    inputs
-        Files that the command reads, which must not be replaced.
-    """
-
-    path: Path
-    ours: re.Pattern[str]
-    option: str
-    inputs: tuple[Path, ...] = ()
-
-    def check(self) -> None:
-        """Raise InputError if the file must not or cannot be written; to be called before anything is computed.
-
-        It must not be written if it is an input or not a regular file, or if it exists and `ours` does not match it.
-        """
-        try:
-            above = next(filter(os.path.lexists, self.path.absolute().parents), None)  # `/` has none
-            if above is not None and not above.is_dir():
-                raise NotADirectoryError(errno.ENOTDIR, f"{above} is not a folder")
-            refuse_special(self.path)
-        except OSError as error:
-            raise self._refused(error) from None
-        except InputError as error:
-            raise InputError(f"{self.option} {error}") from None
-        for other in self.inputs:
-            with suppress(OSError):
-                if self.path.samefile(other):
-                    raise InputError(
-                        f"{self.option} {self.path}: is an input of this command; give another name"
-                    )
-        if os.path.lexists(self.path):
-            head = ""
-            with suppress(OSError), self.path.open("rb") as handle:
-                head = handle.read(_HEAD_BYTES).decode("utf-8", "replace")
-            if self.ours.match(head) is None:
-                raise self._taken()
-
-    def write(self, text: str) -> None:
-        """Check the file (`check`) and write it. An interrupted write leaves no incomplete file.
-
-        Raises
-        ------
-        InputError
-            If the file is an input or was not written by this command, or if it cannot be written.
-        OSError
-            If the disk is full.
-        """
-        self.check()
-        write = write_bytes if os.path.lexists(self.path) else create
-        try:
-            write(self.path, text.encode(errors="replace"))
-        except FileExistsError:
-            raise self._taken() from None
-        except OSError as error:
-            if is_disk_full(error):
-                raise
-            raise self._refused(error) from None
-
-    def _taken(self) -> InputError:
-        """Return the error for a file that exists and that the command did not write."""
-        what = "already exists and was not made by bayesdamp"
-        return InputError(f"{self.option} {self.path}: {what}; give another name, or remove it")
-
-    def _refused(self, error: OSError) -> InputError:
-        """Return the error for a file that the operating system does not let us write."""
-        what = error.strerror or str(error)
-        what = what if error.errno == errno.ENOTDIR else what.lower()
-        return InputError(f"{self.option} {self.path}: cannot be written: {what}; give a new file's name")
+def check_replaceable(path: Path, first_line: str) -> None:
+    """Raise InputError if a path exists but is not a regular file that begins with `first_line`."""
+    refuse_special(path)
+    if path.exists():
+        with path.open("rb") as handle:
+            head = handle.read(len(first_line))
+        if head != first_line.encode():
+            what = "already exists and was not made by bayesdamp"
+            raise InputError(f"--out {path}: {what}; give another name, or remove it")

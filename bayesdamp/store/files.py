@@ -67,10 +67,10 @@ def _write_temporary(path: Path, content: bytes) -> Iterator[Path]:
 
     The file is removed if anything fails within this context.
     """
+    path.parent.mkdir(parents=True, exist_ok=True)
     partial = temporary_path(path)
     try:
         with name_in_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
             with partial.open("xb") as handle:
                 handle.write(content)
                 handle.flush()

@@ -51,7 +51,7 @@ WRONG = (
     ([*SIMULATE, "viscous=1", "--set", "stifness=20,gravity=1"], "linear has no parameter 'stifness'; did you mean 'stiffness'?"),
     (["simulate", "--damping", "viscous=1", *SET], "Missing option '--out'"),
     (["compare", "nothing.csv"], "nothing.csv: the file is empty; export the record again"),
-    (["simulate", "--out", "bad.toml/x.csv", "--damping", "viscous=0.05", *SET], "--out bad.toml/x.csv: cannot be written"),
+    (["simulate", "--out", "bad.toml/x.csv", "--damping", "viscous=0.05", *SET], "bad.toml: file exists; correct that, or give another path"),
 )  # fmt: skip
 """Wrong commands whose line says what is valid; tests/bad_input has more."""
 

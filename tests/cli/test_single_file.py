@@ -41,14 +41,6 @@ def test_a_user_s_file_is_not_replaced(
     assert (folder / name).read_bytes() == written
 
 
-def test_a_command_does_not_replace_its_input(folder: Path, refused: Callable[..., str]) -> None:
-    """Control: another name."""
-    (folder / "mine.py").write_text("# simulated by bayesdamp\n")
-    assert "is an input of this command" in refused("simulate", "--plugin", "mine.py", "--out", "./mine.py")
-    assert "is an input" not in refused("simulate", "--plugin", "none.py", "--out", "other.py")
-    assert (folder / "mine.py").read_text() == "# simulated by bayesdamp\n"
-
-
 def test_a_file_that_appears_during_the_command_is_not_replaced(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

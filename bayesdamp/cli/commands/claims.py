@@ -8,10 +8,11 @@ from typing import Annotated
 import typer
 
 from bayesdamp.claims import CLAIMS, judge_all, write_page
-from bayesdamp.claims.judge import Runs
-from bayesdamp.cli.files import CLAIMS_PAGE, SingleFile
+from bayesdamp.claims.judge import TITLE, Runs
+from bayesdamp.cli.files import check_replaceable
 from bayesdamp.report.results.estimators import error_series
 from bayesdamp.report.results.run import RunFolder
+from bayesdamp.store import write_bytes
 from bayesdamp.types import InputError
 
 
@@ -28,8 +29,7 @@ def claims(
             raise InputError(
                 f"{option} {folder}: does not contain a run; give the folder that bayesdamp study wrote"
             )
-    page = SingleFile(out, CLAIMS_PAGE, "--out")
-    page.check()
+    check_replaceable(out, TITLE)
     runs = Runs(paper, tuple(noise or ()))
     if runs.compared is not None and not (runs.compared.published and runs.compared.errors):
         what = "is not a run of the paper's study (studies/paper.toml)"
@@ -38,5 +38,5 @@ def claims(
         if not error_series(RunFolder(folder)):
             what = "has no errors for a series of noise levels, sampling rates or lengths (as studies/noise*.toml has)"
             raise InputError(f"--noise {folder}: {what}; give the folder of bayesdamp study noise")
-    page.write(write_page(judge_all(CLAIMS, runs), runs))
+    write_bytes(out, write_page(judge_all(CLAIMS, runs), runs).encode(errors="replace"))
     typer.echo(out)

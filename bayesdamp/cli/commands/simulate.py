@@ -11,15 +11,18 @@ import numpy as np
 import typer
 
 from bayesdamp.cli import options as o
-from bayesdamp.cli.files import FIRST_LINE, SIMULATED, SingleFile
+from bayesdamp.cli.files import check_replaceable
 from bayesdamp.cli.options import invalid_value
 from bayesdamp.interface.signal import Signal
 from bayesdamp.interface.simulate import START, simulate as simulate_record
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import read_modules, use_modules
+from bayesdamp.store import write_bytes
 from bayesdamp.types import InputError
 
+FIRST_LINE = "# simulated by bayesdamp\n"
+"""First line of a simulated record. A file that begins with it may be overwritten."""
 DAMPING_DEFAULTS = {"viscous": 0.1}
 """Default damping: viscous, with a coefficient of 0.1/s, which gives a Q of about 30 at 1 Hz."""
 RESTORING_DEFAULTS = {"stiffness": 40.0, "gravity": 4.0, "cubic": 40.0}
@@ -168,14 +171,14 @@ def simulate(
     plugin: o.Plugins = None,
 ) -> int:
     """Write a simulated record to try the program on: a CSV of times in s and angles in rad."""
-    file = SingleFile(out, SIMULATED, "--out", tuple(plugin or ()))
-    file.check()
     use_modules(read_modules(plugin or ()))
     terms, system = parse_pairs(damping or [], "--damping"), parse_pairs(set_ or [], "--set")
     record, sd = simulate_with_defaults(
         terms, system, restoring, noise_sd, duration=duration, samples=samples, seed=seed
     )
-    file.write(as_csv(record))
+    content = as_csv(record).encode()
+    check_replaceable(out, FIRST_LINE)
+    write_bytes(out, content)
     if defaults := defaults_used(terms, system, restoring):
         typer.echo(f"defaults used: {defaults}", err=True)
     if noise_sd is None:
