@@ -5,7 +5,6 @@ A command overwrites a file only if an earlier run of the same command wrote it.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,24 +18,16 @@ def check_folder(out: Path | None, name: str) -> Path:
     Raises
     ------
     InputError
-        If the path, or the nearest folder above it that exists, is not a folder, or if the operating system refuses the
-        path.
+        If the path, or the nearest folder above it that exists, is not a folder.
+    OSError
+        If the operating system refuses the path.
     """
-    folder, where = Path("reports") / name, "the results would be written to"
-    right = "give another folder with --out"
-    if out is not None:
-        folder, where, right = out, "--out: is", "it must be a folder, or a new name"
-    where = f"{where} {str(folder)!r}"
-    try:
-        os.lstat(folder)
-    except (FileNotFoundError, NotADirectoryError):
-        pass
-    except OSError as error:
-        what = (error.strerror or str(error)).lower()
-        raise InputError(f"{where}, {what}; {right}") from None
-    present = next(place for place in (folder, *folder.absolute().parents) if os.path.lexists(place))
+    folder = Path("reports") / name if out is None else out
+    places = (folder, *folder.absolute().parents)
+    present = next(place for place in places if place.is_symlink() or place.exists())
     if not present.is_dir():
-        raise InputError(f"{where}, and {present} is not a folder; {right}")
+        what = f"the results would be written to {str(folder)!r}, and {present} is not a folder"
+        raise InputError(f"{what}; give another folder with --out")
     return folder
 
 

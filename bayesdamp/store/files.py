@@ -61,55 +61,10 @@ def name_in_errors(path: Path) -> Iterator[None]:
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
-@contextmanager
-def _write_temporary(path: Path, content: bytes) -> Iterator[Path]:
-    """Yield the path of a temporary file with the content, which the caller renames to `path`.
-
-    The file is removed if anything fails within this context.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = temporary_path(path)
-    try:
-        with name_in_errors(path):
-            with partial.open("xb") as handle:
-                handle.write(content)
-                handle.flush()
-                os.fsync(handle.fileno())
-            yield partial
-    except BaseException:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
-        raise
-
-
-def create(path: Path, content: bytes) -> None:
-    """Write a new file in one step. Raises FileExistsError if it exists, and OSError if it cannot be written."""
-    with _write_temporary(path, content) as partial:
-        try:
-            os.link(partial, path)
-        except FileExistsError:
-            raise
-        except OSError:  # a file system without hard links
-            if os.path.lexists(path):
-                raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
-            os.replace(partial, path)
-        else:
-            partial.unlink()
-
-
-def special_kind(path: Path) -> str | None:
-    """Return "a link", "a folder" or "a device"; None if the path is a regular file or does not exist."""
-    if path.is_symlink():
-        return "a link"
-    if path.is_file() or not path.exists():
-        return None
-    return "a folder" if path.is_dir() else "a device"
-
-
 def refuse_special(path: Path) -> None:
-    """Raise InputError if a path exists but is not a regular file."""
-    kind = special_kind(path)
-    if kind is not None:
+    """Raise InputError if a path exists but is not a regular file, or if it is a link."""
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        kind = "a link" if path.is_symlink() else "a folder" if path.is_dir() else "a device"
         raise InputError(f"{path}: is {kind} and is not replaced; give a regular file or a new file's name")
 
 
@@ -120,8 +75,19 @@ def write_bytes(path: Path, content: bytes) -> None:
     """
     path = Path(path)
     refuse_special(path)
-    with _write_temporary(path, content) as partial:
-        os.replace(partial, path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = temporary_path(path)
+    try:
+        with name_in_errors(path):
+            with partial.open("xb") as handle:
+                handle.write(content)
+                handle.flush()
+                os.fsync(handle.fileno())
+            os.replace(partial, path)
+    except BaseException:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise
 
 
 def save_bytes(path: str | Path, content: bytes) -> Path:

@@ -9,7 +9,7 @@ import fcntl
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,11 +19,9 @@ import numpy as np
 from bayesdamp.store.files import (
     READ_ERRORS,
     TEMPORARY_NAME,
-    create,
     is_disk_full,
     name_in_errors,
     pack,
-    special_kind,
     unpack,
     write_bytes,
 )
@@ -52,7 +50,6 @@ HEAD_MEMBER = "cell.json"
 _ZIP_HEADER = 30
 """Bytes before the name of the first member in a zip archive (format specification, local file header)."""
 _ELSEWHERE = "choose another folder with --out"
-_FOREIGN = f"but a run writes its results to this name; {_ELSEWHERE}, or remove it"
 
 
 def claim(folder: Path, tables: Iterable[str] = ()) -> None:
@@ -85,19 +82,13 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
         if taken and not has_run:
             what = f"contains {taken[0]!r}, which no run of bayesdamp wrote"
             raise InputError(f"{folder}: {what}; {_ELSEWHERE}, or move it away")
-        with suppress(FileExistsError):
-            create(folder / MARK_FILE, MARK_TEXT.encode())
+        write_bytes(folder / MARK_FILE, MARK_TEXT.encode())
     mark = folder / MARK_FILE
     if not is_regular(mark) or mark.read_bytes() != MARK_TEXT.encode():
         raise InputError(f"{mark}: was not written by bayesdamp; {_ELSEWHERE}, or remove it")
-    for entry in (folder / name for name in sorted({*FILES, *tables})):
-        kind = special_kind(entry)
-        if kind is not None:
-            raise InputError(f"{entry}: is {kind}, {_FOREIGN}")
-    for name in FOLDERS:
-        for entry in _entries(folder / name):
-            if entry.is_symlink():
-                raise InputError(f"{entry}: is a link, {_FOREIGN}")
+    for entry in (folder / name for name in (*FOLDERS, *FILES, *tables)):
+        if entry.is_symlink():
+            raise InputError(f"{entry}: is a link, but a run writes its results to this name; {_ELSEWHERE}")
 
 
 def is_regular(path: Path) -> bool:
@@ -105,30 +96,16 @@ def is_regular(path: Path) -> bool:
     return path.is_file() and not path.is_symlink()
 
 
-def _entries(top: Path) -> Iterator[Path]:
-    """Iterate over a folder, or a link to one, and everything below it. Links below it are not followed.
-
-    Nothing if there is no such folder.
-    """
-    if not top.is_symlink() and not top.is_dir():
-        return
-    yield top
-    for below, folders, files in os.walk(top, followlinks=False):
-        yield from (Path(below, name) for name in (*folders, *files))
-
-
 def remove_temporary(folder: Path) -> None:
     """Remove the temporary files that a killed run left in its folder; no other files have such names."""
-    files = (folder / name for name in os.listdir(folder))
-    for path in (*files, *(entry for name in FOLDERS for entry in _entries(folder / name))):
+    below = (path for name in FOLDERS for path in (folder / name).rglob("*"))
+    for path in (*folder.iterdir(), *below):
         if TEMPORARY_NAME.fullmatch(path.name) and is_regular(path):
             path.unlink(missing_ok=True)
 
 
 def remove_listed(folder: Path, listed: Iterable[str]) -> None:
-    """Remove the regular files with the listed names directly in a folder, unless the folder is a link."""
-    if folder.is_symlink():
-        return
+    """Remove the regular files with the listed names directly in a folder."""
     for name in listed:
         path = folder / name
         if path.name == name and is_regular(path):
@@ -284,8 +261,6 @@ class Store:
         try:
             claim(self.folder, (*TABLES, *CALIBRATION_TABLES))
             path = self.folder / LOCK
-            if os.path.lexists(path) and path.lstat().st_nlink > 1:
-                raise InputError(f"{path}: is a link, {_FOREIGN}")
             flags = os.O_CREAT | os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC
             handle = os.fdopen(os.open(path, flags, 0o666), "a+")
         except OSError as fault:

@@ -37,7 +37,7 @@ RUN_STUDY = "bayesdamp.cli.runs.run_study"
 SIMULATE = ["simulate", "--out", "x.csv", "--damping"]
 WRONG = (
     (["check", "option.toml"], "did you mean 'variant'?"),
-    (["study", "good.toml", "--out", "bad.toml"], "--out: is 'bad.toml', and bad.toml is not a folder; it must be"),
+    (["study", "good.toml", "--out", "bad.toml"], "'bad.toml', and bad.toml is not a folder; give another"),
     (["report", "nowhere"], "nowhere: no such folder; give the folder of a run"),
     (["report", "."], "run.json"),
     ([*SIMULATE, "viscuos=1", *SET], "did you mean 'viscous'?"),

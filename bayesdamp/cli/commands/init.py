@@ -26,7 +26,7 @@ from bayesdamp.config.study import (
     SignalTable,
     StudySection,
 )
-from bayesdamp.store.files import create, is_disk_full
+from bayesdamp.store.files import is_disk_full, write_bytes
 from bayesdamp.types import InputError
 
 _TABLES: dict[str, tuple[type[StudySection], str]] = {
@@ -131,9 +131,6 @@ def init(
     if not file.name:
         raise InputError(f"{file}: is a folder, not a file; give one of the files in it")
     out = file.with_suffix(".toml")
-    taken = InputError(f"{out}: already exists and is not overwritten; move it away first")
-    if os.path.lexists(out):
-        raise taken
     options = ReadingOptions(**reading)
     chosen = select_records(files, options, every=True)
     for line in [*chosen.doubted, *chosen.notes]:
@@ -142,10 +139,10 @@ def init(
         text = study_text(study_signals(chosen.records, options), out)
     except StudyError as error:
         raise InputError(f"{file}: {error}") from None
+    if os.path.lexists(out):
+        raise InputError(f"{out}: already exists and is not overwritten; move it away first")
     try:
-        create(out, text.encode())
-    except FileExistsError:
-        raise taken from None
+        write_bytes(out, text.encode())
     except OSError as error:
         if is_disk_full(error):
             raise
