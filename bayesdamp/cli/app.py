@@ -12,7 +12,6 @@ from importlib import import_module
 from typing import Annotated, Any
 
 import typer
-from typer.completion import completion_init  # pyright: ignore[reportPrivateImportUsage]
 from typer.core import TyperCommand, TyperGroup
 
 import bayesdamp as bd
@@ -62,12 +61,8 @@ COMMANDS = {
         "bayesdamp claims --paper reports/paper --noise reports/noise",
     ),
     "doctor": (
-        "Check the installation: versions, cache, compiled kernels, machine, and the answer on a small record.",
+        "Check the installation: machine, cache, compiled kernels, and the answer on a small record.",
         "bayesdamp doctor",
-    ),
-    "completion": (
-        "Print the shell's completion script.",
-        "bayesdamp completion bash > ~/.local/share/bash-completion/completions/bayesdamp",
     ),
 }
 """The commands in the order of the help, each with a summary and an example. The function of a command has the same
@@ -85,11 +80,10 @@ class Commands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return the name of the command to run, the command with its options, and the arguments after its name.
 
-        An unknown name raises a usage error; but while the shell completes a partly typed name, name and command are
-        None.
+        An unknown name raises a usage error.
         """
         name, _, rest = super().resolve_command(ctx, args)
-        return name, command(name) if name else None, rest
+        return name, command(str(name)), rest
 
 
 @lru_cache(maxsize=len(COMMANDS))
@@ -153,7 +147,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     prepare_streams()
-    completion_init()
     collect_garbage_rarely()
     try:
         if any("\0" in word for word in given):

@@ -7,7 +7,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, requires, version
 
 import typer
 
@@ -25,42 +24,13 @@ installation check fails (conventional)."""
 class CheckResult:
     """The result of one check of the installation.
 
-    what: name of the check, such as "libraries". good: whether it succeeded. text: what was found; if the check failed,
+    what: name of the check, such as "machine". good: whether it succeeded. text: what was found; if the check failed,
     also what to do.
     """
 
     what: str
     good: bool
     text: str
-
-
-def packages() -> CheckResult:
-    """Check whether the required libraries are installed, with versions in the ranges that the package allows."""
-    from packaging.requirements import Requirement
-
-    try:
-        needed = [Requirement(text) for text in requires("bayesdamp") or ()]
-    except PackageNotFoundError:
-        return CheckResult(
-            "libraries", False, "bayesdamp is not installed; run pip install -e . in its folder"
-        )
-    wrong, right = [], 0
-    for library in needed:
-        if library.marker is not None and not library.marker.evaluate({"extra": ""}):
-            continue
-        try:
-            own = version(library.name)
-        except PackageNotFoundError:
-            wrong.append(f"{library.name} is missing; run pip install '{library.name}{library.specifier}'")
-            continue
-        if library.specifier.contains(own, prereleases=True):
-            right += 1
-        else:
-            wrong.append(
-                f"{library.name} is {own}, but {library.specifier} is required; run pip install "
-                f"'{library.name}{library.specifier}'"
-            )
-    return CheckResult("libraries", not wrong, "; ".join(wrong) or f"{right}, all within their ranges")
 
 
 def cache() -> CheckResult:
@@ -115,7 +85,7 @@ def answer() -> CheckResult:
     return CheckResult("answer", good, f"{verdict.sentence or 'none'} ({took:.1f} s)")
 
 
-CHECKS: tuple[Callable[[], CheckResult], ...] = (packages, machine, cache, kernels, answer)
+CHECKS: tuple[Callable[[], CheckResult], ...] = (machine, cache, kernels, answer)
 
 
 def run_checks() -> Iterator[CheckResult]:
@@ -130,7 +100,10 @@ def run_checks() -> Iterator[CheckResult]:
 
 
 def doctor() -> int:
-    """Check the installation: versions, cache, compiled kernels, machine, and the answer on a small record."""
+    """Check the installation: machine, cache, compiled kernels, and the answer on a small record.
+
+    The versions of libraries are checked by `pip check`.
+    """
     good = True
     for check in run_checks():
         typer.echo(f"{'ok' if check.good else 'NO':<4}{check.what:<10} {check.text}")
