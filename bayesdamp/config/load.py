@@ -9,7 +9,7 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,6 @@ from bayesdamp.config.study import (
     ModelsTable,
     PluginsTable,
     PosteriorTable,
-    PublishedResult,
     Recording,
     RecoveryTable,
     SignalSpec,
@@ -237,10 +236,6 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     models = Models(sums, priors, check_laws(table.restoring or (), "models.restoring"), table.prune)
     signals = _read_signals(raw, path.parent, models.restoring)
     estimators = _read_estimators(raw.get("estimators", {}))
-    published: tuple[PublishedResult, ...] = ()
-    if header.published is not None:
-        methods = [*ESTIMATORS.names(), *estimators.variants]
-        published = _read_published(path.parent / header.published, [s.name for s in signals], methods)
     posterior = read_section(PosteriorTable, raw.get("posterior", {}), "posterior")
     noises = (posterior.noise,) if isinstance(posterior.noise, str) else posterior.noise
     evidence = read_section(EvidenceTable, raw.get("evidence", {}), "evidence")
@@ -263,7 +258,7 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
         evidence=evidence,
         seed=header.seed,
         description=header.description,
-        published=published,
+        published=() if header.published is None else _read_published(path.parent / header.published),
         calibration=calibration,
         recovery=read_section(RecoveryTable, raw.get("recovery", {}), "recovery"),
         plugins=modules,
@@ -341,30 +336,17 @@ def _read_estimators(raw: object) -> Estimators:
     return Estimators(names, checked.stages, options, checked.repeats, variants)
 
 
-def _read_published(
-    path: Path, signals: Iterable[str], estimators: Iterable[str]
-) -> tuple[PublishedResult, ...]:
-    """Return the rows of a CSV file with the columns `_PUBLISHED`. Raises StudyError if the file or a name is wrong.
+def _read_published(path: Path) -> tuple[dict[str, str], ...]:
+    """Return the rows of a CSV file with the columns `_PUBLISHED`, each by column as text.
 
-    The columns are estimator, signal, error_pct (per cent) and time; their values stay text. The names in the file must
-    be among `signals` and `estimators`.
+    Raises StudyError if the file cannot be read or has no such columns.
     """
     try:
         reader = csv.DictReader(io.StringIO(read_plain(path, "a CSV file"), newline=""))
-        missing = [c for c in _PUBLISHED if c not in (reader.fieldnames or ())]
-        rows = list(reader)
-    except (InputError, csv.Error) as error:
-        raise StudyError("published", f"is {show(path.name)}, which cannot be read ({error})") from None
-    if missing:
-        what = f"is {path.name!r}, which has no column {missing[0]}"
-        raise StudyError("published", f"{what}; its columns must be {', '.join(_PUBLISHED)}")
-    known = {"signal": list(signals), "estimator": list(estimators)}
-    for line, row in enumerate(rows, start=2):
-        for column, names in known.items():
-            if row[column] not in names:
-                what = f"line {line} of {path.name}: unknown {column} {show(row[column])}"
-                raise StudyError("published", f"{what}{nearest(str(row[column]), names)}")
-    return tuple(PublishedResult(*(row[c] or "" for c in _PUBLISHED)) for row in rows)
+        return tuple({column: row[column] or "" for column in _PUBLISHED} for row in reader)
+    except (InputError, csv.Error, KeyError) as error:
+        what = f"is {show(path.name)}, which cannot be read ({error})"
+        raise StudyError("published", f"{what}; its columns must be {', '.join(_PUBLISHED)}") from None
 
 
 def _check_across_tables(study: Study) -> None:

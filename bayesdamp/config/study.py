@@ -326,16 +326,6 @@ class RecoveryTable(StudySection):
     samples: Samples = 600
 
 
-@dataclass(frozen=True)
-class PublishedResult:
-    """A published result, as printed: the error of an estimator on a signal (per cent), and its computing time."""
-
-    estimator: str
-    signal: str
-    error_pct: str
-    time: str = ""
-
-
 class Simulation(SimulateTable):
     """A record to simulate. Estimators and inference get only the simulated samples.
 
@@ -472,8 +462,8 @@ class Study:
     """A checked study. The order of tables in the file has no effect.
 
     source: path of the file, to whose folder other paths are relative. published: published results that the report
-    shows next to those of the study. plugins: the user's modules with their source code. tables: the raw tables of the
-    file.
+    shows next to those of the study, each with the columns estimator, signal, error_pct and time as text. plugins: the
+    user's modules with their source code. tables: the raw tables of the file.
     """
 
     source: Path
@@ -487,7 +477,7 @@ class Study:
     recovery: RecoveryTable
     seed: int = 0
     description: str = ""
-    published: tuple[PublishedResult, ...] = ()
+    published: tuple[Mapping[str, str], ...] = ()
     plugins: tuple[PluginModule, ...] = ()
     version: int = 1
     tables: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
