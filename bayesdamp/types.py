@@ -78,9 +78,9 @@ class Provenance:
     warnings: sentences that the user must see; notes: sentences on what was done; header_lines: number of skipped
     lines. facts: metadata in the file, by name. time_column, value_column: labels of the columns in the file;
     time_unit: who stated the unit of the times: "given" (the user), "file", or ""; first_line: line number (from 1) of
-    the first row of numbers; constant_columns: columns left out because they do not change. unit: unit of the record, a
-    name in UNITS. start, stop: of the part that is used, in s, in the times of the record; offset: constant that was
-    subtracted from all values (in the unit of y); decays: all free decays in the record, including the used one.
+    the first row of numbers; unit: unit of the record, a name in UNITS. start, stop: of the part that is used, in s, in
+    the times of the record; offset: constant that was subtracted from all values (in the unit of y); decays: all free
+    decays in the record, including the used one.
     """
 
     warnings: tuple[str, ...] = ()
@@ -91,7 +91,6 @@ class Provenance:
     value_column: str = ""
     time_unit: str = ""
     first_line: int | None = None
-    constant_columns: tuple[str, ...] = ()
     unit: str = ""
     start: float = 0.0
     stop: float | None = None

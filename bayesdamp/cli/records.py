@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from bayesdamp.cli.options import READING, invalid_value, option, parse_time
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.files.names import SECONDS, unit_by_name
-from bayesdamp.records.findings import QUESTIONS, Finding, Kind, findings
+from bayesdamp.records.findings import QUESTIONS, Finding, findings
 from bayesdamp.records.opening import read_each
 from bayesdamp.records.read import FASTEST_RATE, FROM_FIRST, SLOWEST_RATE, read_records
 from bayesdamp.records.record import RawRecord, unit_or_guess
@@ -312,18 +312,16 @@ def _choose(
     if raw.choice:
         notes.append(f"{path.name}: {raw.choice}")
     notes += [f"{path.name}: {note}" for note in raw.provenance.notes if note.startswith(FROM_FIRST)]
-    notes += doubt_lines(path, records, (Kind.CONSTANT,))
-    doubted = doubt_lines(path, records, [kind for kind in Kind if kind is not Kind.CONSTANT])
-    return records, doubted, notes
+    return records, doubt_lines(path, records), notes
 
 
-def doubt_lines(path: Path, records: Sequence[FileRecord], kinds: Iterable[Kind] = Kind) -> list[str]:
-    """Return lines on what looks wrong with the records of a file: the first finding of each of the given kinds.
+def doubt_lines(path: Path, records: Sequence[FileRecord]) -> list[str]:
+    """Return lines on what looks wrong with the records of a file: the first finding of each kind.
 
     Each line begins with the file's name.
     """
     first = {finding.kind: finding for record in reversed(records) for finding in record.findings}
-    return [f"{path.name}: {finding}" for kind, finding in first.items() if kind in kinds]
+    return [f"{path.name}: {finding}" for finding in first.values()]
 
 
 def distinguishing_label(record: FileRecord, records: Sequence[FileRecord]) -> str:

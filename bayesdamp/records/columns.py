@@ -151,8 +151,6 @@ class RecordColumns:
         Label of the run in the file; "" without runs.
     why
         Sentences that say how the columns were chosen.
-    constant_columns
-        Names of other columns, which do not change.
     choice
         Sentence on the choice among several columns, which is also in `why`; "" if there was no choice.
     """
@@ -162,7 +160,6 @@ class RecordColumns:
     rate: float | None = None
     run: str = ""
     why: tuple[str, ...] = ()
-    constant_columns: tuple[str, ...] = ()
     choice: str = ""
 
 
@@ -205,18 +202,15 @@ class _Block:
         """
         return [c for c in self.values if _is_not_constant(c)]
 
-    def record(
-        self, value: Column, choice: str = "", constant_columns: tuple[str, ...] = ()
-    ) -> RecordColumns:
+    def record(self, value: Column, choice: str = "") -> RecordColumns:
         """Return the columns of the record whose values are in the column `value`.
 
-        choice: sentence on the choice of this column. constant_columns: names of columns that do not change.
+        choice: sentence on the choice of this column.
         """
         time = None if self.time is value else self.time
         why = (*self.why, choice) if choice else self.why
-        return RecordColumns(
-            value, time, None if time is not None else self.rate, self.run, why, constant_columns, choice
-        )
+        rate = None if time is not None else self.rate
+        return RecordColumns(value, time, rate, self.run, why, choice)
 
 
 def choose_columns(
@@ -461,8 +455,7 @@ def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumn
     for block, (chosen, choice) in zip(blocks, picks, strict=True):
         if several:
             chosen = [c for base in usual for c in block.columns if split_run(c)[0] == base] or chosen
-        constant_columns = tuple(c.name for c in block.values if c.name and not _is_not_constant(c))
-        records += [block.record(c, choice, constant_columns) for c in chosen]
+        records += [block.record(c, choice) for c in chosen]
     for run in dict.fromkeys(record.run for record in records):
         columns = [record.value for record in records if record.run == run]
         kinds = {unit_of_column(c) for c in columns}

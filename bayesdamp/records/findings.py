@@ -61,7 +61,6 @@ class Kind(Enum):
     TIME_UNIT = "times in another unit than s"
     SAMPLE_NUMBERS = "sample numbers in place of times"
     UNIT = "a unit that is not one of a displacement"
-    CONSTANT = "columns that do not change"
 
 
 QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS, Kind.UNIT)
@@ -109,7 +108,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     Returns
     -------
     tuple of Finding
-        Doubts about the unit, the times, the rate, and columns left out, in this order.
+        Doubts about the unit, the times and the rate, in this order.
     """
     doubts: list[Finding] = []
     size = half_swing(raw)
@@ -146,13 +145,6 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     if used is not None and by_file is not None and abs(used / by_file[0] - 1) > RATE_TOLERANCE:
         sentence = f"its file states {by_file[0]:.6g} Hz, but it is read at {used:.6g} Hz"
         doubts.append(Finding(Kind.RATE, sentence, f"--rate {by_file[0]:.6g} uses the stated rate"))
-    still = raw.provenance.constant_columns
-    if still:
-        names = ", ".join(repr(str(name)[:40]) for name in still[:4])
-        more = f" and {len(still) - 4} more" if len(still) > 4 else ""
-        columns = "columns that do" if len(still) > 1 else "a column that does"
-        sentence = f"{columns} not change {'are' if len(still) > 1 else 'is'} left out: {names}{more}"
-        doubts.append(Finding(Kind.CONSTANT, sentence, "--angle NAME uses another column"))
     return tuple(doubts)
 
 

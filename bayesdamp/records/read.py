@@ -188,7 +188,6 @@ def _record(content: Contents, chosen: RecordColumns, time_unit: str | None) -> 
         value_column=value.label or f"column {value_name}",
         time_unit=unit_from,
         first_line=content.first_line,
-        constant_columns=chosen.constant_columns,
     )
     return RawRecord(
         t,

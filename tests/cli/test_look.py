@@ -48,7 +48,6 @@ def test_look_shows_columns_units_clock_and_the_free_decay(tmp_path, capsys) -> 
     assert "run 1, Angle, left (deg): column 'Angle, left (deg) Run #1' as angle in deg" in flat
     assert "No free decay" in flat
     assert "11.5 cycles of 1.047 s" in flat or "11.4 cycles of 1.047 s" in flat
-    assert "'Supply (V) Run #1' (--angle NAME uses another column)" in flat
     assert sum(0x2800 < ord(c) < 0x2900 for c in printed) > 100
     assert main(["look", str(file), "--runs", "3"]) == 0
     assert "run 3" not in capsys.readouterr().out.replace("Run #3", "")  # a single record needs no label

@@ -84,14 +84,6 @@ def test_python_refuses_an_unknown_unit_and_names_the_option(tmp_path: Path, hea
     assert bayesdamp.read(path, **option).signal().t.size > 100
 
 
-def test_constant_columns_are_reported(tmp_path: Path) -> None:
-    flat = np.full(T.size, 2.5)
-    raw = read_record(write_table(tmp_path / "a.csv", "t,angle,volts,lamp", T, Y, flat, flat))
-    (doubt,) = findings(raw, "rad", "angle")
-    assert doubt.kind is Kind.CONSTANT
-    assert "'volts', 'lamp'" in doubt.sentence
-
-
 @pytest.mark.parametrize(
     ("name", "size", "unit"),
     [
