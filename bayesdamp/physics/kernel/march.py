@@ -14,8 +14,8 @@ If ε = 0 and a term jumps with the sign of the velocity, dry friction is exact.
 constant from one turning point to the next, steps end on turning points, and a second node at the same time has the
 acceleration after the turning point. At a turning point, the tangents of the velocity are multiplied by the ratio of
 the accelerations (the saltation matrix: R. I. Leine and H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth
-Mechanical Systems, 2004, section 7.3). A body at rest sticks while the restoring force is not larger than the static
-friction; changes of g and h can release it later.
+Mechanical Systems, 2004, section 7.3). A body that comes to rest sticks if the restoring force is not larger than the
+static friction at this time. It then stays at rest: later changes of g and h do not release it.
 """
 
 from __future__ import annotations
@@ -159,37 +159,6 @@ def release_direction(x, w, g, h, c, q, rounding, law, first, least):
 
 
 @njit
-def release_time(x, t, piece, knots, g, h, c, q, rounding, law, least):
-    """Return the time at which a stuck body is released, the index of the knot before, and the direction of its motion.
-
-    The direction is 1 or −1. If the body is never released, return the time of the last knot, the index of the knot
-    before it, and direction 0. Between two knots, restoring force and friction change linearly in time, because g and h
-    do; the time of the release follows from this. x: displacement of the stuck body. t: time in s from which the search
-    starts. piece: index of the knot before t. knots: times of the n knots in s, (n,). g, h: deviations at the knots,
-    (n,). least: as in `release_direction`; for the release the acceleration must be larger than twice this value. c, q,
-    rounding, law: as in `acceleration`.
-    """
-    at = (t - knots[piece]) / (knots[piece + 1] - knots[piece])
-    while True:
-        at_g, at_h = (g[piece], g[piece + 1]), (h[piece], h[piece + 1])
-        for sign in (1.0, -1.0):
-            now = (
-                sign * acceleration_with_sign(x, 0.0, at, at_g, at_h, c, q, rounding, sign, law) - 2.0 * least
-            )
-            end = (
-                sign * acceleration_with_sign(x, 0.0, 1.0, at_g, at_h, c, q, rounding, sign, law)
-                - 2.0 * least
-            )
-            if now > 0.0 or end > 0.0:
-                share = at if now > 0.0 else at - (1.0 - at) * now / (end - now)
-                if share < 1.0 - 1e-9:
-                    return knots[piece] + share * (knots[piece + 1] - knots[piece]), piece, sign
-        piece, at = piece + 1, 0.0
-        if piece == knots.size - 1:
-            return knots[piece], piece - 1, 0.0
-
-
-@njit
 def fraction_until(v, a, new_v, new_a, step, wanted):
     """Return the fraction of a step (0 to 1) after which the velocity equals `wanted`, a value between v and new_v.
 
@@ -270,7 +239,7 @@ def march(
     """Integrate the equation of motion and return the times of the nodes (ends of steps), the states and the tangents.
 
     All three arrays are empty if the trajectory escapes to infinity or needs more than `max_steps` steps. With exact
-    friction there are two nodes at the same time at each turning point and where a stuck body is released.
+    friction there are two nodes at the same time at each turning point. A body that sticks stays at rest until the end.
 
     Parameters
     ----------
@@ -374,16 +343,11 @@ def march(
         if count + 2 > room:
             room *= 2
             times, states, slopes = enlarge(times, states, slopes, count, room)
-        if is_stuck:  # add the node at which the body is released; tangents of its velocity are zero
-            t, piece, sign = release_time(x, t, piece, knots, g, h, c, q_p, rounding, law_p, a_min)
-            times[count], states[count, 0] = t, x
+        if is_stuck:  # it does not move until the last knot; tangents of its velocity are zero
+            times[count], states[count, 0] = knots[n - 1], x
             for p in range(k):
                 slopes[count, p, 0] = slopes[count - 1, p, 0]
-            count += 1
-            if sign == 0.0:
-                return times[:count], states[:count], slopes[:count]
-            is_stuck, at_turn, sign, a = False, True, -sign, 1.0
-            continue
+            return times[: count + 1], states[: count + 1], slopes[: count + 1]
         remaining = knots[piece + 1] - t
         since_knot, width = t - knots[piece], knots[piece + 1] - knots[piece]
         at_g, at_h = (g[piece], g[piece + 1]), (h[piece], h[piece + 1])

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import ALL, NONE, QUANTITIES
@@ -99,27 +98,6 @@ def test_tangents_are_central_differences(terms: tuple[str, ...]) -> None:
         difference = central_difference(solver, values, i, 1e-5, 1e-13)
         error = np.abs(motion.tangents[:, i] - difference) / np.max(np.abs(difference))
         assert np.max(error[apart]) < 5e-6
-
-
-def test_a_deviation_of_the_law_releases_a_body_at_rest() -> None:
-    """The pull grows by 2 h until it exceeds the friction at a time in closed form; then the motion is that of SciPy.
-    Control: with 15 % of the deviation the body stays at rest."""
-    p = {**BASE, "mu_c": 0.3, "theta0": 0.05 + 0.28 / 20.0}
-    h = np.array([0.0, 0.0, 0.2, 0.2, 0.2])
-    motion = solved(solver_of(), p, 0 * h, h)
-    growth = 0.5 * (0.3 / 0.28 - 1)
-    free = KNOTS[1] + growth / 0.2 * (KNOTS[2] - KNOTS[1])
-    inside = TIMES[(free < TIMES) & (free + 0.5 > TIMES)]
-
-    def slope(t: float, y: np.ndarray) -> list[float]:
-        return [y[1], 0.3 - (1 + 2 * np.interp(t, KNOTS, h)) * 20.0 * (y[0] - 0.05)]
-
-    fine = {"rtol": 1e-12, "atol": 1e-14, "max_step": 0.01}
-    truth = solve_ivp(slope, (free, inside[-1]), (p["theta0"], 0.0), "DOP853", inside, **fine).y[0]
-    assert np.all(truth <= p["theta0"])
-    assert np.all(motion.y[free > TIMES] == p["theta0"])
-    assert np.max(np.abs(motion.y[np.isin(TIMES, inside)] - truth)) < 1e-9
-    assert np.all(solved(solver_of(), p, 0 * h, 0.15 * h).y == p["theta0"])
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
