@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from bayesdamp.cli.options import READING, invalid_value, option, parse_time
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.files.names import SECONDS, unit_by_name
+from bayesdamp.records.files.names import unit_by_name
 from bayesdamp.records.findings import QUESTIONS, Finding, findings
 from bayesdamp.records.opening import read_each
-from bayesdamp.records.read import FASTEST_RATE, FROM_FIRST, SLOWEST_RATE, read_records
+from bayesdamp.records.read import FROM_FIRST, read_records
 from bayesdamp.records.record import RawRecord, unit_or_guess
 from bayesdamp.types import InputError, Signal
 from bayesdamp.units import UNITS
@@ -27,10 +27,8 @@ _VALID = {
     "unit": tuple(UNITS),
     "quantity": ("angle", "velocity", "acceleration"),
     "clock": ("auto", "as_logged", "uniform"),
-    "time_unit": ("s", "ms", "us", "ns", "ps", "min", "h", "d"),
 }
-"""Valid values of the options for reading files, by option. `time_unit` may also be any name in `SECONDS`, such as
-"sec"."""
+"""Valid values of the options for reading files, by option."""
 
 
 @dataclass(frozen=True)
@@ -95,22 +93,12 @@ class ReadingOptions:
             object.__setattr__(self, field, value)
         for name, valid in _VALID.items():
             value = getattr(self, name)
-            if value is None or value in valid or (name == "time_unit" and value.lower() in SECONDS):
+            if value is None or value in valid:
                 continue
             also = "; compare and look accept envelope too" if name == "quantity" else ""
-            raise invalid_value(f"--{name.replace('_', '-')}", value, f"one of {', '.join(valid)}{also}")
+            raise invalid_value(f"--{name}", value, f"one of {', '.join(valid)}{also}")
         for name in ("start", "stop"):
             object.__setattr__(self, name, parse_time(getattr(self, name), f"--{name}"))
-        if isinstance(self.start, float) and isinstance(self.stop, float) and self.start >= self.stop:
-            raise invalid_value("--stop", self.stop, f"later than --start ({self.start:g})")
-        if self.rate is not None and not SLOWEST_RATE <= self.rate <= FASTEST_RATE:
-            raise invalid_value(
-                "--rate",
-                self.rate,
-                f"a number of samples per second from {SLOWEST_RATE:g} to {FASTEST_RATE:g}",
-            )
-        if self.rate is not None and self.time is not None:
-            raise InputError("--rate: replaces a column of times; remove --rate or --time")
 
     def read(self, path: Path) -> list[RawRecord]:
         """Read the selected runs and channels of a file, a record each. Raises InputError if this is not possible."""

@@ -271,18 +271,13 @@ def _read_recording(entry: SignalTable, folder: Path, key: str) -> Recording:
     """Return the record of a signal that is read from a file; the file itself is not read.
 
     `folder` is that of the study; `key` is the key of the signal, for messages. Raises StudyError if the file does not
-    exist, if both time and rate are given, or if start is not before stop.
+    exist.
     """
     assert entry.file is not None
     path = folder / at_home(Path(entry.file))
     if not path.is_file():
         what = f"{entry.file!r} does not exist; paths are relative to the folder of the study, {folder}"
         raise StudyError(join_keys(key, "file"), what)
-    if entry.time is not None and entry.rate is not None:
-        raise StudyError(join_keys(key, "rate"), "is given together with time; give one of the two")
-    if isinstance(entry.start, float) and isinstance(entry.stop, float) and entry.start >= entry.stop:
-        what = f"is {entry.stop:g}; it must be later than start ({entry.start:g})"
-        raise StudyError(join_keys(key, "stop"), what)
     options = entry.model_dump(include=set(FileTable.model_fields))
     return Recording(file=entry.file, path=path.resolve(), **options)
 

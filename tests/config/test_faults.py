@@ -65,7 +65,6 @@ FAULTS = {
     "no rest under another law": (swap('"linear"', '"duffing"').replace("20.0", "-20.0").replace("rest_angle = 0.0", "rest_angle = 0.0\ncubic = 50.0") + '[models]\nrestoring = ["pendulum"]\n', "signal[one].system: stiffness = -20: it must be above 0 under the law pendulum"),
     # a file
     "no file": (rig(old='"rig.csv"', new='"rg.csv"'), "signal[rig].file: 'rg.csv' does not exist; paths are relative to"),
-    "two clocks": (rig("rate = 3\n"), "signal[rig].rate: is given together with time; give one of the two"),
     "forces of a sensor's unit": (rig('unit = "mV"\nsystem = { restoring = "linear", inertia = 2.0 }\n'), "signal[rig].unit: is 'mV', in which forces have no unit; remove inertia, or use rad or m"),
     "unit": (rig('unit = "degrees"\n'), "signal[rig].unit: unknown unit 'degrees'; it must be one of rad, mrad, deg"),
     # [[sweep]]
