@@ -389,8 +389,7 @@ class Evidence:
 
     model: name of the candidate. log_evidence and stderr are NaN if they could not be computed. diagnostic: text on the
     reliability of the method, "" without one. evaluations: number of likelihood evaluations. seconds: computing time.
-    outcome: `ok`, or why the result is unreliable or missing. arrays: arrays for further use, such as draws and their
-    weights.
+    outcome: `ok`, or why the result is unreliable or missing.
     """
 
     model: str
@@ -401,7 +400,6 @@ class Evidence:
     evaluations: int = 0
     seconds: float = 0.0
     outcome: str = OK
-    arrays: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False, compare=False)
 
 
 def candidate_name(damping: str, restoring: str = "") -> str:

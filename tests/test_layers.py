@@ -21,7 +21,7 @@ REGISTRIES = {"estimators", "inference.samplers", "inference.noise", "inference.
 """Packages that `config` asks for names; it imports no module inside them."""
 INFERENCE = (
     "noise", "model", "mode", "search", "derived", "coordinates", "residual_tests", "checks",
-    "diagnostics", "samplers", "evidence", "sensitivity",
+    "diagnostics", "samplers", "evidence",
 )  # fmt: skip
 """From bottom to top: each module or folder imports those before it, and itself."""
 _BELOW = NEUTRAL | {"physics", "records"}

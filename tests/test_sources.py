@@ -38,7 +38,7 @@ STUDY = study_text(
 )
 
 
-AFTER_SINDY = tuple(f"{kind}/rig/0/viscous" for kind in ("mode", "posterior", "evidence", "sensitivity"))
+AFTER_SINDY = tuple(f"{kind}/rig/0/viscous" for kind in ("mode", "posterior", "evidence"))
 """Tasks that start from estimates; those of the sparse regression use all damping terms."""
 
 

@@ -308,34 +308,15 @@ def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple
     while True:
         attempts += 1
         likelihood = Likelihood.near(target, z, tolerance)
-        top = _maximum(likelihood, z)
+        top = maximise_posterior(likelihood, z)
+        if not np.isfinite(top.value):
+            raise Refusal("the posterior is not finite at its mode")
         z = top.x
         mode = Mode(z, top.value, top.information, likelihood, searches)
         change = _solution_error(likelihood, z, mode.factor)
         if change < MOST_CHANGE or attempts == 6:
             return mode
         tolerance *= np.clip(MOST_CHANGE / change, 1e-3, 0.5) * 0.5
-
-
-def mode_near(likelihood: Likelihood, mode: Mode, z: np.ndarray) -> Mode:
-    """Return the mode of another likelihood, such as one under other priors, by a search from given scores.
-
-    z: standard normal scores at which the search starts, (d,). Searches and `linear` are copied from `mode`. Raises
-    Refusal if the posterior is not finite at the end of the search.
-    """
-    top = _maximum(likelihood, z)
-    return replace(mode, z=top.x, log_posterior=top.value, information=top.information, likelihood=likelihood)
-
-
-def _maximum(likelihood: Likelihood, z: np.ndarray) -> Maximum:
-    """Search for the mode from standard normal scores z, (d,).
-
-    Raises Refusal if the posterior is not finite where the search ends.
-    """
-    top = maximise_posterior(likelihood, z)
-    if not np.isfinite(top.value):
-        raise Refusal("the posterior is not finite at its mode")
-    return top
 
 
 def _solution_error(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> float:

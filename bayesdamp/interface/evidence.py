@@ -49,7 +49,7 @@ class Evidence(Result, types.Evidence):
 
         Concatenate the rows of several models to compare them.
         """
-        return data_frame([{n: v for n, v in vars(self).items() if n != "arrays"}])
+        return data_frame([vars(self)])
 
     def _table(self) -> Table:
         title = f"Log evidence in nats of {self.model} on {self.signal} by {self.method}"
@@ -129,9 +129,7 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
         result = run_evidence_method(fit, own, seed, draws, outcome)
     except Refusal as refusal:
         return replace(blank, outcome=str(refusal))
-    return Evidence(
-        **{**vars(result), "method": method, "arrays": {}}, signal=blank.signal, noise=blank.noise
-    )
+    return Evidence(**{**vars(result), "method": method}, signal=blank.signal, noise=blank.noise)
 
 
 def run_evidence_method(

@@ -32,7 +32,7 @@ NOT_SAMPLED = Status.NOT_SAMPLED.because("its evidence is not among the highest,
 
 
 class CandidateSelection:
-    """Choose which candidates of one record are evaluated further, sampled, and tested for sensitivity.
+    """Choose which candidates of one record are evaluated further and sampled.
 
     A method that returns outcomes maps each candidate to the reason why it is left out; an empty string means it is
     kept.
@@ -92,17 +92,6 @@ class CandidateSelection:
         )
         return (*order[:count], *doubtful)
 
-    def choose_for_sensitivity(self) -> tuple[str, ...]:
-        """Return the candidates whose sensitivity is computed: those of `choose_for_sampling`, and near ones.
-
-        A candidate that was not pruned is near if its log evidence is less than `FAR_BEHIND` (5 nats) below the
-        largest.
-        """
-        log_evidences = self._log_evidences()
-        top = max(log_evidences.values(), default=math.nan)
-        near = (n for n, value in log_evidences.items() if top - value < FAR_BEHIND)
-        return tuple(dict.fromkeys([*self.choose_for_sampling(), *near]))
-
     def _log_evidences(self) -> dict[str, float]:
         """Return the log evidence (nats) of the candidates that were not pruned, by name, the best first.
 
@@ -146,7 +135,7 @@ class Job:
     repeat: number of the repeat of a simulated signal, from 0.
     model: the candidate; None if the job concerns the whole record.
     task_group: its tasks. For a record: "read", "answer" or "sampled". For a candidate: "fit" (estimates, mode and
-    Laplace's evidence), "evidence" (by the other methods), "sample", "sensitivity", or None for all of these.
+    Laplace's evidence), "evidence" (by the other methods), "sample", or None for all of these.
     """
 
     signal: str
@@ -224,8 +213,6 @@ def _task_group_of(name: str) -> str:
     """Return the `task_group` of the candidate's job that contains the task of this name."""
     parts = TaskName.of(name)
     kind, method = parts.kind, parts.method
-    if kind == "sensitivity":
-        return "sensitivity"
     if kind == "posterior" or method == REFEREE:
         return "sample"
     if kind == "evidence" and EVIDENCES.get(method).needs_draws:
@@ -285,14 +272,10 @@ def _candidate_stages(study: Study, store: Store) -> Iterator[list[Job]]:
                     stage.append(job)
         yield stage
     stage = []
-    for task_group, choose in (
-        ("sample", CandidateSelection.choose_for_sampling),
-        ("sensitivity", CandidateSelection.choose_for_sensitivity),
-    ):
-        for selection in selections:
-            chosen = choose(selection)
-            stage += [job_of(selection, name, task_group) for name in chosen]
-            stored = set(store.names())
-            for name in set(selection.names) - set(chosen):
-                leave_out(job_of(selection, name, task_group), NOT_SAMPLED, stored.__contains__)
+    for selection in selections:
+        chosen = selection.choose_for_sampling()
+        stage += [job_of(selection, name, "sample") for name in chosen]
+        stored = set(store.names())
+        for name in set(selection.names) - set(chosen):
+            leave_out(job_of(selection, name, "sample"), NOT_SAMPLED, stored.__contains__)
     yield stage if study.has_answers else []

@@ -38,7 +38,6 @@ CODE: dict[str, tuple[str, ...]] = {
     "mode": (*_CANDIDATE, "bayesdamp.pipeline.candidates.modes"),
     "posterior": (*_CANDIDATE, "bayesdamp.pipeline.candidates.posteriors"),
     "evidence": (*_CANDIDATE, "bayesdamp.pipeline.candidates.evidence"),
-    "sensitivity": (*_CANDIDATE, "bayesdamp.pipeline.candidates.sensitivity"),
     "calibration": ("bayesdamp.calibrate.ranks", "bayesdamp.calibrate.recovery"),
 }  # fmt: skip
 """Modules that compute each kind of task; their source, with all that they import, is part of the task's key. Plug-ins

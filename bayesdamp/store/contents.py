@@ -159,17 +159,6 @@ class EvidenceContent(Content):
 
 
 @dataclass(frozen=True)
-class WidthsContent(Content):
-    """The evidence with the priors of damping coefficients scaled by several factors (`sensitivity/.../widths`).
-
-    varied: coefficients whose priors were scaled. The arrays of the result are the other fields of
-    `inference.sensitivity.Widths`, with one entry for each factor.
-    """
-
-    varied: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class ComparedCandidate:
     """The result of an answer for one candidate: a damping sum under a restoring law.
 

@@ -117,8 +117,8 @@ class TaskName:
     """The parts of a task's name, such as `estimate/bench/0/viscous/least_squares`.
 
     kind: kind of task. record: name of the signal. repeat: number of the repeat. candidate: the damping
-    sum, with the restoring law if several are compared. method: the estimator, sampler or evidence method, or "widths"
-    for the sensitivity to prior widths. A part that a name does not have is empty, or None for the repeat.
+    sum, with the restoring law if several are compared. method: the estimator, sampler or evidence method. A part
+    that a name does not have is empty, or None for the repeat.
     """
 
     kind: str

@@ -84,9 +84,6 @@ deviations."""
 WIDTHS_AGREE = 1.25
 """Factor by which the widths of the 95 % intervals of two computations may differ if they agree: with a few hundred
 draws, each end of an interval varies by a tenth of the width."""
-WIDTH_HOLDS = 0.8
-"""If the widths of the specified priors are varied, the report has a failed check if the probability of the most
-probable damping falls below this (conventional)."""
 AVERAGED = 0.1
 """If averaging a long record over cycles shifts a parameter by more than this many posterior standard deviations, the
 remark on it is a reservation; otherwise it only informs."""

@@ -1,4 +1,4 @@
-"""A study with two methods for the evidence, a referee, and the sensitivity of the answer."""
+"""A study with two methods for the evidence, and a referee."""
 
 from __future__ import annotations
 
@@ -54,10 +54,3 @@ def test_if_the_methods_agree_the_referee_is_not_used(run, tmp_path):
     rows = {r["method"]: r for r in read_table(tmp_path / "out" / "evidence.csv") if r["model"] == "viscous"}
     assert set(rows) == {"importance", "bridge", "combined", "smc"}
     assert rows["combined"]["diagnostic"] == "importance and bridge agree"
-
-
-def test_the_sensitivity_of_the_answer_is_stored(run):
-    store = Store(run)
-    widths = store.read("sensitivity/noisy/0/viscous/widths")
-    whole = store.read("evidence/noisy/0/viscous/importance").meta["evidence"]["log_evidence"]
-    assert widths.arrays["log_evidence"][4] == pytest.approx(whole, abs=1e-3)

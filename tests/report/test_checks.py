@@ -7,7 +7,6 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 
 from bayesdamp.priors import FURTHER_TERM
@@ -173,24 +172,6 @@ def test_the_damping_ratio_of_chains_confirms_or_contradicts() -> None:
         "emcee sampled viscous damping alone, which has probability 0.70 in the answer, and gives" in passed
     )
     assert not failed
-
-
-def test_an_answer_that_depends_on_the_width_of_the_prior_fails_a_check() -> None:
-    """A prior a tenth as wide turns odds of 99 into 99/40, so 0.71. Control: into 99/2."""
-
-    def widths(by: float) -> list[str]:
-        logs = {"viscous": [-5.0, -5.0, -5.0], "coulomb": [-9.6 + np.log(by), -9.6, -11.9]}
-
-        def sensitivity(*name: object) -> SimpleNamespace:
-            arrays = {"factors": np.array([0.1, 1.0, 10.0]), "log_evidence": np.array(logs[str(name[2])])}
-            return SimpleNamespace(outcome="ok", arrays={**arrays, "trusted": np.ones(3, bool)})
-
-        tables = evidence(viscous=0.99, coulomb=0.01)
-        return checked(run_of(verdict(), evidence=tables, results={"sensitivity": sensitivity}))[1]
-
-    (text,) = widths(40.0)
-    assert "with priors 0.10 times as wide, the probability of viscous is 0.71" in text
-    assert widths(2.0) == []
 
 
 def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:

@@ -463,19 +463,6 @@ def state_of(comparison: ModelComparison, result: CandidateResult) -> FitState:
     )
 
 
-def replace_priors(single: Single, priors: Mapping[str, Prior]) -> Single:
-    """Return the candidate with other priors of its parameters, linearised about the same motion.
-
-    priors: prior of each inferred parameter, by name. The noise remains the same; evidence and posterior are computed
-    again. Raises Refusal where the motion is unbounded.
-    """
-    parameters, state = single.result.fit.parameters, single.state
-    other, d = replace(parameters, priors=priors), state.z.size
-    z, start = (other.scores(parameters.named(scores)) for scores in (state.z, state.u[:d]))
-    moved = replace(state, priors=priors, z=z, u=np.concatenate([start, state.u[d:]]))
-    return _rebuild(single.comparison.data, single.result.candidate, moved)
-
-
 def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
     """Restore a candidate on its record from its stored fit, without fitting.
 

@@ -54,9 +54,7 @@ class Importance(EvidenceMethod):
         """Compute the evidence by importance sampling, after choosing a proposal with pilot draws.
 
         The outcome is not "ok" if the Pareto shape of the weights of the final draws is ≥ `K_LIMIT`, or their effective
-        number is below `LEAST_EFFECTIVE`. The arrays of the result are the n final draws as standard normal scores,
-        `y`, (n, d), and the logs of their weights, `log_weights`, (n,); the mean weight is the evidence. `draws` are
-        not used.
+        number is below `LEAST_EFFECTIVE`. The evidence is the mean weight. `draws` are not used.
         """
         rng = np.random.default_rng(seed)
         reflected = target.reflected
@@ -99,7 +97,6 @@ class Importance(EvidenceMethod):
             diagnostic=f"Pareto k {k:.2f}, effective share {share:.2f}",
             evaluations=evaluations,
             outcome=outcome,
-            arrays={"y": shear.scores(y), "log_weights": log_weights},
         )
 
     @staticmethod

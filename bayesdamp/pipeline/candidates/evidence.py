@@ -57,9 +57,8 @@ def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str
 def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Product:
     """Compute the evidence by one method. Raises Refusal if there is no fit or the method cannot work on it.
 
-    The content is an `EvidenceContent`. The arrays are those of the method, such as its draws, and stored only for the
-    first repeat. The referee (nested sampling) is skipped, and its content has no evidence, if the study calls it only
-    for a disagreement and the other methods agree.
+    The content is an `EvidenceContent`. The referee (nested sampling) is skipped, and its content has no evidence, if
+    the study calls it only for a disagreement and the other methods agree.
     """
     study = candidate.study
     if method == REFEREE and REFEREE not in study.evidence.methods and study.evidence.referee == "auto":
@@ -72,11 +71,8 @@ def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Produ
         result = candidate.store.read(f"posterior/{candidate.path}/{FROM_DRAWS}")
         draws, outcome = result.arrays.get("draws"), result.outcome
     evidence = run_evidence_method(candidate.fit, method, seed, draws, outcome)
-    arrays: Mapping[str, np.ndarray] = {}
-    if candidate.repeat == 0:  # read only by sensitivity tasks, which use the first repeat
-        arrays = {n: a.astype(np.float32) if n == "y" else a for n, a in evidence.arrays.items()}
-    content = EvidenceContent(replace(evidence, model=candidate.model, arrays={}))
-    return Product(content, arrays, evidence.outcome, evidence.seconds)
+    content = EvidenceContent(replace(evidence, model=candidate.model))
+    return Product(content, outcome=evidence.outcome, seconds=evidence.seconds)
 
 
 def list_evidence(record: StudyRecord, model: str) -> list[Evidence]:

@@ -15,7 +15,6 @@ from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.evidence import compute_evidence, evidence_parts
 from bayesdamp.pipeline.candidates.modes import compute_mode
 from bayesdamp.pipeline.candidates.posteriors import compute_posterior
-from bayesdamp.pipeline.candidates.sensitivity import compute_widths
 from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.serial import split
 from bayesdamp.sources import import_closure
@@ -47,8 +46,7 @@ COMPUTE = {
     "evidence": compute_evidence,
 }
 """Function that computes a task, by the kind of task. Its arguments are the candidate, the method and the seed, which
-follows from the task's name. Tasks of the kinds "mode" and "sensitivity" have no method; `compute` computes them
-directly."""
+follows from the task's name. A task of the kind "mode" has no method; `compute` computes it directly."""
 
 
 def task_keys(candidate: StudyCandidate) -> dict[str, str]:
@@ -89,10 +87,6 @@ def task_keys(candidate: StudyCandidate) -> dict[str, str]:
     for name, parts in evidence_parts(study, candidate.path, keys).items():
         own = [EVIDENCES.source(TaskName.of(name).method), SAMPLERS.source("nuts")]
         keys[name] = task_key("evidence", *density, *parts, own)
-    source = keys.get(f"evidence/{candidate.path}/importance")
-    if source is not None and not candidate.repeat:
-        name = f"sensitivity/{candidate.path}/widths"
-        keys[name] = task_key("sensitivity", *density, source, name)
     return keys
 
 
@@ -107,7 +101,4 @@ def compute(candidate: StudyCandidate, name: str) -> Product:
     parts = TaskName.of(name)
     if parts.kind == "mode":
         return compute_mode(candidate)
-    seed = task_seed(candidate.study, name)
-    if parts.kind == "sensitivity":
-        return compute_widths(candidate, seed)
-    return COMPUTE[parts.kind](candidate, parts.method, seed)
+    return COMPUTE[parts.kind](candidate, parts.method, task_seed(candidate.study, name))

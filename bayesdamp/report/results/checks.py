@@ -21,7 +21,6 @@ from bayesdamp.report.results.run import (
     damping_of,
     mode_of,
     models_by_rank,
-    probability_by_width,
     rank_models,
     rows_of,
     truth,
@@ -30,7 +29,7 @@ from bayesdamp.store.contents import PosteriorContent
 from bayesdamp.types import OK, candidate_parts
 from bayesdamp.verdict.agreement import Agreement, agreement, worst_agreement
 from bayesdamp.verdict.parts import Grade
-from bayesdamp.verdict.thresholds import AGREEMENT_SDS, WIDTH_HOLDS
+from bayesdamp.verdict.thresholds import AGREEMENT_SDS
 
 WINDOW_SPREAD = 3.0
 """Largest change of a coefficient between parts of a record that passes the check, in standard deviations that are
@@ -295,16 +294,15 @@ class RecordChecks:
     def _evidence(self, ranked: EvidenceRanking | None) -> Iterator[Check]:
         """Yield checks that compare the probabilities from the study's evidence with those of the answer.
 
-        They report evidence that failed or is unreliable; each method's probability of the answer's damping (a failed
-        check if the log odds by the method that counts differ from the answer's by more than `CLEAR_NATS`); and how the
-        result depends on the width of the priors. `ranked` is the result of `rank_models`. There are none if the study
-        has no evidence besides that of the answer.
+        They report evidence that failed or is unreliable, and each method's probability of the answer's damping (a
+        failed check if the log odds by the method that counts differ from the answer's by more than `CLEAR_NATS`).
+        `ranked` is the result of `rank_models`. There are none if the study has no evidence besides that of the answer.
         """
         if ranked is None or ranked.method == ANSWER_SAMPLER:
             return
-        run, signal, repeat, v = self.run, self.signal, self.repeat, self.verdict
+        v = self.verdict
         # Evidence values that failed or are unreliable.
-        for row in rows_of(run.evidence, signal=signal, repeat=repeat):
+        for row in rows_of(self.run.evidence, signal=self.signal, repeat=self.repeat):
             counts = ranked.method != "combined" or row["method"] == "combined"
             if counts and status_of(row["outcome"]) not in UNLISTED_OUTCOMES:
                 which = f"{words.model(row['model'])} ({words.method(row['method'])})"
@@ -317,8 +315,7 @@ class RecordChecks:
         shares = {m: ranked.shares[m] for m in methods if len(ranked.shares[m]) == len(ranked.dampings)}
         # The probability of the answer's damping by each method. The answer's own probability is rescaled to the
         # dampings that the study compares.
-        leading = next(iter(ranked.dampings))
-        named = _same_sum(ranked.dampings, v.damping) if v else leading
+        named = _same_sum(ranked.dampings, v.damping) if v else next(iter(ranked.dampings))
         if named is not None:
             by = fmt.listing(f"{fmt.probability(p[named])} by {words.method(m)}" for m, p in shares.items())
             answer, apart = "", 0.0
@@ -338,15 +335,6 @@ class RecordChecks:
                 f"{by}{answer}.",
                 fails=contradicts,
             )
-        # The dependence on the width of the priors.
-        widths = probability_by_width(run, signal, repeat, ranked)
-        factor = min(widths, key=lambda f: widths[f], default=1.0)
-        if widths and widths[factor] < min(WIDTH_HOLDS, ranked.dampings[leading]):
-            text = (
-                f"The result depends on the width of the priors: with priors {fmt.number(factor, 2)} times as wide, "
-                f"the probability of {words.model(leading)} is {fmt.probability(widths[factor])}."
-            )
-            yield Check(text, fails=True)
 
     def _residuals(self) -> Iterator[Check]:
         """Yield a check whether `model` fits, by its residuals, and checks of what is wrong with the fit otherwise.

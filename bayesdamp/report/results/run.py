@@ -304,51 +304,6 @@ def rank_models(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | N
     return EvidenceRanking(chosen, ordered, shares)
 
 
-def probability_by_width(
-    run: RunFolder, signal: str, repeat: int, ranked: EvidenceRanking
-) -> dict[float, float]:
-    """Return the probability of the most probable damping under wider and narrower damping priors.
-
-    The damping is the most probable one at the original width, and its probability is summed over the restoring laws.
-    For models that were pruned, the evidence is assumed not to change.
-
-    Parameters
-    ----------
-    run, signal, repeat
-        The run, and the name and repeat of the record.
-    ranked
-        The ranking of the models on this record.
-
-    Returns
-    -------
-    dict
-        The probability by the factor that multiplies the width of the priors (1 included), without factors at which a
-        model's evidence is not reliable. Empty if a model that was not pruned has no such evidence, or if only one
-        damping is compared.
-    """
-    # By model: log evidence at each width minus that at the original width (factor 1).
-    changes: dict[str, np.ndarray] = {}
-    factors = np.empty(0)
-    for row in ranked.rows:
-        task_result = run.task_result("sensitivity", signal, repeat, row["model"], "widths")
-        if task_result is not None and task_result.outcome == OK and task_result.arrays:
-            factors, logs = task_result.arrays["factors"], task_result.arrays["log_evidence"]
-            change = logs - logs[np.argmin(np.abs(np.log(factors)))]
-            changes[row["model"]] = np.where(task_result.arrays["trusted"], change, np.nan)
-        elif status_of(row["outcome"]) is not Status.PRUNED:
-            return {}
-    if not changes or len(ranked.dampings) < 2:
-        return {}
-    unchanged = np.zeros(factors.size)
-    log_p = np.array(
-        [np.log(max(r["probability"], 1e-300)) + changes.get(r["model"], unchanged) for r in ranked.rows]
-    )
-    p = np.exp(log_p - log_p.max(axis=0))  # by model and width, not normalised
-    leading = next(iter(ranked.dampings))
-    share = p[[damping_of(row) == leading for row in ranked.rows]].sum(axis=0) / p.sum(axis=0)
-    return {float(factor): float(s) for factor, s in zip(factors, share, strict=True) if np.isfinite(s)}
-
-
 def probabilities_by_odds(ranked: EvidenceRanking) -> dict[float, dict[str, float]]:
     """Return the probability of each damping sum for other prior odds of a further term.
 

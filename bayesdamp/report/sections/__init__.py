@@ -45,7 +45,7 @@ SHIPPED = {
     "answer": ("answer", "overview"),
     "calibration": ("calibrated", "recovered"),
     "estimates": ("estimates", "comparison", "sweeps"),
-    "evidence": ("evidence", "sensitivity", "priors"),
+    "evidence": ("evidence", "priors"),
     "posteriors": ("posteriors",),
     "record": ("record", "fit_quality"),
     "study": ("asked", "provenance"),

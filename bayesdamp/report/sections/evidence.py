@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -16,7 +15,6 @@ from bayesdamp.report import words
 from bayesdamp.report.results.run import (
     Row,
     RunFolder,
-    models_by_rank,
     only_answered,
     probabilities_by_odds,
     rank_models,
@@ -31,7 +29,6 @@ from bayesdamp.report.sections import (
     repeat_column,
     stack,
 )
-from bayesdamp.store.contents import WidthsContent
 from bayesdamp.types import OK
 
 EVIDENCE = (
@@ -55,7 +52,6 @@ ANSWER = (
     "also penalises models that fit badly less than the other methods do. Therefore compare log Bayes factors within "
     "one method only."
 )
-_NO_WIDTH = "No damping prior has a width that can be varied: the scale of default priors is unknown and averaged out."
 COMPARED = (
     "All single damping terms have the same prior probability; each further term of a sum multiplies the probability "
     f"by {FURTHER_TERM:g}. All restoring laws have the same prior probability."
@@ -65,8 +61,8 @@ OTHER_FORMS = (
 )
 COMMON_SCALE = (
     "The damping terms of a model have half-normal priors on their equivalent damping ratios. Their common scale is "
-    f"unknown, with a log-uniform prior between {LEAST_SCALE:g} and {MOST_SCALE:g}, so the evidence does not depend on "
-    "how small the damping is."
+    f"unknown, with a log-uniform prior between {LEAST_SCALE:g} and {MOST_SCALE:g}, and is integrated out. Such "
+    "default priors therefore have no width to choose, and the evidence does not depend on how small the damping is."
 )
 WIDE_PRIOR = (
     "A parameter has the same prior in every model that contains it. If you specify a prior that is wider by a factor, "
@@ -98,17 +94,17 @@ class EvidenceSection(SignalSection):
         return any(r["signal"] == signal for r in run.evidence) and not only_answered(run)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return a table of log Bayes factors by method, and a folded one of the models that were pruned."""
+        """Return tables of log Bayes factors by method, of the pruned models (folded), and by prior odds."""
         rows = rows_of(run.evidence, signal=signal)
         pruned = {(r["repeat"], r["model"]) for r in rows if status_of(r["outcome"]) is Status.PRUNED}
         kept = [r for r in rows if (r["repeat"], r["model"]) not in pruned]
         left_out = [r for r in rows if (r["repeat"], r["model"]) in pruned]
-        table = _table(run, signal, kept)
-        if not pruned:
-            return stack(table)
-        count = len({model for _, model in pruned})
-        title = f"Not computed further: {count} model{'s' * (count > 1)}, and why"
-        return stack(table, collapsible(title, replace(_table(run, signal, left_out), caption=PRUNED)))
+        parts: list[object] = [_table(run, signal, kept)]
+        if pruned:
+            count = len({model for _, model in pruned})
+            title = f"Not computed further: {count} model{'s' * (count > 1)}, and why"
+            parts.append(collapsible(title, replace(_table(run, signal, left_out), caption=PRUNED)))
+        return stack(*parts, _odds_table(run, signal))
 
 
 def _table(run: RunFolder, signal: str, rows: Sequence[Row]) -> Table:
@@ -142,68 +138,24 @@ def _table(run: RunFolder, signal: str, rows: Sequence[Row]) -> Table:
     return Table.of(sorted(rows, key=rank), columns, left, " ".join(filter(None, captions)), kind)
 
 
-class SensitivitySection(SignalSection):
-    """The section with the Bayes factors of a signal's first repeat under other assumptions."""
+def _odds_table(run: RunFolder, signal: str) -> Table | None:
+    """Return a table of the probabilities of a signal's first repeat for other prior odds of a further term.
 
-    order = 62
-    name = "sensitivity"
-    title = "What the evidence depends on"
-
-    def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether the evidence of two or more models was also computed under wider and narrower priors."""
-        return sum(task_result.outcome == OK for task_result in run.task_results("sensitivity", signal)) > 1
-
-    def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return Bayes factors for other widths of the priors, and probabilities for other prior odds."""
-        models, ranked = models_by_rank(run, signal, 0), rank_models(run, signal, 0)
-        parts: list[object] = [_widths(run, signal, models)]
-        shares = probabilities_by_odds(ranked) if ranked else {}
-        if ranked and shares:
-            columns: dict[str, Callable[[str], str]] = {"damping": words.model}
-            for factor, own in shares.items():
-                columns[f"factor {fmt.number(factor, 3)}"] = lambda d, own=own: fmt.probability(own[d])
-            caption = (
-                "Posterior probability of each damping model if each term after the first multiplies the model's prior "
-                "probability by the factor in the column's header. The rest of the report uses the factor "
-                f"{fmt.number(FURTHER_TERM, 3)}."
-            )
-            parts.append(Table.of(ranked.dampings, columns, caption=caption))
-        return stack(*parts)
-
-
-def _widths(run: RunFolder, signal: str, models: list[str]) -> Table | Markup | None:
-    """Return a table of log Bayes factors under wider and narrower priors; None for fewer than two models.
-
-    They are relative to the first of `models` with results. If no model has a prior whose width can be varied, return a
-    sentence that says so.
+    None if all damping models have the same number of terms.
     """
-    stored = {m: run.task_result("sensitivity", signal, 0, m, "widths") for m in models}
-    task_results = {m: c for m, c in stored.items() if c is not None and c.outcome == OK}
-    if len(task_results) < 2:
+    ranked = rank_models(run, signal, 0)
+    shares = probabilities_by_odds(ranked) if ranked else {}
+    if not ranked or not shares:
         return None
-    if not any(WidthsContent.of(task_result).varied for task_result in task_results.values()):
-        return paragraph(_NO_WIDTH)
-    best = next(iter(task_results))
-    reference = task_results[best].arrays["log_evidence"]
-
-    def factor(model: str, i: int) -> str:
-        arrays = task_results[model].arrays
-        doubt = "" if arrays["trusted"][i] else " ?"
-        return fmt.nats(float(arrays["log_evidence"][i] - reference[i])) + doubt
-
-    columns: dict[str, Callable[[str], str]] = {"model": words.model}
-    for i, width in enumerate(task_results[best].arrays["factors"]):
-        columns[f"× {fmt.number(float(width), 2)}"] = lambda model, i=i: factor(model, i)
-    effective = [
-        c.arrays["effective"][~c.arrays["anew"]].min(initial=math.inf) for c in task_results.values()
-    ]
+    columns: dict[str, Callable[[str], str]] = {"damping": words.model}
+    for factor, own in shares.items():
+        columns[f"factor {fmt.number(factor, 3)}"] = lambda d, own=own: fmt.probability(own[d])
     caption = (
-        f"Log Bayes factor (nats) relative to {words.model(best)} if the scales of all specified damping priors are "
-        "multiplied by the factor in the column's header. The draws of importance sampling are reweighted (effective "
-        f"sample size at least {fmt.number(float(min(effective)), 2)}); where that is not enough, new draws are made. "
-        'A "?" marks a value whose diagnostics are poor.'
+        "Posterior probability of each damping model if each term after the first multiplies the model's prior "
+        "probability by the factor in the column's header. The rest of the report uses the factor "
+        f"{fmt.number(FURTHER_TERM, 3)}."
     )
-    return Table.of(task_results, columns, caption=caption)
+    return Table.of(ranked.dampings, columns, caption=caption)
 
 
 class PriorsSection(SignalSection):
@@ -251,4 +203,4 @@ class PriorsSection(SignalSection):
         return stack(Table(["parameter", "meaning", "prior", "models"], lines, range(4), PRIORS))
 
 
-PLUGINS = (EvidenceSection(), SensitivitySection(), PriorsSection())
+PLUGINS = (EvidenceSection(), PriorsSection())

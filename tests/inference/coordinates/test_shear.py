@@ -43,11 +43,9 @@ def banana() -> tuple[Any, Any]:
 
 
 def test_importance_along_a_curved_ridge_has_the_closed_form(banana, monkeypatch) -> None:
-    """Draws are returned as scores. Control: in the scores themselves, the ridge is curved and the error is large."""
+    """Control: in the scores themselves, the ridge is curved and the error is large."""
     evidence = importance.PLUGIN.evidence("m", *banana, seed=3)
     assert agrees(evidence, AREA, 0.03)
-    z = evidence.arrays["y"]
-    assert np.corrcoef(z[:, 1], z[:, 2] * z[:, 3])[0, 1] > 0.9
     monkeypatch.setattr(importance, "shear_of", lambda target, mode: None)
     curved = importance.PLUGIN.evidence("m", *banana, seed=3)
     assert curved.outcome != OK or curved.stderr > 3 * evidence.stderr
