@@ -21,9 +21,7 @@ from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.inference.residual_tests import (
     SpectralLine,
-    StrongestForm,
     find_largest_peak,
-    find_missing_form,
     find_spectral_line,
     orthonormal,
 )
@@ -44,9 +42,6 @@ parameter with a standard normal prior; a score of 0 is a coefficient of 0.)"""
 LINE_LIMIT = 0.005
 """The residuals have a misfit if the largest peak of their spectrum has a p value below this. Together with `P_LIMIT`
 and `WINDOW_LIMIT`, 2 % of true models are rejected (conventional)."""
-FORM_LIMIT = 0.005
-"""The model has a misfit if a score test for an additional force (`find_missing_form`) has a p value below this
-(conventional)."""
 NAMED_PEAK_LIMIT = 0.1
 """If the largest peak of the whitened residuals' spectrum has a p value of at most this, the verdict names it as the
 remaining structure; otherwise the verdict names the largest peak of the residuals themselves."""
@@ -120,25 +115,19 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
     They are finite differences, per posterior standard deviation of the parameter's standard normal score. Two kinds of
     parameters have no row: coefficients that are zero at the mode, because they are at their bound and do not adapt to
     the residuals, and parameters whose derivative is not finite. The rows are in the order of `target.names`. Under
-    heavy-tailed noise the residuals are not whitened, but in the unit of the record.
+    heavy-tailed noise the residuals are not whitened, but in the unit of the record: whitening is not linear there, and
+    would distort the directions of the derivatives.
     """
     at_zero = target.reflected & (np.abs(mode.z) <= ZERO_SCORE)
     free = [i for i in target.moving if not at_zero[i]]
     steps = DIFFERENCE_STEP * mode.sd()
     shifted = mode.z + np.diag(steps)[free]
-    here, *scores = [_comparable(mode, r) for r in mode.likelihood.residuals(np.stack([mode.z, *shifted]))]
+    residuals = mode.likelihood.residuals(np.stack([mode.z, *shifted]))
+    if not target.noise_model.heavy_tailed:
+        residuals = [mode.likelihood.whitened(r, mode.z) for r in residuals]
+    here, *scores = residuals
     slopes = (np.array(scores).reshape(len(free), here.size) - here) / DIFFERENCE_STEP
     return slopes[np.all(np.isfinite(slopes), axis=1)]
-
-
-def _comparable(mode: Mode, r: np.ndarray) -> np.ndarray:
-    """Return the whitened residuals, (n,), for residuals r, (n,); under heavy-tailed noise return r itself.
-
-    r: record minus motion, in the unit of the record. Whitening of heavy-tailed noise is not linear in r, and would
-    distort the directions of derivatives of the residuals.
-    """
-    # For heavy-tailed noise whitening is nonlinear, and directions in the residuals would be distorted.
-    return r if mode.likelihood.target.noise_model.heavy_tailed else mode.likelihood.whitened(r, mode.z)
 
 
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[FitCheck, dict[str, np.ndarray]]:
@@ -180,11 +169,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     beyond = np.sum(_null_statistics(n, lags, seed) >= np.nan_to_num(observed, nan=np.inf), axis=1)
     p, p_tails = ((1 + beyond) / (PREDICTIVE_DRAWS + 1)).tolist()
     tails = float(kurtosis(white))
-    fitted = orthonormal(tangents(target, mode).T)
-    line = find_spectral_line(t, white, period, fitted)
-    form = find_missing_form(
-        mode, white, fitted, lambda change: _comparable(mode, r + change) - _comparable(mode, r)
-    )
+    line = find_spectral_line(t, white, period, orthonormal(tangents(target, mode).T))
     # Whitening has removed the peaks: name that of the residuals themselves.
     if line.chance > NAMED_PEAK_LIMIT:
         line = replace(line, words=find_largest_peak(t, r, period).words)
@@ -203,31 +188,27 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
         predictive_p=p,
         window_spread=shift,
         verdict=_verdict(
-            target.noise_model, p, line, form, window_p, p_tails < P_LIMIT and tails > OUTLIER_KURTOSIS
+            target.noise_model, p, line, window_p, p_tails < P_LIMIT and tails > OUTLIER_KURTOSIS
         ),
     )
     return check, arrays
 
 
-def _verdict(
-    noise: NoiseModel, p: float, line: SpectralLine, form: StrongestForm, window_p: float, outliers: bool
-) -> str:
+def _verdict(noise: NoiseModel, p: float, line: SpectralLine, window_p: float, outliers: bool) -> str:
     """Return the verdict as text: that the model fits, or that it does not and the first reason that applies.
 
-    The reasons are tried in this order: structure in the residuals, a missing force, coefficients that change during
-    the record, outliers. The limits are `P_LIMIT` for p, `LINE_LIMIT`, `FORM_LIMIT` and `WINDOW_LIMIT`; outliers do not
-    count if the noise model allows for them.
+    The reasons are tried in this order: structure in the residuals, coefficients that change during the record,
+    outliers. The limits are `P_LIMIT` for p, `LINE_LIMIT` and `WINDOW_LIMIT`; outliers do not count if the noise model
+    allows for them.
 
     noise: the noise model of the fit. p: p value of the predictive check of the autocorrelation. line: largest peak of
-    the residuals' spectrum. form: missing force that would reduce the residuals most. window_p: p value of the shifts
-    of coefficients between parts of the record. outliers: whether the residuals have significant outliers.
+    the residuals' spectrum. window_p: p value of the shifts of coefficients between parts of the record. outliers:
+    whether the residuals have significant outliers.
     """
     correlated, no = noise.name == "correlated", FitStatus.DOES_NOT_FIT
     if p < P_LIMIT or line.chance < LINE_LIMIT:
         under = "" if correlated else " under independent noise"
         return no.because(f"structure remains in the residuals{under}: {line.words}")
-    if form.chance < FORM_LIMIT:
-        return no.because(f"the residuals look as if {form.words}")
     if window_p < WINDOW_LIMIT:
         return no.because("the coefficients change from one part of the record to another")
     if outliers and not noise.heavy_tailed:

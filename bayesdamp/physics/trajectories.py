@@ -128,18 +128,6 @@ class Trajectories:
                     row += share * motion.tangents[: self._count, place]
         return motion.y[: self._count], slopes
 
-    def motion(self, p: Mapping[str, float]) -> Motion | None:
-        """Return the solver's `Motion` for parameters p by name, with derivatives by all parameters in `kernel_names`.
-
-        Return None if the trajectory diverges, or if a damping term needs the equilibrium and there is none.
-        """
-        return self._solve(p, PARAMETERS)
-
-    @property
-    def kernel_names(self) -> tuple[str, ...]:
-        """Return the names of the solver's parameters, in the order of the derivatives of a `Motion`."""
-        return self._solver.names
-
     def many(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the samples, (m, n), for m sets of parameters; values: an array (m,) for each parameter, by name.
 
