@@ -222,28 +222,11 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class PartialFit:
-    """The posterior mode for a part of the record, from start to stop (s).
-
-    label: name of the part, such as "first half". values, sd: mode and standard deviation of each parameter, by the
-    Laplace approximation.
-    """
-
-    label: str
-    start: float
-    stop: float
-    values: Mapping[str, float]
-    sd: Mapping[str, float]
-
-
-@dataclass(frozen=True)
 class FitCheck:
     """The checks of how well a model fits, at its posterior mode.
 
     Attributes
     ----------
-    windows
-        Fits of the whole record and of its first, middle and last half.
     rms
         Rms of the residuals, in the unit of the record.
     residual_autocorrelation
@@ -257,7 +240,6 @@ class FitCheck:
         Whether the model fits, and the reason if not.
     """
 
-    windows: tuple[PartialFit, ...] = ()
     rms: float = float("nan")
     residual_autocorrelation: float = float("nan")
     predictive_p: float = float("nan")

@@ -26,7 +26,7 @@ from bayesdamp.inference.residual_tests import (
     orthonormal,
 )
 from bayesdamp.outcomes import P_LIMIT, FitStatus
-from bayesdamp.types import FitCheck, PartialFit, Refusal
+from bayesdamp.types import FitCheck, Refusal
 
 PREDICTIVE_DRAWS = 200
 """Number of posterior draws in the predictive check. Their statistics are compared with those of the same number of
@@ -148,7 +148,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     Returns
     -------
     check : FitCheck
-        The numbers of fits.csv, the fits of the halves, and the verdict.
+        The numbers of fits.csv, and the verdict.
     arrays : dict of str to ndarray
         `fit` and `residual`, (n,), in the unit of the record; `whitened`: the whitened residuals, (n,), which should be
         independent and standard normal; `autocorrelation`: that of the whitened residuals, (l,), from lag 0 to three
@@ -173,7 +173,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     # Whitening has removed the peaks: name that of the residuals themselves.
     if line.chance > NAMED_PEAK_LIMIT:
         line = replace(line, words=find_largest_peak(t, r, period).words)
-    windows, shift, count = _fit_windows(target, mode)
+    shift, count = _largest_shift(target, mode)
     window_p = min(1.0, count * math.erfc(shift / math.sqrt(2)))
     arrays = {
         "fit": target.signal.y - r,
@@ -182,7 +182,6 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
         "autocorrelation": autocorrelation(white, min(3 * lags, n // 2)),
     }
     check = FitCheck(
-        windows=windows,
         rms=float(np.sqrt(np.mean(r**2))),
         residual_autocorrelation=float(autocorrelation(r, 1)[1]),
         predictive_p=p,
@@ -216,52 +215,42 @@ def _verdict(noise: NoiseModel, p: float, line: SpectralLine, window_p: float, o
     return f"{FitStatus.FITS.value}, with correlated noise" if correlated else FitStatus.FITS.value
 
 
-def _fit_windows(target: Target, mode: Mode) -> tuple[tuple[PartialFit, ...], float, int]:
-    """Fit the first, the middle and the last half of the record separately.
+def _largest_shift(target: Target, mode: Mode) -> tuple[float, int]:
+    """Fit the first, the middle and the last half of the record, and compare their damping coefficients with the mode.
 
     The motion of every fit starts at the record's first sample.
 
     Returns
     -------
-    fits : tuple of PartialFit
-        The fit of the whole record, then those of the halves. A half without a finite posterior is left out. If the
-        information of a fit is not positive definite, its standard deviations are nan.
     largest : float
         Largest difference of a damping coefficient between a half and the whole record, in standard deviations of this
-        difference (taken as at least half of the sd in the whole record); 0 without halves or coefficients.
+        difference (taken as at least half of the sd in the whole record); 0 without halves or coefficients. A half
+        without a finite posterior is left out.
     count : int
-        Number of differences of which this is the largest. A difference whose standard deviation is nan does not count.
+        Number of differences of which this is the largest. A difference whose standard deviation is nan, because the
+        information of a fit is not positive definite, does not count.
     """
-    t, n = target.signal.t, target.signal.t.size
-    half = n // 2
-    parts = {
-        "whole record": slice(0, n),
-        "first half": slice(0, half),
-        "middle half": slice((n - half) // 2, (n - half) // 2 + half),
-        "last half": slice(n - half, n),
-    }
-    windows: list[PartialFit] = []
-    shifts = []
-    for label, samples in parts.items():
-        z, information = mode.z, mode.information
-        if windows:
-            part = replace(mode.likelihood, part=samples)
-            top = maximise_posterior(part, mode.z, close=ROUGH_LAST_STEP)
-            z, information = top.x, top.information
-            if not np.isfinite(top.value):
-                continue
+    names, n = target.oscillator.coefficients, target.signal.t.size
+
+    def values_and_sds(z: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the damping coefficients at scores z, (d,), and their standard deviations."""
         try:
             factor = covariance_factor(information)
         except Refusal:  # the information is too ill-conditioned
             factor = np.full_like(information, np.nan)
-        values = {n: float(v) for n, v in target.values(z).items()}
-        sd = value_sds(target, z, factor @ factor.T)
-        windows.append(PartialFit(label, float(t[samples.start]), float(t[samples.stop - 1]), values, sd))
-        whole = windows[0]
-        for name in target.oscillator.coefficients if len(windows) > 1 else ():
-            shift = abs(values[name] - whole.values[name])
-            # A window is part of the whole record, so the variance of the shift is the difference (Hausman 1978).
-            variance = max(sd[name] ** 2 - whole.sd[name] ** 2, 0.25 * whole.sd[name] ** 2)
-            shifts.append(shift / variance**0.5)
-    finite = np.array(shifts)[~np.isnan(shifts)]
-    return tuple(windows), float(finite.max(initial=0.0)), finite.size
+        values, sds = target.values(z), value_sds(target, z, factor @ factor.T)
+        return np.array([float(values[name]) for name in names]), np.array([sds[name] for name in names])
+
+    whole, whole_sd = values_and_sds(mode.z, mode.information)
+    shifts = [np.empty(0)]
+    for start in (0, (n - n // 2) // 2, n - n // 2):
+        part = replace(mode.likelihood, part=slice(start, start + n // 2))
+        top = maximise_posterior(part, mode.z, close=ROUGH_LAST_STEP)
+        if np.isfinite(top.value):
+            values, sd = values_and_sds(top.x, top.information)
+            # A half is part of the whole record, so the variance of the shift is the difference (Hausman 1978).
+            variance = np.maximum(sd**2 - whole_sd**2, 0.25 * whole_sd**2)
+            shifts.append(np.abs(values - whole) / np.sqrt(variance))
+    every = np.concatenate(shifts)
+    finite = every[~np.isnan(every)]
+    return float(finite.max(initial=0.0)), finite.size

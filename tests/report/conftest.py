@@ -140,11 +140,7 @@ class RunMaker:
         residual = y - fit
         sizes = {name: SIZE[kind][name] for name, _ in (OWN[term] for term in place["model"].split("+"))}
         values, sds = ({name: pair[i] for name, pair in sizes.items()} for i in (0, 1))
-        windows = [
-            {"label": label, "start": start * t[-1], "stop": stop * t[-1], "values": values, "sd": sds}
-            for label, start, stop in (("whole", 0, 1), ("first half", 0, 0.5), ("second half", 0.5, 1))
-        ]
-        meta = {"values": values, "sd": sds, "log_posterior": 1234.5, "windows": windows}
+        meta = {"values": values, "sd": sds, "log_posterior": 1234.5}
         arrays = {"t": t, "fit": fit, "residual": residual, "whitened": residual / residual.std()}
         self.put(f"mode/{path}", meta, arrays | {"autocorrelation": 0.94 ** np.arange(26)})
         factor, unit = (180 / math.pi, "deg") if kind == "bench" else (1.0, "rad")

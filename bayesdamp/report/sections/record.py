@@ -17,8 +17,6 @@ from bayesdamp.report.results.run import (
     Row,
     RunFolder,
     answer_of,
-    coefficients,
-    mode_of,
     models_by_rank,
     models_not_pruned,
     only_answered,
@@ -27,14 +25,13 @@ from bayesdamp.report.results.run import (
 from bayesdamp.report.sections import (
     SignalSection,
     bullets,
-    by_model,
     is_drawn,
     paragraph,
     repeat_column,
     stack,
 )
 from bayesdamp.store.contents import RecordContent
-from bayesdamp.types import OK, PartialFit
+from bayesdamp.types import OK
 
 CHECKS = (
     "Checks of the fit of each model at its posterior mode: root mean square (rms) residual; autocorrelation of the "
@@ -56,10 +53,6 @@ FITTED = (
 WITHOUT_FITS = "the used part of the record. Time counts from its start."
 """Captions of the figures of a record, after its name."""
 NOT_STORED = "The samples of this record are not stored with the run; run the study again."
-PARTS = (
-    "Coefficients from parts of the record, with their standard deviations (±). If the coefficients differ by much "
-    "more than their standard deviations, the model is incomplete and its posterior is too narrow."
-)
 _EXACT = (
     "All these fits assume that the laws hold exactly. The chains and the evidence of this study allow deviations from "
     "the laws, which account for systematic residuals of these fits."
@@ -142,12 +135,11 @@ class RecordSection(SignalSection):
 
 
 class FitQualitySection(SignalSection):
-    """The section with the checks of each fit, as in fits.csv, and with fits to parts of the record."""
+    """The section with the checks of each fit, as in fits.csv."""
 
     order = 70
     name = "fit_quality"
     title = "Quality of the fits"
-    draws_models = True
     lead = (
         "The autocorrelation of the residual at lag one shows whether neighbouring samples are independent, as for "
         "white noise (then it is near 0). The stability over sub-records is the largest change of a damping "
@@ -164,7 +156,7 @@ class FitQualitySection(SignalSection):
         return fitted and not only_answered(run)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return checks of each fit, and fits to parts of the record."""
+        """Return the checks of each fit."""
         repeats = run.repeats(signal)
         ranked = models_by_rank(run, signal, repeats[0])
         parts: list[object] = [paragraph(_EXACT)] if run.under_law else []
@@ -179,24 +171,7 @@ class FitQualitySection(SignalSection):
         }
         fits = sorted(rows_of(run.fits, signal=signal), key=lambda r: (r["repeat"], ranked.index(r["model"])))
         parts.append(Table.of(fits, checks, (len(checks) - 6, len(checks) - 1), CHECKS))
-        models: dict[str, list[object]] = {}
-        for place, model in enumerate(ranked):
-            mode = mode_of(run, signal, repeats[0], model) if is_drawn(run, place) else None
-            windows = [w for w in mode.windows if w.values] if mode else []
-            names = [n for n in coefficients(run, model) if all(n in w.values for w in windows)]
-            models[model] = []
-            if len(windows) > 1 and names:
-                of_part: dict[str, Callable[[PartialFit], str]] = {
-                    "part": lambda w: w.label,
-                    "from / s": lambda w: fmt.number(w.start, 4),
-                    "to / s": lambda w: fmt.number(w.stop, 4),
-                }
-                for n in names:
-                    of_part[words.symbol(n).text] = lambda w, n=n: fmt.with_error(
-                        w.values.get(n), w.sd.get(n)
-                    )
-                models[model].append(Table.of(windows, of_part, caption=PARTS))
-        return stack(*parts, by_model(models))
+        return stack(*parts)
 
 
 def _rms(row: Row) -> str:
