@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -22,7 +21,6 @@ from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit, tabulate_ratios
 from bayesdamp.interface.result import QUIET, GivenAxes, Result, frame_table, get_axes, outcome_notes
 from bayesdamp.physics.oscillator import reference_of
-from bayesdamp.physics.symbols import parameter_symbol
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import joint_log_density
 from bayesdamp.records.oscillation.features import features
@@ -123,8 +121,8 @@ class Posterior(Result, types.Posterior):
 
         The groups are posterior, prior, posterior_predictive, log_likelihood (of each sample given all others, as in
         leave-one-out cross-validation), sample_stats, observed_data and constant_data. posterior_predictive is missing
-        if the noise model cannot be simulated. Units and definitions are attributes of the variables. With very many
-        samples and draws, posterior_predictive and log_likelihood are thinned to a size of 160 MB each.
+        if the noise model cannot be simulated. Times are in s from the first sample, and units are attributes. With
+        very many samples and draws, posterior_predictive and log_likelihood are thinned to a size of 160 MB each.
 
         If laws may hold approximately, posterior and prior also contain the deviations at the times at which they are
         inferred (coordinate `knot`), and their mean sizes. The groups along the record then contain the data that were
@@ -137,10 +135,7 @@ class Posterior(Result, types.Posterior):
 
         fit = self.fit
         law, signal = fit.law, fit.signal
-        attributes = {"units": signal.y_unit} | ({"definition": "the record as it was fitted"} if law else {})
-        known = {
-            n: ((), float(v), {"definition": f"known: {_definition(n, fit)}"}) for n, v in fit.known.items()
-        }
+        known = {n: ((), float(v)) for n, v in fit.known.items()}
         y = law.comparison.data.y if law else signal.y
         shape, dims = self.draws.shape[:2], ("chain", "draw")
         stats: dict[str, Any] = {
@@ -151,22 +146,17 @@ class Posterior(Result, types.Posterior):
             z = target.prior_draws(shape[1], np.random.default_rng([self.seed, 1]))[None]
             prior = _parameters(self, np.stack(list(target.values(z).values()), axis=-1))
             own = _parameters(self, self.draws)
-            lp = {
-                "definition": "log prior density plus log likelihood, as a density of the parameters in their units",
-                "units": "nat",
-            }
-            stats["lp"] = (dims, self.log_prior + self.log_likelihood, lp)
+            stats["lp"] = (dims, self.log_prior + self.log_likelihood, {"units": "nat"})
         else:
             prior = _with_deviations(self, law, law.prior_draws(shape[1], self.seed)[None])
             own = _with_deviations(self, law, self.u)
-            nats = {"definition": "log likelihood of the record", "units": "nat"}
-            stats["log_likelihood"] = (dims, self.log_likelihood, nats)
+            stats["log_likelihood"] = (dims, self.log_likelihood, {"units": "nat"})
         groups = {
             "posterior": own,
             "prior": prior,
             **_pointwise(self),
             "sample_stats": (stats, {"chain": np.arange(shape[0]), "draw": np.arange(shape[1])}),
-            "observed_data": ({RECORD: (("time",), y, attributes)}, _times(self)),
+            "observed_data": ({RECORD: (("time",), y, {"units": signal.y_unit})}, _times(self)),
             "constant_data": (known, _times(self)),
         }
         tree = xr.DataTree.from_dict({name: xr.Dataset(*group) for name, group in groups.items()})
@@ -305,35 +295,13 @@ class Posterior(Result, types.Posterior):
 
 
 def _parameters(post: Posterior, draws: np.ndarray) -> Group:
-    """Return draws, (chain, draw, parameter), as variables with units, definitions and priors, and coordinates."""
-    fit = post.fit
+    """Return draws, (chain, draw, parameter), as variables with units, and coordinates."""
     coords = {"chain": np.arange(draws.shape[0]), "draw": np.arange(draws.shape[1])}
-    variables: dict[str, Any] = {}
-    for i, name in enumerate(post.names):
-        attributes = {
-            "units": fit.units[name],
-            "definition": _definition(name, fit),
-            "prior": fit.priors[name].describe(),
-        }
-        variables[name] = (("chain", "draw"), draws[..., i], attributes)
+    variables: dict[str, Any] = {
+        name: (("chain", "draw"), draws[..., i], {"units": post.fit.units[name]})
+        for i, name in enumerate(post.names)
+    }
     return variables, coords
-
-
-def _definition(name: str, fit: Fit) -> str:
-    """Return the definition of a parameter in words, in one line, without its unit."""
-
-    def first_line(thing: object) -> str:
-        return (inspect.getdoc(type(thing)) or "").partition("\n")[0]
-
-    for term in fit.oscillator.terms:
-        if term.parameter == name:
-            return f"coefficient of {term.name} damping: {first_line(term)}"
-    if (symbol := parameter_symbol(name)) is not None:
-        return symbol.meaning
-    law = fit.oscillator.law
-    if name in law.parameters:
-        return f"{name} of the restoring law {law.name}: {first_line(law)}"
-    return f"{name} of {fit.noise} noise: {first_line(NOISES.get(fit.noise))}"
 
 
 def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
@@ -344,16 +312,13 @@ def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
     chains, count, total = u.shape
     flat = u.reshape(-1, total)
     variables, coords = _parameters(post, law.values(u))
-    coords["knot"] = ("knot", law.knots, {"units": "s", "definition": "time from the first sample"})
-    share = {"units": "1", "prior": "Gaussian process, 0 with probability 0.8"}
+    coords["knot"] = ("knot", law.knots, {"units": "s"})
     g, h = law.deviations(flat)
-    both = ((DAMPING, np.expm1(g), "damping"), (FREQUENCY, h, "frequency"))
-    for (name, values, what), size in zip(both, law.sizes(flat), strict=True):
-        text = f"relative deviation of the {what} from its law"
+    both = ((DAMPING, np.expm1(g)), (FREQUENCY, h))
+    for (name, values), size in zip(both, law.sizes(flat), strict=True):
         shaped = values.reshape(chains, count, -1)
-        variables[name] = (("chain", "draw", "knot"), shaped, {**share, "definition": text})
-        whole = {**share, "definition": f"{text}: mean of its size over the record, weighted by energy"}
-        variables[f"{name}_size"] = (("chain", "draw"), size.reshape(chains, count), whole)
+        variables[name] = (("chain", "draw", "knot"), shaped, {"units": "1"})
+        variables[f"{name}_size"] = (("chain", "draw"), size.reshape(chains, count), {"units": "1"})
     return variables, coords
 
 
@@ -368,23 +333,20 @@ def _pointwise(post: Posterior) -> dict[str, Group]:
     numbers = np.arange(0, count, max(1, -(-chains * count * n // MOST_VALUES)))
     if law is None:
         likelihoods, replications = _pointwise_exactly(post, numbers)
-        definition = "log density of each sample given all others"
     else:
         rng = np.random.default_rng([post.seed, 2])
         motions = law.motions(post.u[:, numbers].reshape(-1, post.u.shape[-1]))
         likelihoods = law.log_likelihoods(motions)
         noise = np.sqrt(law.comparison.variance) * rng.standard_normal((chains, numbers.size, n))
         replications = motions + noise.reshape(motions.shape)
-        definition = "log density of each value that was fitted; they sum to the log likelihood"
-    rows = {"log_likelihood": (likelihoods, "nat", definition)}
+    rows = {"log_likelihood": (likelihoods, "nat")}
     if replications is not None:
-        text = "motion of a posterior draw with simulated noise added"
-        rows = {"posterior_predictive": (replications, post.fit.signal.y_unit, text), **rows}
+        rows = {"posterior_predictive": (replications, post.fit.signal.y_unit), **rows}
     coords = {"chain": np.arange(chains), "draw": numbers, **_times(post)}
     groups = {}
-    for name, (values, unit, text) in rows.items():
-        shaped, attributes = values.reshape(chains, numbers.size, -1), {"units": unit, "definition": text}
-        groups[name] = {RECORD: (("chain", "draw", "time"), shaped, attributes)}, coords
+    for name, (values, unit) in rows.items():
+        shaped = values.reshape(chains, numbers.size, -1)
+        groups[name] = {RECORD: (("chain", "draw", "time"), shaped, {"units": unit})}, coords
     return groups
 
 
@@ -415,7 +377,7 @@ def _times(post: Posterior) -> dict[str, Any]:
     """Return the coordinate `time`: of the record or, with deviations from the laws, of the data that were fitted."""
     law = post.fit.law
     t = post.fit.signal.t if law is None else law.comparison.data.times
-    return {"time": ("time", t, {"units": "s", "definition": "time from the first sample"})}
+    return {"time": ("time", t, {"units": "s"})}
 
 
 def sample(
