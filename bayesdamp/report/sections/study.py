@@ -13,7 +13,6 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import RunFolder, answer_of
 from bayesdamp.report.sections import Section, collapsible, paragraph, stack
-from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, candidate_parts
 
 FACTS = "Revision of the source code, the machine, the seed of the random numbers, and digests of the input files."
@@ -117,14 +116,14 @@ def _signals(run: RunFolder) -> Table | str:
 
 
 class ProvenanceSection(Section):
-    """The section with versions, revision, machine, inputs, failed tasks and times."""
+    """The section with versions, revision, machine, inputs and failed tasks."""
 
     order = 90
     name = "provenance"
     title = "How this report was made"
 
     def render(self, run: RunFolder) -> str:
-        """Return tables of the inputs, software, machine, failed tasks and times."""
+        """Return tables of the inputs, software, machine and failed tasks."""
         info, text = run.info, (0, 1)
         facts = {
             "source revision": info.get("revision"),
@@ -151,23 +150,6 @@ class ProvenanceSection(Section):
             ]
             caption = f"{count} task{'s' if count > 1 else ''} ended without a result, by reason."
             parts.append(Table(["reason", "tasks"], lines, text, caption))
-        known = {n: s for n, s in (info.get("seconds") or {}).items() if isinstance(s, (int, float))}
-        if known:
-            kinds: dict[str, list[float]] = {}
-            for name, seconds in known.items():
-                kinds.setdefault(TaskName.of(name).kind, []).append(seconds)
-            kinds["all"] = list(known.values())
-            of_kind: dict[str, Callable[[str], str]] = {
-                "kind of task": str,
-                "tasks": lambda kind: str(len(kinds[kind])),
-                "total time": lambda kind: fmt.duration(sum(kinds[kind])),
-                "longest task": lambda kind: fmt.duration(max(kinds[kind])),
-            }
-            caption = (
-                "Elapsed time of the tasks of each kind: the sum over all tasks, and the time of the longest one. "
-                "The sum may exceed the duration of the run, because tasks can run in parallel."
-            )
-            parts.append(Table.of(kinds, of_kind, caption=caption))
         return stack(*parts)
 
 
