@@ -1,4 +1,4 @@
-"""Summaries, convergence diagnostics and ArviZ files of posterior draws.
+"""Summaries and convergence diagnostics of posterior draws.
 
 The diagnostics are the rank-normalised split R̂ and the effective sample sizes of bulk, tails and mean, from Vehtari,
 Gelman, Simpson, Carpenter, Bürkner, "Rank-normalization, folding, and localization: an improved R̂ for assessing
@@ -9,15 +9,12 @@ draw). A result is nan if a chain has fewer than four draws or a draw is not fin
 
 from __future__ import annotations
 
-import io
-import sys
 from collections.abc import Mapping
-from contextlib import nullcontext
 
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.types import OK, Posterior
+from bayesdamp.types import OK
 
 LEAST_DRAWS = 4
 """Least number of draws in a chain for which diagnostics are computed; with fewer they are nan (conventional)."""
@@ -202,28 +199,3 @@ def verdict(summaries: Mapping[str, Mapping[str, float]]) -> str:
                 size = f"{kind} effective sample size of {name} is {s[f'ess_{kind}']:.0f}"
                 return f"too few draws: {size}, below {ESS_LIMIT:.0f}"
     return OK
-
-
-def to_netcdf(posterior: Posterior) -> bytes:
-    """Return the content of a netCDF file for ArviZ: draws by parameter, log likelihood and sample statistics.
-
-    The groups are posterior, sample_stats and log_likelihood; the latter contains the log likelihood of the whole
-    record (`record`), one value for each draw, not one for each sample. The content is built in memory and not in a
-    file, because HDF5 crashes the process if the disk is full.
-    """
-    from arviz_base import from_dict
-
-    groups = {n: posterior.draws[:, :, i] for i, n in enumerate(posterior.names)}
-    data = from_dict(
-        {
-            "posterior": groups,
-            "sample_stats": {k: np.asarray(v) for k, v in posterior.stats.items()},
-            "log_likelihood": {"record": posterior.log_likelihood[:, :, None]},
-        }
-    )
-    content = io.BytesIO()
-    # On a Dask worker xarray would lock the file by its name, which a file in memory does not have.
-    dask = sys.modules.get("dask")
-    with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
-        data.to_netcdf(content, engine="h5netcdf")
-    return content.getvalue()

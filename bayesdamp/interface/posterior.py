@@ -47,7 +47,7 @@ SUMMARY_COLUMNS = (
 )
 """Columns of the table of `Posterior.summary`."""
 MOST_VALUES = 20_000_000
-"""Largest number of values in a group of variables along the record (160 MB); with more, draws are thinned evenly."""
+"""Largest number of values in a group of variables along the record in `Posterior.data` (160 MB)."""
 DAMPING, FREQUENCY = "damping_deviation", "frequency_deviation"
 """Names of the variables in `Posterior.data` with the relative deviations of damping and frequency from their laws, at
 times along the record. With the suffix `_size` they name the mean size of each deviation over the record."""
@@ -130,46 +130,7 @@ class Posterior(Result, types.Posterior):
         or amplitudes, phases and midlines of blocks of cycles for a record of many cycles, scaled so that all
         have the same noise, in the unit of the record.
         """
-        self._require_draws()
-        import xarray as xr
-
-        fit = self.fit
-        law, signal = fit.law, fit.signal
-        known = {n: ((), float(v)) for n, v in fit.known.items()}
-        y = law.comparison.data.y if law else signal.y
-        shape, dims = self.draws.shape[:2], ("chain", "draw")
-        stats: dict[str, Any] = {
-            n: (dims, np.asarray(v)) for n, v in self.stats.items() if np.shape(v) == shape
-        }
-        if law is None:
-            target, _ = fit.engine
-            z = target.prior_draws(shape[1], np.random.default_rng([self.seed, 1]))[None]
-            prior = _parameters(self, np.stack(list(target.values(z).values()), axis=-1))
-            own = _parameters(self, self.draws)
-            stats["lp"] = (dims, self.log_prior + self.log_likelihood, {"units": "nat"})
-        else:
-            prior = _with_deviations(self, law, law.prior_draws(shape[1], self.seed)[None])
-            own = _with_deviations(self, law, self.u)
-            stats["log_likelihood"] = (dims, self.log_likelihood, {"units": "nat"})
-        groups = {
-            "posterior": own,
-            "prior": prior,
-            **_pointwise(self),
-            "sample_stats": (stats, {"chain": np.arange(shape[0]), "draw": np.arange(shape[1])}),
-            "observed_data": ({RECORD: (("time",), y, {"units": signal.y_unit})}, _times(self)),
-            "constant_data": (known, _times(self)),
-        }
-        tree = xr.DataTree.from_dict({name: xr.Dataset(*group) for name, group in groups.items()})
-        tree.attrs |= {
-            "inference_library": "bayesdamp",
-            "inference_library_version": __version__,
-            "sampler": self.sampler,
-            "model": fit.model.name,
-            "noise": fit.noise,
-            "signal": signal.name,
-            "outcome": self.outcome,
-        }
-        return tree
+        return build_tree(self, MOST_VALUES)
 
     @cached_property
     def derived(self) -> xr.Dataset:
@@ -294,6 +255,52 @@ class Posterior(Result, types.Posterior):
         return frame_table(self.summary(derived=False).filter(columns), title, outcome_notes(self.outcome))
 
 
+def build_tree(post: Posterior, most: int) -> xr.DataTree:
+    """Return all results as a data tree for ArviZ, as `Posterior.data` explains. Raises Refusal without draws.
+
+    most: approximate largest number of values in posterior_predictive and in log_likelihood, for which draws are
+    thinned evenly; at least one draw of each chain remains.
+    """
+    post._require_draws()
+    import xarray as xr
+
+    fit = post.fit
+    law, signal = fit.law, fit.signal
+    known = {n: ((), float(v)) for n, v in fit.known.items()}
+    y = law.comparison.data.y if law else signal.y
+    shape, dims = post.draws.shape[:2], ("chain", "draw")
+    stats: dict[str, Any] = {n: (dims, np.asarray(v)) for n, v in post.stats.items() if np.shape(v) == shape}
+    stats["log_likelihood"] = (dims, post.log_likelihood, {"units": "nat"})
+    if law is None:
+        target, _ = fit.engine
+        z = target.prior_draws(shape[1], np.random.default_rng([post.seed, 1]))[None]
+        prior = _parameters(post, np.stack(list(target.values(z).values()), axis=-1))
+        own = _parameters(post, post.draws)
+        stats["lp"] = (dims, post.log_prior + post.log_likelihood, {"units": "nat"})
+    else:
+        prior = _with_deviations(post, law, law.prior_draws(shape[1], post.seed)[None])
+        own = _with_deviations(post, law, post.u)
+    groups = {
+        "posterior": own,
+        "prior": prior,
+        **_pointwise(post, most),
+        "sample_stats": (stats, {"chain": np.arange(shape[0]), "draw": np.arange(shape[1])}),
+        "observed_data": ({RECORD: (("time",), y, {"units": signal.y_unit})}, _times(post)),
+        "constant_data": (known, _times(post)),
+    }
+    tree = xr.DataTree.from_dict({name: xr.Dataset(*group) for name, group in groups.items()})
+    tree.attrs |= {
+        "inference_library": "bayesdamp",
+        "inference_library_version": __version__,
+        "sampler": post.sampler,
+        "model": fit.model.name,
+        "noise": fit.noise,
+        "signal": signal.name,
+        "outcome": post.outcome,
+    }
+    return tree
+
+
 def _parameters(post: Posterior, draws: np.ndarray) -> Group:
     """Return draws, (chain, draw, parameter), as variables with units, and coordinates."""
     coords = {"chain": np.arange(draws.shape[0]), "draw": np.arange(draws.shape[1])}
@@ -322,15 +329,15 @@ def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
     return variables, coords
 
 
-def _pointwise(post: Posterior) -> dict[str, Group]:
+def _pointwise(post: Posterior, most: int) -> dict[str, Group]:
     """Return the groups log_likelihood and posterior_predictive, whose variables are (chain, draw, time).
 
-    Draws are thinned to `MOST_VALUES` values in a group. posterior_predictive is missing if the noise model cannot be
+    Draws are thinned to about `most` values in a group. posterior_predictive is missing if the noise model cannot be
     simulated.
     """
     law, (chains, count, _) = post.fit.law, post.draws.shape
     n = post.fit.signal.t.size if law is None else law.comparison.data.t.size
-    numbers = np.arange(0, count, max(1, -(-chains * count * n // MOST_VALUES)))
+    numbers = np.arange(0, count, max(1, -(-chains * count * n // most)))
     if law is None:
         likelihoods, replications = _pointwise_exactly(post, numbers)
     else:

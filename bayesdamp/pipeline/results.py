@@ -304,7 +304,7 @@ def _candidate(folder: Path, key: tuple[str, int, str], results: Sequence[TaskRe
                 import xarray as xr
 
                 with xr.open_datatree(folder / content.file, engine="h5netcdf") as tree:
-                    likelihood = np.asarray(tree["/log_likelihood/record"].to_numpy()[..., 0])
+                    likelihood = tree["/sample_stats/log_likelihood"].to_numpy()
             posteriors[method] = replace(
                 content.posterior,
                 draws=draws,

@@ -274,7 +274,7 @@ def _run_jobs(
 
 def _import_later_modules() -> None:
     """Import modules that are needed later; this runs while the first record is read and processes are idle."""
-    for name in ("bayesdamp.report.render", "bayesdamp.inference.samplers.nuts", "arviz_base"):
+    for name in ("bayesdamp.report.render", "bayesdamp.inference.samplers.nuts", "xarray"):
         import_module(name)
 
 

@@ -9,18 +9,22 @@ import math
 import os
 import re
 import struct
+import sys
 import uuid
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bayesdamp.serial import split
 from bayesdamp.types import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SCHEMA = 2
 """Version of the tables, stated in run.json. It increases when a column is renamed, removed or redefined."""
@@ -98,6 +102,19 @@ def save_bytes(path: str | Path, content: bytes) -> Path:
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
     return path
+
+
+def netcdf_bytes(tree: xr.DataTree) -> bytes:
+    """Return the content of a netCDF file with a tree.
+
+    It is built in memory and not in a file, because HDF5 crashes the process if the disk is full.
+    """
+    content = io.BytesIO()
+    # On a Dask worker xarray would lock the file by its name, which a file in memory does not have.
+    dask = sys.modules.get("dask")
+    with nullcontext() if dask is None else dask.config.set(scheduler="synchronous"):
+        tree.to_netcdf(content, engine="h5netcdf")
+    return content.getvalue()
 
 
 def write_json(path: Path, obj: object) -> None:

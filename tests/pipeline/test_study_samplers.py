@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
+import xarray as xr
 
 from bayesdamp.inference.samplers import SAMPLERS, Sampler
 from bayesdamp.pipeline.run import run_study
@@ -48,5 +49,13 @@ def test_a_posterior_has_derived_quantities_and_a_refusal_its_reason(tmp_path):
     assert abs(parameters["half_life"]["median"] - math.log(2) / zeta["median"]) < 1e-6
     assert abs(coefficient["mean"] - 1.4 * zeta["mean"]) < 1e-12
     assert (coefficient["unit"], parameters["energy_lost"]["unit"]) == ("N m s", "J")
+    with xr.open_datatree(
+        tmp_path / "out" / "posterior" / "noisy.0.viscous.nuts.nc", engine="h5netcdf"
+    ) as tree:
+        assert {"posterior", "prior", "posterior_predictive", "log_likelihood", "observed_data"} <= set(
+            tree.children
+        )
+        assert tree["posterior"]["zeta"].mean() == pytest.approx(zeta["mean"])
+        assert tree["posterior"]["zeta"].attrs["units"] == "1/s"
     outcomes = [r["outcome"] for r in rows if r["sampler"] == "refusing"]
     assert outcomes == ["it does not support this record"]

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import xarray
 
-from bayesdamp.inference import diagnostics
 from bayesdamp.pipeline.workers import cluster
-from bayesdamp.types import InputError, Posterior
+from bayesdamp.store.files import netcdf_bytes
+from bayesdamp.types import InputError
 
 
 def local_cluster(workers: int, folder: Path, processes: bool = False) -> Any:
@@ -58,8 +58,8 @@ def test_a_run_that_waits_for_workers_can_be_interrupted(tmp_path: Path) -> None
 
 
 def _draws() -> bytes:
-    posterior = Posterior("nuts", ("zeta",), np.arange(100.0).reshape(2, 50, 1), np.zeros((2, 50)), {})
-    return diagnostics.to_netcdf(posterior)
+    draws = xarray.Dataset({"zeta": (("chain", "draw"), np.arange(100.0).reshape(2, 50))})
+    return netcdf_bytes(xarray.DataTree.from_dict({"posterior": draws}))
 
 
 def test_draws_are_written_on_a_worker_as_in_one_process(tmp_path: Path) -> None:
