@@ -143,15 +143,11 @@ def interrupt_at_gaps(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tupl
     return np.insert(t, places, begins), np.insert(np.asarray(y, float), places, np.nan)
 
 
-def label_with_plain_numbers(axis: Axis, decades: bool = True) -> None:
-    """Label a logarithmic axis of amplitudes with plain numbers instead of powers of ten.
-
-    `decades`: whether the axis spans several decades. Then only 2, 4 and 6 times a power of ten are labelled between
-    two powers of ten, otherwise every multiple from 2 to 9.
-    """
+def label_with_plain_numbers(axis: Axis) -> None:
+    """Label a logarithmic axis of amplitudes with plain numbers instead of powers of ten."""
     for set_formatter in (axis.set_major_formatter, axis.set_minor_formatter):
         set_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    axis.set_minor_locator(LogLocator(subs=(2, 4, 6) if decades else range(2, 10)))
+    axis.set_minor_locator(LogLocator(subs=(2, 4, 6)))
 
 
 def fix_margins(

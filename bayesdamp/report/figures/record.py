@@ -1,10 +1,9 @@
-"""Draw a record: with the fits of models, with the parts that are used, or with the amplitudes of its oscillations."""
+"""Draw a record: with the fits of models, or with the parts that are used."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,19 +13,15 @@ from bayesdamp.report import words
 from bayesdamp.report.drawing import (
     FAINT,
     INK,
-    INKS,
-    LOOKS,
     MUTED,
     WIDTH,
     colour,
     fix_margins,
     interrupt_at_gaps,
-    label_with_plain_numbers,
     legend_columns,
     looks,
 )
-from bayesdamp.types import DERIVATIVES, FreeDecay
-from bayesdamp.verdict.parts import Oscillation
+from bayesdamp.types import FreeDecay
 
 USED, NOT_USED = "#0072B2", "#56B4E9"
 """Colours of the free decay that is used, and of other free decays."""
@@ -34,13 +29,6 @@ _POINTS = 2000
 """Default number of points to which a line is thinned."""
 _MOST_LAG_LINES = 200
 """Largest number of lags for which an autocorrelation is drawn as separate lines; with more it is drawn as an area."""
-HEIGHT = 2.7
-"""Height of a panel of `draw_motions`, in inches."""
-LEAST_AXIS_RATIO = 2.0
-"""Smallest ratio of the upper to the lower end of an axis of amplitudes, so that a nearly constant amplitude looks
-constant."""
-_AMPLITUDE_POINTS = 200
-"""Number of times at which an amplitude is drawn."""
 
 
 @dataclass(frozen=True)
@@ -215,62 +203,3 @@ def _finish(ax: Axes, ylabel: str, title: str) -> None:
     """Set the title of the axes and the label of the y axis, and limit the number of ticks on the y axis."""
     ax.set(title=title, ylabel=ylabel)
     ax.locator_params(axis="y", nbins=5)
-
-
-def draw_motions(
-    t: np.ndarray, y: np.ndarray, modes: Sequence[Oscillation], quantity: str, axis: str
-) -> Figure:
-    """Draw a record that is not a free decay, with the amplitude of each oscillation in it.
-
-    Each amplitude is drawn as an exponential from its first to its last value. If the first oscillation has no damping
-    ratio (nan), because it is excited, draw instead its amplitude in each period: half the range of the samples.
-
-    Parameters
-    ----------
-    t, y
-        The record, (n,), in s and in the displayed unit.
-    modes
-        The oscillations. Their amplitudes are those of the displacement, in the displayed unit.
-    quantity
-        The recorded quantity: "angle", "velocity" or "acceleration".
-    axis
-        Label of y.
-    """
-    figure = Figure(figsize=(WIDTH, HEIGHT))
-    whole, each = figure.subplots(1, 2)
-    whole.plot(*thin_line(t, y), color=FAINT, lw=0.7)
-    damped = np.isfinite(modes[0].damping_ratio)
-    if damped:
-        whole.set_title("The record, and the amplitude of each oscillation in it")
-    else:  # an excited oscillation: half the range of the samples in each period is its amplitude
-        edges = np.searchsorted(t, np.arange(t[0], t[-1], 1 / modes[0].frequency)).tolist()
-        periods = [(a, b) for a, b in pairwise(edges) if b - a > 1]
-        middles = [0.5 * (t[a] + t[b - 1]) for a, b in periods]
-        sizes = np.array([0.5 * np.ptp(y[a:b]) for a, b in periods])
-        each.plot(middles, sizes / (2 * np.pi * modes[0].frequency) ** DERIVATIVES[quantity], color=INKS[0])
-        whole.set_title("The record")
-        each.set_title("Amplitude in each period")
-    at, middle = np.linspace(t[0], t[-1], _AMPLITUDE_POINTS), float(np.median(y))
-    for mode, (ink, dash) in zip(modes, LOOKS, strict=False):
-        if not np.isfinite(mode.damping_ratio):
-            continue
-        size = mode.first * (mode.last / mode.first) ** ((at - at[0]) / (at[-1] - at[0]))
-        edge = size * (2 * np.pi * mode.frequency) ** DERIVATIVES[quantity]
-        for sign in (1, -1):
-            whole.plot(at, middle + sign * edge, color=ink, ls=dash, lw=1.2)
-        label = f"{mode.frequency:.4g} Hz, {100 * mode.damping_ratio:.3g} %"
-        each.plot(at, size, color=ink, ls=dash, label=label)
-    if damped:
-        each.set_title("Amplitude, frequency and damping ratio of each oscillation")
-        each.legend(loc="best", labelcolor=INK)
-    each.set_yscale("log")
-    low, high = each.get_ylim()
-    if high < LEAST_AXIS_RATIO * low:
-        each.set_ylim(low / LEAST_AXIS_RATIO**0.5, high * LEAST_AXIS_RATIO**0.5)
-    label_with_plain_numbers(each.yaxis, decades=high > 5 * low)
-    each.set_ylabel(f"amplitude / {modes[0].unit}")
-    whole.set_ylabel(axis)
-    for ax in (whole, each):
-        ax.set_xlabel("time / s")
-    fix_margins(figure)
-    return figure

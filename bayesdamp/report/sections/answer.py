@@ -14,7 +14,6 @@ from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
 from bayesdamp.report.figures.answer import MOST_COLOURED, overview
-from bayesdamp.report.figures.record import draw_motions
 from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
 from bayesdamp.report.results.run import (
     ANCHOR,
@@ -37,7 +36,6 @@ from bayesdamp.units import level_unit
 from bayesdamp.verdict.parts import (
     Coefficient,
     Grade,
-    MotionKind,
     decay_table,
     modes_table,
     number,
@@ -77,18 +75,6 @@ LEVELS = (
     "lines), the level of the noise floor (dotted line, if there is one), and the fit of the most probable damping "
     "model, including its deviation from the law (blue line; band: ± 2 standard deviations). Right: readings averaged "
     "over short intervals, minus the fit (orange band: ± 2 standard deviations of the noise)."
-)
-MOTIONS = (
-    "Left: the record (grey) and the amplitude of each oscillation that was found in it (coloured lines). Right: these "
-    "amplitudes against time on a logarithmic scale; the legend gives the frequency and the damping ratio of each "
-    "oscillation. Each amplitude is assumed to change exponentially, so its line is straight on the right: it falls if "
-    "the oscillation decays, is level if something drives it, and rises if it gains energy. A single free decay would "
-    "have one line, along the edge of the record on the left."
-)
-EXCITED = (
-    "Left: the record. Right: its amplitude in each period (half the range of the samples, as a displacement) on a "
-    "logarithmic scale. Without excitation the amplitude would only decrease. Here it rises and falls randomly, so the "
-    "rate at which it sometimes decreases does not give the damping."
 )
 PARTS_OF_SD = (
     "The standard deviation (sd) has two parts: one is due to the noise of the record, the other to deviations of the "
@@ -188,14 +174,6 @@ class AnswerSection(Section):
                     )
                     parts.append(paragraph(text))
             elif v.grade is Grade.NO_FREE_DECAY:
-                task_result = run.task_result("signal", signal, run.repeats(signal)[0])
-                if task_result is not None and "t" in task_result.arrays and v.modes:
-                    quantity, unit = run.quantity(signal), run.unit(signal).displacement
-                    t, y = task_result.arrays["t"], task_result.arrays["y"] * unit.scale
-                    axis = f"{unit.quantity_name(quantity)} / {words.divisor(unit.of(quantity))}"
-                    draw = partial(draw_motions, t, y, v.modes, quantity, axis)
-                    caption = EXCITED if v.motion is MotionKind.EXCITED else MOTIONS
-                    parts.append(run.drawings.add(f"motions-{signal}", caption, draw))
                 parts.append(modes_table(v.modes, v.motion))
             else:
                 numbers, energy, parts = _numbers(v), energy_sentences(v), _views(run, answer)
