@@ -10,19 +10,15 @@ import numpy as np
 
 from bayesdamp import types
 from bayesdamp.estimators import STAGES, run as run_estimator
-from bayesdamp.estimators.shared import start_parameters
 from bayesdamp.formatting import Table, data_frame
 from bayesdamp.interface.density import units_of
 from bayesdamp.interface.model import Case, Model, check_signal
-from bayesdamp.interface.result import BLUE, INK, QUIET, Result, frame_table, get_axes, label_axes
+from bayesdamp.interface.result import Result, frame_table
 from bayesdamp.interface.signal import Signal
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.trajectories import simulate
 from bayesdamp.types import OK, Refusal
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -77,30 +73,6 @@ class Estimate(Result):
             for what, values in (("value", stage.values), ("stderr", stage.stderr))
         }
         return data_frame({**columns, "unit": list(self.units.values())}, index=self.units)
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the record with the motion of each stage that has values, and return the axes.
-
-        Parameters that a stage does not compute have their known values, or values from the record's features. Raises
-        Refusal if neither stage has values.
-        """
-        if not self.values:
-            raise Refusal(self.outcome)
-        ax = get_axes(ax)[0]
-        t, unit = self.signal.t, self.signal.own_unit
-        ax.plot(t, unit.scale * self.signal.y, ".", color=QUIET, ms=2, label="record")
-        case = Case.of(self.signal, self.model)
-        rest = start_parameters(self.signal, case.problem, case.features)
-        oscillator = Oscillator(self.model.terms, self.model.restoring)
-        precision = 1e-4 * float(np.ptp(self.signal.y))
-        looks = ((self.initial, ":", INK), (self.refined, "-", BLUE))
-        for stage, dashes, colour in looks:
-            values = {**rest, **stage.values}
-            if stage.values and all(n in values for n in oscillator.parameters):
-                motion = simulate(oscillator, values, t, self.signal.quantity, precision)
-                ax.plot(t, unit.scale * motion, dashes, color=colour, lw=1.0, label=stage.stage)
-        label_axes(ax, unit, self.signal.quantity, f"{self.estimator}, {self.model.name}")
-        return ax
 
     def _table(self) -> Table:
         title = f"Estimate of {self.model.name} on {self.signal.name} by {self.estimator}"

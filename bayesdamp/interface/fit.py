@@ -24,7 +24,6 @@ from bayesdamp.interface.density import Density, units_of
 from bayesdamp.interface.model import Model, check_signal, fit_approximate, fit_exact
 from bayesdamp.interface.result import (
     BLUE,
-    FAINT,
     QUIET,
     GivenAxes,
     Result,
@@ -41,7 +40,7 @@ from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.serial import Storable
-from bayesdamp.types import NORMAL_95, OK, InputError, Refusal
+from bayesdamp.types import OK, InputError, Refusal
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.words import UNDETECTED_DEVIATION
 
@@ -89,18 +88,6 @@ class Prediction(Result):
     def summary(self) -> pd.DataFrame:
         """Return a table with a row for each time: t in s, value and sd in `unit`."""
         return data_frame({"t": self.t, "value": self.value, "sd": self.sd, "unit": self.unit})
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the motion with its 95 % band (without the noise), and return the axes."""
-        ax = get_axes(ax)[0]
-        order = np.argsort(self.t)
-        t, value, half = self.t[order], self.value[order], NORMAL_95 * self.sd[order]
-        ax.fill_between(t, value - half, value + half, color=FAINT, label="95 %")
-        ax.plot(t, value, color=BLUE, lw=1.0, label="best fit")
-        ax.set_xlabel("time / s")
-        ax.set_ylabel(f"{self.quantity} / {self.unit}")
-        ax.legend(loc="upper right")
-        return ax
 
     def _table(self) -> Table:
         rows = np.linspace(0, self.t.size - 1, min(PRINTED_TIMES, self.t.size)).astype(int)

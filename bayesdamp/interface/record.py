@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bayesdamp.formatting import Table, compact
-from bayesdamp.interface.result import Result, get_axes, label_axes
+from bayesdamp.interface.result import Result
 from bayesdamp.interface.signal import Signal, cut
 from bayesdamp.records.cleaning.clean import known_unit
 from bayesdamp.records.files.names import unit_by_name
@@ -22,7 +22,7 @@ from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 Column = str | int
 """A column of a file, by its name or its number from 1."""
@@ -118,15 +118,6 @@ class Record(Result):
     def signals(self) -> tuple[Signal, ...]:
         """Return the free decay of each run, as `signal` does with its defaults. Raises InputError if one has none."""
         return tuple(self.signal(run) for run in self.runs)
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot all runs as they were read, in the unit of the file, in one axes (by default new), and return it."""
-        ax = get_axes(ax)[0]
-        for run, raw in zip(self.runs, self.raw, strict=True):
-            times = np.arange(raw.y.size) / (raw.rate or 1.0) if raw.t is None else raw.t
-            ax.plot(times, raw.y, lw=0.8, label=f"run {run}")
-        label_axes(ax, UNITS[self.unit], self.quantity, self.path.name)
-        return ax
 
     def _table(self) -> Table:
         rows = [

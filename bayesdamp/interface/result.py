@@ -20,7 +20,6 @@ from bayesdamp.plugins import nearest
 from bayesdamp.serial import join, split
 from bayesdamp.store.files import READ_ERRORS, pack, save_bytes, unpack
 from bayesdamp.types import InputError
-from bayesdamp.units import Unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -193,15 +192,6 @@ def get_axes(
     figure = plt.figure(figsize=size, layout="constrained")
     grid = figure.subplots(-(-count // columns), columns, squeeze=False, height_ratios=heights)
     return tuple(grid.ravel().tolist())
-
-
-def label_axes(ax: Axes, unit: Unit, quantity: str, title: str = "") -> None:
-    """Label axes with a recorded quantity against time, in the unit of the file; show the legend of several lines."""
-    ax.set_xlabel("time / s")
-    ax.set_ylabel(f"{unit.quantity_name(quantity)} / {unit.of(quantity)}")
-    ax.set_title(title, fontsize="small", loc="left")
-    if len(ax.get_legend_handles_labels()[0]) > 1:
-        ax.legend(loc="upper right")
 
 
 def list_axes(ax: Axes | Sequence[Axes] | NDArray[Any]) -> tuple[Axes, ...]:

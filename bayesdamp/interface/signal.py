@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from bayesdamp import types
 from bayesdamp.formatting import Table, data_frame
 from bayesdamp.interface.arguments import numbers_of
-from bayesdamp.interface.result import FAINT, INK, Result, frame_table, get_axes, label_axes
+from bayesdamp.interface.result import FAINT, INK, Result, frame_table, get_axes
 from bayesdamp.records.cleaning.clean import clean, decimate, known_unit, recording_step
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.files.names import unit_by_name
@@ -108,7 +108,11 @@ class Signal(Result, types.Signal):
             ax.plot(self.whole_t, self.whole_y * unit.scale, color=FAINT, lw=1.0, label="cut away")
         ax.plot(self.t + begun, self.y * unit.scale, color=INK, lw=0.8, label="kept")
         notes = textwrap.wrap(" ".join(self.notes), 90)
-        label_axes(ax, unit, self.quantity, "\n".join([self.name, *notes]))
+        ax.set_xlabel("time / s")
+        ax.set_ylabel(f"{unit.quantity_name(self.quantity)} / {unit.of(self.quantity)}")
+        ax.set_title("\n".join([self.name, *notes]), fontsize="small", loc="left")
+        if self.whole_t.size:
+            ax.legend(loc="upper right")
         return ax
 
     def _table(self) -> Table:
