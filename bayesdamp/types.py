@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 OK = "ok"
 """Outcome of a task that succeeded; any other outcome is a sentence on what went wrong or is doubtful."""
-VERDICT_SCHEMA = 2
+VERDICT_SCHEMA = 3
 """Version of the format of verdict.json; it increases if a field is renamed, removed, or changes its meaning."""
 NORMAL_95 = 1.959963984540054
 """Half the width of the central 95 % interval of a normal distribution, in standard deviations."""

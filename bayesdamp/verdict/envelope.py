@@ -297,20 +297,6 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
             "rates are computed from it. "
             "Use --damping power, or --damping cubic where the power is near 3, to compare it with the sums."
         )
-    facts = record.facts.items()
-    stated = next((text for name, text in facts if name.lower().startswith("quality factor")), "")
-    try:
-        quality = float(stated.split()[0])
-    except (ValueError, IndexError):
-        quality = None
-    if quality is not None and v.quality_factor is not None:
-        own = v.quality_factor
-        off = (own.value - quality) / max(math.hypot(own.sd_noise, own.sd_law), 1e-300)
-        side = "below" if off > 0 else "above"
-        texts.append(
-            f"The file's header states Q = {by_ten(f'{quality:.4g}')}, which is {abs(off):.1f} standard deviations "
-            f"{side} the Q of this result."
-        )
     return tuple(texts)
 
 
@@ -477,15 +463,12 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
         decay_rate=table(rates),
         quality_factor_at=table(qualities),
         next_value=Interval(common.value, next_low, next_high, unit),
-        standardised=float(np.sum(((x - np.average(x, weights=sd**-2.0)) / sd) ** 2)) / (x.size - 1),
     )
     what, where = "Q" if quality else "decay rate", at_middle(verdict)
     more = by_ten(with_interval(common.value, next_low, next_high, f" {unit}" if unit else ""))
     texts = (
         *spread_remark(verdict),
         f"One more record would have {what} = {more}{where} with 95 % probability.",
-        f"The differences between the records' values{where}, divided by their standard deviations, have a mean square "
-        f"of {verdict.standardised:.1f}; 1 is expected if the records agree.",
         *(verdict.remarks if joint else ()),
     )
     if varies and not rates:

@@ -141,9 +141,6 @@ class Verdict(CheckedMethods):
     next_record, next_value
         For several records: the damping ratios that one more record would have, with 95 % intervals; for envelopes its
         quality factor, or else its rate.
-    standardised
-        For several envelopes: the mean square of the differences of their own values from the common one, each divided
-        by its standard deviation; 1 is expected if they agree.
     remarks, sentence
         Reservations, the largest first; and the answer in one sentence.
     """
@@ -188,7 +185,6 @@ class Verdict(CheckedMethods):
     decay_rate: tuple[AtAmplitude, ...] = ()
     quality_factor_at: tuple[AtAmplitude, ...] = ()
     next_value: Interval | None = None
-    standardised: float = NAN
     records: int = 1
 
     def __repr__(self) -> str:

@@ -116,7 +116,8 @@ def test_repeats_with_drag_are_pooled_at_amplitudes_that_all_reach(frequency):
     middle = common.decay_rate[1]
     true = np.pi * 50 / (0.5 * middle.amplitude) if frequency else 0.5 * middle.amplitude
     assert common.next_value.low <= true <= common.next_value.high
-    assert common.standardised < 5  # control: 3,400 for means over each record's own fall
+    next_low, next_high = common.next_value.low, common.next_value.high
+    assert next_high / next_low < 1.05  # control: 8.5 for means over each record's own fall
     assert f" at {middle.amplitude:.3g} V" in common.sentence
 
 
@@ -177,17 +178,6 @@ def test_coefficients_are_in_the_unit_of_the_amplitude():
         assert coefficient.value == pytest.approx(size, rel=0.02)
 
 
-def test_a_quality_factor_in_the_head_of_a_file_is_compared():
-    record = replace(ringdown({"viscous": 0.2}, 1)[0], facts={"Quality factor": "2e7 (supplier)"})
-    result = verdict(record)
-    own = result.quality_factor
-    off = (2e7 - own.value) / np.hypot(own.sd_noise, own.sd_law)
-    assert (
-        f"states Q = 2 × 10⁷, which is {off:.1f} standard deviations above the Q of this result."
-        in " ".join(result.remarks)
-    )
-
-
 @pytest.mark.parametrize("frequency", [1e6, None])
 def test_numbers_of_repeats_are_pooled_as_logarithms(frequency):
     """By hand: rates and quality factors with known standard deviations. Without a frequency, rates are pooled."""
@@ -210,8 +200,6 @@ def test_numbers_of_repeats_are_pooled_as_logarithms(frequency):
     assert np.hypot(number.sd_noise, number.sd_law) == pytest.approx(number.value * p.sd, rel=1e-9)
     assert (number.low, number.high) == pytest.approx(tuple(np.exp(norm.interval(0.95, p.mean, p.sd))))
     assert (common.next_value.low, common.next_value.high) == pytest.approx((np.exp(p.low), np.exp(p.high)))
-    middle = np.sum(x / sd**2) / np.sum(sd**-2.0)
-    assert common.standardised == pytest.approx(np.sum(((x - middle) / sd) ** 2) / 2, rel=1e-9)
     assert common.probability > 0.9
     assert common.sentence.startswith("3 records: Viscous damping")
     without_likelihoods = specimen("x", [replace(item, likelihoods={}) for item in answers])
@@ -224,7 +212,5 @@ def test_a_record_of_another_specimen_increases_the_spread():
     answers = [analyse(ringdown({"viscous": 0.2}, seed)[0]) for seed in (1, 2, 3)]
     other = analyse(ringdown({"viscous": 0.25}, 4)[0])
     same, mixed = specimen("x", answers), specimen("x", [*answers, other])
-    assert same.standardised < 5
     assert same.spread.value < 0.05
-    assert mixed.standardised > 10
     assert mixed.spread.value > 0.05

@@ -52,7 +52,7 @@ def test_an_envelope_and_a_motion_have_the_same_fields(envelope: Verdict, tmp_pa
     motion = replace(verdict_of(frequency_at=HERTZ), unexplained_pct=math.nan)
     save_verdicts(tmp_path, [motion, envelope])
     content = json.loads((tmp_path / "verdict.json").read_text(), parse_constant=pytest.fail)
-    assert [v.pop("schema") for v in content] == [2, 2]
+    assert [v.pop("schema") for v in content] == [3, 3]
     assert [type_faults(Verdict, v) for v in content] == [[], []]
     loaded = load_verdicts(tmp_path / "verdict.json")
     assert [repr(astuple(v)) for v in loaded] == [repr(astuple(v)) for v in (motion, envelope)]

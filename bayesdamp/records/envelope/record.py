@@ -6,8 +6,8 @@ The amplitude (rad or m) and the frequency are determined too, for damping terms
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -48,8 +48,6 @@ class EnvelopeRecord:
         Unit of the recorded values.
     frequency
         Frequency of the oscillation in Hz, or None if unknown.
-    facts
-        Facts in the header of the file, by name.
     notes
         Sentences on how the record was read.
     """
@@ -59,7 +57,6 @@ class EnvelopeRecord:
     level: np.ndarray
     unit: str
     frequency: float | None = None
-    facts: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property
@@ -92,7 +89,6 @@ def make_record(
     y: np.ndarray,
     unit: str,
     frequency: float | None = None,
-    facts: Mapping[str, str] | None = None,
     notes: tuple[str, ...] = (),
 ) -> EnvelopeRecord:
     """Make an envelope record from times and readings.
@@ -110,7 +106,7 @@ def make_record(
         A unit of DECIBELS for levels, of POWER for powers, any other for amplitudes.
     frequency
         Frequency of the oscillation in Hz; None if it is not known.
-    facts, notes
+    notes
         As in `EnvelopeRecord`.
 
     Raises
@@ -154,7 +150,7 @@ def make_record(
         keep &= size != 0
         level = (10.0 if unit in POWER else 20.0) * np.log10(np.where(size != 0, size, 1.0))
     t, level = t[keep].astype(float), level[keep]
-    return EnvelopeRecord(name, t, level, unit, frequency, dict(facts or {}), tuple(remarks))
+    return EnvelopeRecord(name, t, level, unit, frequency, tuple(remarks))
 
 
 def is_envelope(path: Path, value: ColumnName | None = None, unit: str | None = None) -> bool:
@@ -245,20 +241,19 @@ def read_envelope(
     raw = read_record(path, time=time, value=value, rate=rate)
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
     about = replace(raw.provenance, header_lines=0)  # the facts in them have been read
-    facts = {name: str(fact) for name, fact in about.facts.items()}
     column = about.value_column
     bracketed = re.search(r"[\[(]([^\])]+)[\])]\s*$", column)
     in_brackets = bracketed[1].strip() if bracketed else ""
     chosen = unit or unit_in(column) or in_brackets or "units"
-    for name, text in facts.items() if frequency is None else ():
+    for name, text in about.facts.items() if frequency is None else ():
         if not re.search(r"\bfrequency\b", name, re.IGNORECASE) or re.search("sampl", name, re.IGNORECASE):
             continue
         hertz = re.search(r"\b([kMG]?Hz)\b", f"{name} {text}", re.IGNORECASE)
-        number = re.match(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?", text)
+        number = re.match(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?", str(text))
         if number and float(number[0]) > 0:
             frequency = float(number[0]) * (_HERTZ[hertz[1].lower()] if hertz else 1.0)
             break
-    return make_record(path.name, t, raw.y, chosen, frequency, facts, about.sentences)
+    return make_record(path.name, t, raw.y, chosen, frequency, about.sentences)
 
 
 def scale_of(record: EnvelopeRecord, sums: Sequence[tuple[str, ...]], log_amplitude: float) -> Scale:
