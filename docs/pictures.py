@@ -132,7 +132,7 @@ def envelopes() -> Figure:
 def in_noise(root: Path) -> Figure:
     """Errors of all methods against noise, from the report of studies/noise.toml."""
     found = next(s for s in error_series(RunFolder(root / "reports" / "noise")) if s.factor == "noise")
-    methods = [m for members in CATEGORIES.values() for m in members if any(k[0] == m for k in found.errors)]
+    methods = [m for members in CATEGORIES.values() for m in members if m in found.errors.index.unique(0)]
     return sweep(found, methods)
 
 

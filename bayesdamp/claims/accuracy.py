@@ -36,6 +36,7 @@ from bayesdamp.report.results.estimators import (
     is_significantly_better,
     printed_error,
     rank_ranges,
+    rms,
 )
 
 CLAIMS: list[Claim] = []
@@ -84,23 +85,17 @@ MUCH_FASTER = 3.0
 @claim(CLAIMS, "Hybrid methods (an estimate, then the trajectory fit) reach errors below 0.1 %.", "3.1, 5.2")
 @on_clean
 def _hybrid(comparison: EstimatorComparison) -> Judgement:
-    methods, signals = comparison.methods, comparison.signals
-    worst = {
-        s: max((comparison.errors.get((m, g, s), 0.0), m) for m in methods for g in signals) for s in STAGES
-    }
-    good = [
-        words.method(m)
-        for m in methods
-        if all(comparison.errors.get((m, g, "initial"), 99.0) < HYBRID for g in signals)
-    ]
+    initial, refined = (comparison.at_stage(stage) for stage in STAGES)
+    worst, worst_refined = initial.max(axis=1), refined.max(axis=None)
+    good = [words.method(m) for m in comparison.methods if (initial.loc[m] < HYBRID).all()]
     measured = (
-        f"Every refined estimate is within {worst['refined'][0]:.1g} % of the truth, because the trajectory fit has "
+        f"Every refined estimate is within {worst_refined:.1g} % of the truth, because the trajectory fit has "
         "a single optimum, which does not depend on its start. The largest error without this fit is "
-        f"{worst['initial'][0]:.2g} % ({words.method(worst['initial'][1])}), and {fmt.listing(good) or 'none'} "
+        f"{worst.max():.2g} % ({words.method(worst.idxmax())}), and {fmt.listing(good) or 'none'} "
         f"{'is' if len(good) == 1 else 'are'} below 0.1 % without it. The error after the refinement therefore does "
         "not show how good the method before it is."
     )
-    return Judgement("holds" if worst["refined"][0] < HYBRID else "does not hold", measured)
+    return Judgement("holds" if worst_refined < HYBRID else "does not hold", measured)
 
 
 def _row(method: str, comparison: EstimatorComparison) -> Judgement:
@@ -113,11 +108,8 @@ def _row(method: str, comparison: EstimatorComparison) -> Judgement:
     """
     if method not in comparison.methods:
         return NO_RUN
-    signals = comparison.signals
-    printed = [printed_error(comparison.published.get((method, s), "")) for s in signals]
-    errors = {
-        stage: [comparison.errors.get((method, s, stage), math.nan) for s in signals] for stage in STAGES
-    }
+    printed = [printed_error(text) for text in comparison.published.loc[method]]
+    errors = {stage: comparison.at_stage(stage).loc[method].tolist() for stage in STAGES}
     # A printed 0 means below the last printed digit. Comparisons with nan are false, so nan does not confirm a claim.
     own, refined = (all(e <= max(p, 5e-3) for e, p in zip(errors[stage], printed)) for stage in STAGES)
     pairs = [(p, e) for p, e in zip(printed, errors["initial"]) if p > 0]
@@ -138,14 +130,12 @@ CLAIMS.extend(
 @claim(CLAIMS, "All iterative methods (PINN, neural ODE, genetic) come within 0.5 %.", "Figure 10")
 @on_clean
 def _iterative(comparison: EstimatorComparison) -> Judgement:
-    names = ("pinn", "neural_ode", "genetic")
+    names = ["pinn", "neural_ode", "genetic"]
     if not set(names) <= set(comparison.methods):
         return NO_RUN
-    worst = {
-        m: max(comparison.errors.get((m, s, "initial"), math.inf) for s in comparison.signals) for m in names
-    }
+    worst = comparison.at_stage("initial").loc[names].fillna(math.inf).max(axis=1)
     sizes = ", ".join(f"{words.method(m)} {e:.2g} %" for m, e in worst.items())
-    verdict = "holds" if max(worst.values()) < 0.5 else "does not hold"
+    verdict = "holds" if worst.max() < 0.5 else "does not hold"
     return Judgement(verdict, f"Largest error of each initial estimate: {sizes}.")
 
 
@@ -184,16 +174,15 @@ def _pinn(runs: Runs) -> Judgement:
 @claim(CLAIMS, "Clean data, known model: least squares is the fastest and below 0.01 %.", "5.5")
 @on_clean
 def _best_clean(comparison: EstimatorComparison) -> Judgement:
-    means = {m: comparison.mean(m, "initial") for m in comparison.methods}
-    ranked = sorted((m for m in means if math.isfinite(means[m])), key=lambda m: means[m])
-    seconds = {m: comparison.seconds.get((m, "initial"), math.inf) for m in ranked}
-    fastest = min(seconds, key=lambda m: seconds[m])
-    sizes = ", ".join(f"{words.method(m)} {means[m]:.1g} %" for m in ranked[:4])
+    means = comparison.at_stage("initial").mean(axis=1).dropna().sort_values(kind="stable")
+    seconds = comparison.seconds["initial"][means.index]
+    fastest = seconds.idxmin()
+    sizes = ", ".join(f"{words.method(m)} {mean:.1g} %" for m, mean in means.head(4).items())
     measured = (
         f"Mean initial error, best first: {sizes}. Least squares takes {fmt.duration(seconds.get('least_squares'))} "
         f"for the three records; the fastest is {words.method(fastest)}."
     )
-    parts = (fastest == "least_squares") + (means["least_squares"] < 0.01)
+    parts = (fastest == "least_squares") + bool(means["least_squares"] < 0.01)
     return Judgement(("does not hold", "holds in part", "holds")[parts], measured)
 
 
@@ -203,8 +192,7 @@ def _errors(along: ErrorSeries, method: str, level: float) -> dict[int, float]:
     The errors are absolute, in per cent of the true value, by the number of the repeat; {} if there are none, or if the
     level is not one of `along.values`.
     """
-    each = along.each.get((method, "initial"))
-    return each[along.values.index(level)] if each and level in along.values else {}
+    return along.of(method, "initial", along.values.index(level)) if level in along.values else {}
 
 
 def _size(along: ErrorSeries, method: str, level: float) -> str:
@@ -214,7 +202,7 @@ def _size(along: ErrorSeries, method: str, level: float) -> str:
     in per cent of the first amplitude, is one of `along.values`. An example is "2.1 % (1.5 to 2.9)".
     """
     low, high = error_interval(_errors(along, method, level))
-    error = along.errors[method, "initial"][along.values.index(level)]
+    error = along.errors.at[(method, "initial"), along.values.index(level)]
     return f"{error:.2g} %" + (f" ({low:.2g} to {high:.2g})" if math.isfinite(low) else "")
 
 
@@ -229,7 +217,7 @@ def _weak(runs: Runs) -> Judgement:
             first, last = order["weak_sindy"]
             best.append(first)
             worst.append(last)
-            leading = min(order, key=lambda m: along.errors[m, "initial"][along.values.index(level)])
+            leading = min(order, key=lambda m: along.errors.at[(m, "initial"), along.values.index(level)])
             rank = f"rank {first}" if first == last else f"rank {first} to {last}"
             parts.append(
                 f"{words.model(along.model)} at {level:g} %: {rank} of {len(order)}, "
@@ -271,21 +259,18 @@ def _sindy(runs: Runs) -> Judgement:
 def _bound(runs: Runs) -> Judgement:
     parts, good = [], []
     for along in runs.along_noise:
-        ratios = []
-        for method, stage in along.errors:
-            if stage != "refined":
-                continue
-            squares = [
-                (e / bound) ** 2
-                for errors, bound in zip(along.each[method, stage], along.bounds, strict=True)
-                if math.isfinite(bound)
-                for e in errors.values()
-            ]
-            if len(squares) >= LEAST_ERRORS:
-                ratios.append(math.sqrt(sum(squares) / len(squares)))
-        if ratios:
-            good.append(max(ratios) < 1.5)
-            parts.append(f"{words.model(along.model)} {min(ratios):.2f} to {max(ratios):.2f}")
+        bounds = along.each.index.get_level_values("value").map(dict(enumerate(along.bounds)))
+        ratios = (
+            (along.each / bounds)
+            .xs("refined", level="stage")
+            .dropna()
+            .groupby("estimator")
+            .agg([rms, "size"])
+        )
+        ratios = ratios["rms"][ratios["size"] >= LEAST_ERRORS]
+        if ratios.size:
+            good.append(ratios.max() < 1.5)
+            parts.append(f"{words.model(along.model)} {ratios.min():.2f} to {ratios.max():.2f}")
     if not parts:
         return NO_RUN
     measured = (
@@ -315,7 +300,7 @@ def _time(method: str, comparison: EstimatorComparison) -> Judgement:
     """
     if method not in comparison.methods:
         return NO_RUN
-    own, refined = (comparison.seconds.get((method, stage), math.nan) for stage in STAGES)
+    own, refined = (float(comparison.seconds.at[method, stage]) for stage in STAGES)
     measured = (
         f"{fmt.duration(own)}, and {fmt.duration(refined)} for the refinement, for the three records together, "
         "including compilation if it was necessary."

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from bayesdamp.claims import CLAIMS, Claim, Judgement, judge_all, write_page
@@ -78,10 +80,12 @@ def test_the_page_counts_judgements_and_escapes_bars():
 )
 def test_least_squares_must_be_the_fastest_and_accurate(error: float, seconds: float, expected: str) -> None:
     """The other method takes 1 s for an error of 0.05 %; the fastest one has no estimate, so it does not count."""
-    errors = {("least_squares", "a", "initial"): error, ("sindy", "a", "initial"): 0.05}
-    times = {("least_squares", "initial"): seconds, ("sindy", "initial"): 1.0, ("envelope", "initial"): 0.01}
     methods = ["least_squares", "sindy", "envelope"]
-    compared = EstimatorComparison(methods, ["a"], errors, {}, times, {}, {})
+    errors = pd.DataFrame({("a", "initial"): [error, 0.05, np.nan]}, methods).rename_axis(
+        columns=["signal", "stage"]
+    )
+    times = pd.DataFrame({"initial": [seconds, 1.0, 0.01]}, methods)
+    compared = EstimatorComparison(errors, set(), times, pd.DataFrame(), {})
     judgement = _best_clean(SimpleNamespace(compared=compared))
     assert judgement.verdict == expected
     assert ("the fastest is least squares" in judgement.measured) == (seconds < 1)

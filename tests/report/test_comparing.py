@@ -81,8 +81,8 @@ def test_a_series_contains_records_that_differ_in_one_factor(folder):
     result = error_series(RunFolder(folder))
     assert [(s.model, s.factor) for s in result] == [("viscous", "noise"), ("coulomb", "noise")]
     assert result[0].values == list(LEVELS)
-    assert result[0].errors["genetic", "initial"] == pytest.approx([0.0, 2.0, 4.0, 8.0])
-    assert result[0].answers["genetic", "initial"] == [(2, 2)] * 4
+    assert result[0].errors.loc["genetic", "initial"].tolist() == pytest.approx([0.0, 2.0, 4.0, 8.0])
+    assert result[0].repeats["genetic", "initial"].tolist() == [2] * 4
     assert math.isnan(result[0].bounds[0])
     assert result[0].bounds[1:] == pytest.approx([0.1, 0.2, 0.4])
     run = RunFolder(folder)

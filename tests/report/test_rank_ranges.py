@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bayesdamp.report.results.estimators import (
@@ -38,7 +39,7 @@ def test_methods_that_cannot_be_distinguished_share_their_ranks():
         "many": {i: some[-1 - i % 5] for i in range(50)},
         "worst": {i: 30 * some[i % 5] for i in range(50)},
     }
-    each = {(m, "initial"): [own] for m, own in errors.items()}
-    series = ErrorSeries("viscous", "noise", [1.0], {}, {}, [math.nan], each)
+    each = pd.Series({(m, "initial", 0, i): e for m, own in errors.items() for i, e in own.items()})
+    series = ErrorSeries("viscous", "noise", [1.0], [math.nan], each.sort_index())
     ranges = {"best": (1, 1), "few": (2, 3), "many": (2, 3), "worst": (4, 4)}
     assert rank_ranges(series, "initial", 0) == ranges

@@ -26,16 +26,16 @@ def page(run: RunFolder) -> str:
     """Return the page in Markdown, from the folder of a run of the study `noise`."""
     every = error_series(run)
     along = next(s for s in every if s.factor == "noise")
-    repeats = max(tried for own in along.answers.values() for _, tried in own)
+    repeats = along.repeats.max()
     at = along.values.index(1.0)
     order = sorted(rank_ranges(along, INITIAL, at).items(), key=lambda item: item[1])
     first = [words.method(m) for m, (best, _) in order if best == 1]
-    refined = [e[at] / along.bounds[at] for (_, s), e in along.errors.items() if s == REFINED]
+    refined = along.errors.xs(REFINED, level="stage")[at] / along.bounds[at]
     lines = [
         "# Errors of the eleven estimators in noise",
         "",
         f"At 1 % of noise no method is better than {fmt.listing(first)} by more than chance; the errors of the "
-        f"refined estimates of all methods are {min(refined):.2f} to {max(refined):.2f} times the Cramér–Rao bound.",
+        f"refined estimates of all methods are {refined.min():.2f} to {refined.max():.2f} times the Cramér–Rao bound.",
         "",
         f"The damping is viscous; every method estimates {repeats} repeats of each record. The tables give the root "
         "mean square error of ζ in per cent for the initial estimate of each method, with its 95 % interval "
@@ -54,14 +54,14 @@ def _table(part: ErrorSeries) -> str:
     """Return a Markdown table of each method's error (%) and range of ranks, along one factor such as the noise."""
     order = [rank_ranges(part, INITIAL, i) for i in range(len(part.values))]
     lines = []
-    for method in sorted({m for m, s in part.errors if s == INITIAL}):
+    for method in sorted(part.errors.xs(INITIAL, level="stage").index):
         cells = []
         for i in range(len(part.values)):
-            own = part.each[method, INITIAL][i]
+            own = part.of(method, INITIAL, i)
             low, high = error_interval(own)
             place = order[i].get(method)
             span = f" ({low:.2g}–{high:.2g})" if math.isfinite(low) else ""
-            error = f"{part.errors[method, INITIAL][i]:.2g}{span}" if own else "no answer"
+            error = f"{part.errors.at[(method, INITIAL), i]:.2g}{span}" if own else "no answer"
             cells.append(error + (f", place {place[0]}–{place[1]}" if place else ""))
         lines.append([words.method(method), *cells])
     bounds = [f"{b:.2g}" if math.isfinite(b) else "–" for b in part.bounds]

@@ -158,14 +158,12 @@ def sweep(along: ErrorSeries, methods: list[str]) -> Figure:
     x = np.array([v if v > 0 else 0.3 * min(positive) for v in along.values])
     for ax, stage in zip(axes, STAGES):
         for i, method in enumerate(methods):
-            errors = along.errors.get((method, stage))
-            if errors is None:
+            if (method, stage) not in along.errors.index:
                 continue
-            y = np.clip(np.array(errors, float), LOWEST_ERROR, HIGHEST_ERROR)
+            y = along.errors.loc[method, stage].clip(LOWEST_ERROR, HIGHEST_ERROR)
             look = {"color": INKS[i % len(INKS)], "marker": _MARKS[i % len(_MARKS)]}
             dash = "-" if i < len(INKS) else "--"
-            repeats = max(tried for _, tried in along.answers[method, stage])
-            label = f"{words.method(method)}, {repeats}"
+            label = f"{words.method(method)}, {along.repeats[method, stage].max()}"
             ax.plot(x, y, lw=0.9, ls=dash, ms=4, mfc="white", label=label, **look)
         ax.plot(x, along.bounds, color=INK, lw=1.4, ls=(0, (3, 2)), label="Cramér–Rao bound")
         ax.set(xscale="log", yscale="log", xlabel=FACTORS[along.factor])

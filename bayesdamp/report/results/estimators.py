@@ -8,14 +8,16 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 import scipy  # loads its modules when they are used
 
+from bayesdamp.formatting import data_frame
 from bayesdamp.report.results.run import (
-    Row,
     RunFolder,
     coefficients,
     damping_parameters,
@@ -23,7 +25,11 @@ from bayesdamp.report.results.run import (
     summary_rows,
     truth,
 )
+from bayesdamp.store import TABLES
 from bayesdamp.types import OK
+
+Frame = Any
+"""A data frame or a series of pandas; for its operations, type checkers infer wrong types."""
 
 STAGES = ("initial", "refined")
 """The stages of an estimator: its own estimate, and the trajectory fit that starts there."""
@@ -47,53 +53,46 @@ CONFIDENCE = 0.95
 """Probability of the intervals of errors (conventional)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EstimatorComparison:
     """Errors of the estimators under the model with which each signal was simulated.
 
+    The tables have a row for each estimator, in the order of their categories.
+
     Attributes
     ----------
-    methods
-        Names of the estimators, in the order of their categories.
-    signals
-        Names of the simulated signals that are compared.
     errors
-        By (method, signal, stage): root mean square error over the damping coefficients and the repeats, in per cent of
-        the true values; without an entry if there is no estimate.
-    outcomes
-        By (method, signal, stage): the first outcome that is not `ok`, or `ok`.
+        By signal and stage (columns): root mean square error over the damping coefficients and the repeats, in per cent
+        of the true values; nan if there is no estimate.
+    doubted
+        (method, signal, stage) of the estimates whose outcome is not `ok`.
     seconds
-        By (method, stage): computing time in s, summed over signals and repeats.
+        By stage (columns): computing time in s, summed over signals and repeats; nan if there is none.
     published
-        By (method, signal): the published error in per cent, as it is printed, such as "~0".
+        By signal (columns): the published error in per cent, as it is printed, such as "~0"; "" if there is none.
     times
         By method: the published computing time as text, as it is printed.
     """
 
-    methods: list[str]
-    signals: list[str]
-    errors: dict[tuple[str, str, str], float]
-    outcomes: dict[tuple[str, str, str], str]
-    seconds: dict[tuple[str, str], float]
-    published: dict[tuple[str, str], str]
+    errors: Frame
+    doubted: set[tuple[str, str, str]]
+    seconds: Frame
+    published: Frame
     times: dict[str, str]
 
-    def mean(self, method: str, stage: str) -> float:
-        """Return the mean error in per cent over the signals for which the method has one; nan if it has none.
+    @property
+    def methods(self) -> list[str]:
+        """Names of the estimators."""
+        return self.errors.index.tolist()
 
-        `stage` is one of `STAGES`.
-        """
-        return _mean(self.errors.get((method, s, stage), math.nan) for s in self.signals)
+    @property
+    def signals(self) -> list[str]:
+        """Names of the simulated signals that are compared."""
+        return self.errors.columns.unique("signal").tolist()
 
-    def mean_published(self, method: str) -> float:
-        """Return a method's mean published error in per cent over the signals that have one; nan if none has."""
-        return _mean(printed_error(self.published.get((method, s), "")) for s in self.signals)
-
-
-def _mean(errors: Iterable[float]) -> float:
-    """Return the mean of the finite errors; nan if there are none."""
-    finite = [e for e in errors if math.isfinite(e)]
-    return sum(finite) / len(finite) if finite else math.nan
+    def at_stage(self, stage: str) -> Frame:
+        """Return the errors at one of `STAGES` by signal (columns)."""
+        return self.errors.xs(stage, axis=1, level="stage")
 
 
 def printed_error(printed: str) -> float:
@@ -102,9 +101,9 @@ def printed_error(printed: str) -> float:
     return float(match[0]) if match else math.nan
 
 
-def rms(errors: Collection[float]) -> float:
-    """Return the root mean square of errors; nan if there are none."""
-    return math.sqrt(sum(e * e for e in errors) / len(errors)) if errors else math.nan
+def rms(errors: Frame) -> float:
+    """Return the root mean square of the errors that are finite; nan if none is."""
+    return float(np.sqrt(np.square(errors[np.isfinite(errors)]).mean()))
 
 
 def category_of(method: str) -> str:
@@ -127,40 +126,45 @@ def true_models(run: RunFolder) -> dict[str, str]:
     return {signal: "+".join(source["damping"]) for signal, source in simulations.items() if source}
 
 
+def true_estimates(run: RunFolder) -> Frame:
+    """Return the rows of estimates.csv under the damping with which their signals were simulated.
+
+    Rows of parameters other than damping coefficients have no `error_pct` (nan).
+    """
+    truths = true_models(run)
+    rows = [r for r in run.estimates if r["model"] == truths.get(r["signal"])]
+    table = data_frame(rows, TABLES["estimates.csv"])
+    table["error_pct"] = table["error_pct"].where(
+        table["parameter"].isin(list(damping_parameters(run).values()))
+    )
+    return table
+
+
 def compare_estimators(run: RunFolder) -> EstimatorComparison:
     """Return the errors of the estimators on the simulated signals that have published errors.
 
-    If the study contains no published errors, all simulated signals are compared. Only estimates under the model with
-    which a signal was simulated are used.
+    If the study contains no published errors, all simulated signals are compared.
     """
+    import pandas as pd
+
     printed = run.study.get("published") or []
-    truths, with_figures = true_models(run), {p["signal"] for p in printed}
-    signals = [s for s in run.signals if s in truths and (s in with_figures or not with_figures)]
-    rows: dict[tuple[str, str, str], list[Row]] = {}
-    seconds: dict[tuple[str, str, str, int], float] = {}
-    for row in run.estimates:
-        signal, stage = row["signal"], row["stage"]
-        if signal not in signals or row["model"] != truths[signal] or stage not in STAGES:
-            continue
-        rows.setdefault((row["estimator"], signal, stage), []).append(row)
-        # The row of every parameter contains the time of the whole estimate.
-        if math.isfinite(row["seconds"]):
-            seconds.setdefault((row["estimator"], stage, signal, row["repeat"]), row["seconds"])
-    totals: dict[tuple[str, str], float] = {}
-    for (method, stage, *_), time in seconds.items():
-        totals[method, stage] = totals.get((method, stage), 0.0) + time
-    damping = set(damping_parameters(run).values())
-    sizes = {
-        key: [r["error_pct"] for r in own if r["parameter"] in damping and math.isfinite(r["error_pct"])]
-        for key, own in rows.items()
-    }
+    chosen = {p["signal"] for p in printed} or set(run.signals)
+    signals = [signal for signal in true_models(run) if signal in chosen]
+    rows = true_estimates(run)
+    rows = rows[rows["signal"].isin(signals)]
+    methods, key = sort_by_category(rows["estimator"]), ["estimator", "signal", "stage"]
+    errors = rows.groupby(key)["error_pct"].agg(rms).unstack(["signal", "stage"])
+    columns = pd.MultiIndex.from_product((signals, STAGES), names=("signal", "stage"))
+    # The row of every parameter contains the time of the whole estimate.
+    times = rows.dropna(subset="seconds").drop_duplicates([*key, "repeat"])
+    seconds = times.groupby(["estimator", "stage"])["seconds"].sum().unstack()
+    published = cast(Frame, data_frame(printed, ("estimator", "signal", "error_pct")))
+    published = published.pivot(index="estimator", columns="signal", values="error_pct").fillna("")
     return EstimatorComparison(
-        sort_by_category(method for method, _, _ in rows),
-        signals,
-        {key: rms(errors) for key, errors in sizes.items() if errors},
-        {key: next((r["outcome"] for r in own if r["outcome"] != OK), OK) for key, own in rows.items()},
-        totals,
-        {(p["estimator"], p["signal"]): p["error_pct"] for p in printed},
+        errors.reindex(methods, columns=columns),
+        set(rows.loc[rows["outcome"] != OK, key].itertuples(index=False, name=None)),
+        seconds.reindex(methods, columns=STAGES),
+        published.reindex(methods, columns=signals if printed else (), fill_value=""),
         {p["estimator"]: p["time"] for p in printed if p["time"]},
     )
 
@@ -215,7 +219,7 @@ def estimates_of(run: RunFolder, signal: str, model: str) -> list[CoefficientEst
     return estimates
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ErrorSeries:
     """Absolute errors of the estimated damping coefficient on simulated signals that differ in one factor only.
 
@@ -225,26 +229,38 @@ class ErrorSeries:
         The damping of the signals, and the factor in which they differ: a key of `FACTORS`.
     values
         Values of the factor, ascending, in the unit that `FACTORS` gives.
-    errors
-        By (method, stage), where the stage is one of `STAGES`: the root mean square error over repeats at each value,
-        in per cent of the true coefficient; nan at a value without estimates.
-    answers
-        By (method, stage): at each value, the number of repeats with an estimate and the number of all repeats.
     bounds
         The Cramér–Rao bound on the sd of an unbiased estimate at each value, in per cent of the true coefficient; nan
         if there is none.
     each
-        By (method, stage): for each value, a dictionary from the number of a repeat with an estimate to its error, in
-        per cent of the true coefficient.
+        Errors in per cent of the true coefficient; nan if there is no estimate. The levels of the index are estimator,
+        stage, the index of the value, and repeat.
     """
 
     model: str
     factor: str
     values: list[float]
-    errors: dict[tuple[str, str], list[float]]
-    answers: dict[tuple[str, str], list[tuple[int, int]]]
     bounds: list[float]
-    each: dict[tuple[str, str], list[dict[int, float]]]
+    each: Frame
+
+    @cached_property
+    def errors(self) -> Frame:
+        """Root mean square error over repeats; nan if there is no estimate.
+
+        There is a row for each estimator and stage with an error, and a column for each index of a value.
+        """
+        table = self.each.groupby(level=[0, 1, 2]).agg(rms).unstack().dropna(how="all")
+        return table.reindex(columns=range(len(self.values)))
+
+    @cached_property
+    def repeats(self) -> Frame:
+        """Number of repeats, with and without an estimate, by estimator, stage and index of the value."""
+        return self.each.groupby(level=[0, 1, 2]).size()
+
+    def of(self, method: str, stage: str, at: int) -> dict[int, float]:
+        """Return the errors of a method at the index of a value, by repeat; only those with an estimate."""
+        own = self.each.get((method, stage, at))
+        return {} if own is None else own.dropna().to_dict()
 
 
 def error_series(run: RunFolder) -> list[ErrorSeries]:
@@ -274,51 +290,24 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
             rest = base[:i] + base[i + 1 :]
             along = {s: design[i] for s, design in own.items() if design[:i] + design[i + 1 :] == rest}
             if len(set(along.values())) >= LEAST_VALUES:
-                signals = sorted(along, key=lambda s: along[s])
-                runs.append(_series(run, model, factor, signals, [along[s] for s in signals]))
+                along = dict(sorted(along.items(), key=lambda item: item[1]))
+                runs.append(_series(run, model, factor, along))
     return runs
 
 
-def _series(run: RunFolder, model: str, factor: str, signals: list[str], values: list[float]) -> ErrorSeries:
-    """Return the errors on the signals of a series, from the rows of estimates.csv.
-
-    `values` are those of the factor for each of `signals`, ascending.
-    """
-    damping = set(damping_parameters(run).values())
-    each: dict[tuple[str, str], list[dict[int, float]]] = {}
-    tried: Counter[tuple[str, str, str]] = Counter()
-    for row in run.estimates:
-        if row["model"] != model or row["signal"] not in signals or row["stage"] not in STAGES:
-            continue
-        key = (row["estimator"], row["stage"])
-        if row["parameter"] in damping or not row["parameter"]:
-            tried[(*key, row["signal"])] += 1
-        if row["parameter"] in damping and math.isfinite(row["error_pct"]):
-            errors = each.setdefault(key, [{} for _ in signals])
-            errors[signals.index(row["signal"])][int(row["repeat"])] = row["error_pct"]
+def _series(run: RunFolder, model: str, factor: str, along: dict[str, float]) -> ErrorSeries:
+    """Return the errors on the signals of a series; `along` has the value of the factor for each signal, ascending."""
+    rows = true_estimates(run)
+    places = rows["signal"].map({signal: i for i, signal in enumerate(along)}).rename("value")
+    each = rows.groupby(["estimator", "stage", places, "repeat"])["error_pct"].agg(rms)
+    parameter = next(iter(coefficients(run, model)), "")
 
     def bound(signal: str) -> float:
         """Return the Cramér–Rao bound on the damping coefficient in per cent of its true value, or nan."""
-        bounds = run.about(signal).get("bound") or {}
-        for row in run.estimates:
-            if row["signal"] == signal and row["parameter"] in bounds and row["parameter"] in damping:
-                size, truth = bounds[row["parameter"]], row["truth"]
-                if truth and isinstance(size, (int, float)) and math.isfinite(size):
-                    return 100 * size / abs(truth)
-        return math.nan
+        size = (run.about(signal).get("bound") or {}).get(parameter)
+        return math.nan if size is None else 100 * size / (abs(truth(run, signal, parameter)) or math.nan)
 
-    return ErrorSeries(
-        model,
-        factor,
-        values,
-        {key: [rms(own.values()) for own in errors] for key, errors in each.items()},
-        {
-            key: [(len(own), tried[(*key, s)]) for own, s in zip(errors, signals)]
-            for key, errors in each.items()
-        },
-        [bound(s) for s in signals],
-        each,
-    )
+    return ErrorSeries(model, factor, list(along.values()), [bound(s) for s in along], each)
 
 
 def error_interval(errors: Mapping[int, float]) -> tuple[float, float]:
@@ -369,7 +358,8 @@ def rank_ranges(along: ErrorSeries, stage: str, level: int) -> dict[str, tuple[i
     level
         Index of the factor's value.
     """
-    errors = {m: each[level] for (m, s), each in along.each.items() if s == stage and each[level]}
+    methods = dict.fromkeys(along.each.index.get_level_values(0))
+    errors = {m: own for m in methods if (own := along.of(m, stage, level))}
     return {
         m: (
             1 + sum(is_significantly_better(other, own) for n, other in errors.items() if n != m),

@@ -25,6 +25,7 @@ from bayesdamp.report.results.estimators import (
     compare_estimators,
     error_series,
     estimates_of,
+    printed_error,
     sort_by_category,
     true_models,
 )
@@ -232,32 +233,32 @@ class ComparisonSection(Section):
         """Return whether several methods have errors on several signals, or published errors are given."""
         comparison = compare_estimators(run)
         several = len(comparison.signals) > 1 and len(comparison.methods) > 1
-        return bool(comparison.errors) and (several or bool(comparison.published))
+        return comparison.errors.notna().any(axis=None) and (several or comparison.published.size > 0)
 
     def render(self, run: RunFolder) -> str:
         """Return tables of errors and times."""
         comparison = compare_estimators(run)
+        published = comparison.published
 
         def error_of(method: str, signal: str, stage: str) -> str:
-            error = comparison.errors.get((method, signal, stage), math.nan)
-            doubted = comparison.outcomes.get((method, signal, stage), OK) != OK and math.isfinite(error)
+            error = comparison.errors.at[method, (signal, stage)]
+            doubted = (method, signal, stage) in comparison.doubted and math.isfinite(error)
             return fmt.number(error, 2) + "*" * doubted
 
         errors: dict[str, Callable[[str], str]] = {"method": words.method, "category": category_of}
         for signal in comparison.signals:
             for stage in STAGES:
                 errors[f"{signal}, {words.stage(stage)}"] = partial(error_of, signal=signal, stage=stage)
-            if comparison.published:
-                errors[f"{signal}, published"] = lambda m, s=signal: comparison.published.get(
-                    (m, s), fmt.NONE
-                )
+            if published.size:
+                errors[f"{signal}, published"] = lambda m, s=signal: published.at[m, s] or fmt.NONE
         times: dict[str, Callable[[str], str]] = {"method": words.method}
         for stage in STAGES:
-            name = words.stage(stage)
-            errors[f"mean, {name}"] = lambda m, stage=stage: fmt.number(comparison.mean(m, stage), 2)
-            times[name] = lambda m, stage=stage: fmt.duration(comparison.seconds.get((m, stage)))
-        if comparison.published:
-            errors["mean, published"] = lambda m: fmt.number(comparison.mean_published(m), 2)
+            name, means = words.stage(stage), comparison.at_stage(stage).mean(axis=1)
+            errors[f"mean, {name}"] = lambda m, means=means: fmt.number(means[m], 2)
+            times[name] = lambda m, stage=stage: fmt.duration(comparison.seconds.at[m, stage])
+        if published.size:
+            printed = published.map(printed_error).mean(axis=1)
+            errors["mean, published"] = lambda m: fmt.number(printed[m], 2)
             times["published"] = lambda m: comparison.times.get(m, fmt.NONE)
         return stack(
             Table.of(comparison.methods, errors, (0, 1), ERRORS),
@@ -280,8 +281,8 @@ class SweepsSection(Section):
         """Return a figure of the errors along each series."""
         parts: list[object] = []
         for along in error_series(run):
-            model, methods = words.model(along.model), sort_by_category(method for method, _ in along.errors)
-            counts = sorted({tried for pairs in along.answers.values() for _, tried in pairs if tried})
+            model, methods = words.model(along.model), sort_by_category(along.errors.index.unique(0))
+            counts = sorted(along.repeats.unique())
             over = f", over {fmt.listing(map(str, counts), 'or')} repeats" if counts else ""
             others = fmt.listing([factor for factor in FACTORS if factor != along.factor])
             caption = (
