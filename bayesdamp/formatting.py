@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -33,22 +32,36 @@ def number(value: float | None, digits: int = 4) -> str:
     if value == 0:
         return "0"
     power = _power(value, digits)
-    if -4 <= power < 6:
-        return _signed(f"{value:.{max(0, digits - 1 - power)}f}")
-    return f"{_signed(f'{value / 10.0**power:.{digits - 1}f}')}{_times_ten(power)}"
+    return _typeset(
+        f"{value:.{max(0, digits - 1 - power)}f}" if -4 <= power < 6 else f"{value:.{digits - 1}e}"
+    )
 
 
 def fixed_decimals(value: float, places: int) -> str:
     """Return a number with `places` decimals; NaN and infinity as `number` returns them."""
-    return _signed(f"{round(value, places) + 0.0:.{places}f}") if math.isfinite(value) else number(value)
+    return _typeset(f"{round(value, places) + 0.0:.{places}f}") if math.isfinite(value) else number(value)
 
 
-def as_entered(value: float) -> str:
-    """Return a number that a user specified, with at most six significant digits and no trailing zeros.
+MOST_DECIMALS, SMALL_NUMBER, LARGE_NUMBER = 8, 1e-3, 1e6
+"""A number has a power of ten if its absolute value is at least `LARGE_NUMBER`, or if it is below `SMALL_NUMBER` and
+needs more than `MOST_DECIMALS` decimals."""
 
-    Outside 1e-4 to 1e6 it has three significant digits and a power of ten.
+
+def digits(value: float, width: float = math.nan, n: int = 4) -> str:
+    """Return a value rounded to the second significant digit of `width`, its uncertainty, with "−" and powers of ten.
+
+    It is rounded to a whole number if the width is 10 or more. If the width is not positive, or the value is 0, return
+    the value with at most `n` significant digits, as short as possible, and without a power of ten up to 1e9. A dash
+    for NaN.
     """
-    return _signed(f"{value:.6g}") if 1e-4 <= abs(value) < 1e6 or value == 0 else number(value, 3)
+    if math.isnan(value):
+        return NONE
+    if not width > 0 or value == 0:
+        return _typeset(f"{float(f'{value:.{n}g}'):.9g}")
+    places = 1 - math.floor(math.log10(width))
+    if abs(value) >= LARGE_NUMBER or (places > MOST_DECIMALS and abs(value) < SMALL_NUMBER):
+        return _typeset(f"{value:.{min(max(places + math.floor(math.log10(abs(value))) + 1, 1), 15)}g}")
+    return _typeset(f"{value:.{min(max(0, places), 15)}f}")
 
 
 NEGLIGIBLE_ERROR = 1e-7
@@ -58,22 +71,14 @@ NEGLIGIBLE_ERROR = 1e-7
 def with_error(value: float | None, error: float | None) -> str:
     """Return value ± error, both rounded to the second significant digit of the error.
 
-    Digits before the decimal point are always written, so an error of 123 is not rounded to 120. Return the value
-    alone, as `number` does, if the error is missing, not finite or not positive; with seven digits if the error is
-    below `NEGLIGIBLE_ERROR` times the value. A missing or infinite value is written as by `number`.
+    Return the value alone, as `number` does, if the error is missing, not finite or not positive; with seven digits if
+    the error is below `NEGLIGIBLE_ERROR` times the value. A missing or infinite value is written as by `number`.
     """
     if value is None or not math.isfinite(value) or error is None or not math.isfinite(error) or error <= 0:
         return number(value)
     if error < NEGLIGIBLE_ERROR * abs(value):
         return number(value, 7)
-    decimals = 1 - _power(error, 2)
-    top = max(_power(value, 4), _power(error, 2)) if value else _power(error, 2)
-    if -4 <= top < 6 and decimals <= 8:
-        places = max(0, decimals)
-        return f"{_signed(f'{value:.{places}f}')} ± {error:.{places}f}"
-    places = max(0, top + decimals)
-    tens = 10.0**top
-    return f"{_signed(f'({value / tens:.{places}f} ± {error / tens:.{places}f})')}{_times_ten(top)}"
+    return f"{digits(value, error)} ± {digits(error, error)}"
 
 
 def nats(value: float | None, error: float = math.nan) -> str:
@@ -85,27 +90,18 @@ def nats(value: float | None, error: float = math.nan) -> str:
     if value is None or not math.isfinite(value):
         return number(value)
     places = 2 if abs(value) < 100 or error < 0.5 else 1 if abs(value) < 1000 else 0
-    shown = _signed(f"{value:.{places}f}")
+    shown = _typeset(f"{value:.{places}f}")
     if not math.isfinite(error):
         return shown
     return f"{shown} ± {error:.2f}" if error >= 0.005 else f"{shown} ± < 0.01"
 
 
-def interval(low: float | None, high: float | None) -> str:
-    """Return [low, high], rounded to the second significant digit of a quarter of the width.
-
-    The ends have four significant digits if high ≤ low, if an end is 1e6 or more, or if more than 8 decimals were
-    needed. A dash if an end is missing or not finite.
-    """
-    if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
+def interval(low: float, high: float) -> str:
+    """Return [low, high], rounded to the second significant digit of a quarter of the width; a dash if not finite."""
+    if not (math.isfinite(low) and math.isfinite(high)):
         return NONE
-    width = high - low
-    if width <= 0:
-        return f"[{number(low)}, {number(high)}]"
-    places = max(0, 1 - _power(width / 4, 2))
-    if places > 8 or max(abs(low), abs(high)) >= 1e6:
-        return f"[{number(low, 4)}, {number(high, 4)}]"
-    return f"[{_signed(f'{low:.{places}f}')}, {_signed(f'{high:.{places}f}')}]"
+    width = (high - low) / 4
+    return f"[{digits(low, width)}, {digits(high, width)}]"
 
 
 EQUAL_FRACTION = 1e-6
@@ -158,47 +154,11 @@ def _power(value: float, digits: int) -> int:
     return int(f"{value:.{digits - 1}e}".split("e")[1])
 
 
-def _signed(text: str) -> str:
-    """Return text with hyphens replaced by minus signs."""
-    return text.replace("-", "−")
-
-
-def _times_ten(power: int) -> str:
-    return f" × 10{str(power).translate(_SUPERSCRIPTS)}"
-
-
-def compact(value: float, digits: int = 4) -> str:
-    """Return a number with at most `digits` significant digits, as short as possible; a dash for NaN.
-
-    A large number is written without an exponent up to 1e9.
-    """
-    return NONE if math.isnan(value) else f"{float(f'{value:.{digits}g}'):.9g}"
-
-
-MOST_DECIMALS, SMALL_NUMBER, LARGE_NUMBER = 8, 1e-3, 1e6
-"""A number has an exponent if its absolute value is at least `LARGE_NUMBER`, or if it is below `SMALL_NUMBER` and needs
-more than `MOST_DECIMALS` decimals."""
-
-
-def digits(value: float, width: float) -> str:
-    """Return a value rounded to the second significant digit of `width`, its uncertainty.
-
-    It is rounded to a whole number if the width is 10 or more. If the width is not positive, or the value is 0, return
-    the value with three significant digits. The text has an exponent if |value| is at least `LARGE_NUMBER`, or if it is
-    below `SMALL_NUMBER` and needs more than `MOST_DECIMALS` decimals.
-    """
-    if not width > 0 or value == 0:
-        return f"{value:.3g}"
-    places = 1 - math.floor(math.log10(width))
-    if abs(value) >= LARGE_NUMBER or (places > MOST_DECIMALS and abs(value) < SMALL_NUMBER):
-        return f"{value:.{min(max(places + math.floor(math.log10(abs(value))) + 1, 1), 15)}g}"
-    places = max(0, places)
-    return f"{value:.{min(places, 15)}f}"
-
-
-def rounded(percent: float) -> str:
-    """Return a percentage as an integer, below 9.5 % with one significant digit; without the sign %."""
-    return f"{percent:.0f}" if percent >= 9.5 else f"{percent:.1g}"
+def _typeset(text: str) -> str:
+    """Return a number with a minus sign and a power of ten: "-3.5e+07" becomes "−3.5 × 10⁷"."""
+    mantissa, _, power = text.partition("e")
+    tens = f" × 10{str(int(power)).translate(_SUPERSCRIPTS)}" if power else ""
+    return mantissa.replace("-", "−") + tens
 
 
 def percentage(fraction: float) -> str:
@@ -221,15 +181,10 @@ def with_interval(value: float, low: float, high: float, unit: str = "", scale: 
     if not math.isfinite(value):
         return NONE
     if not (math.isfinite(low) and math.isfinite(high)):
-        return f"{value * scale:.3g}{unit}, interval unbounded"
+        return f"{digits(value * scale, n=3)}{unit}, interval unbounded"
     width = (high - low) * scale
     shown = [digits(x * scale, width / 2) for x in (value, low, high)]
     return f"{shown[0]}{unit} ({shown[1]} to {shown[2]})"
-
-
-def by_ten(text: str) -> str:
-    """Return text with exponents such as `3.57e+07` replaced by `3.57 × 10⁷`."""
-    return re.sub(r"e([+-]\d+)\b", lambda match: _times_ten(int(match[1])), text)
 
 
 T = TypeVar("T")

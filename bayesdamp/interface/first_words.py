@@ -38,7 +38,7 @@ def first_words(signal: Signal, unit: str = "") -> LawFreeDamping:
     own = unit_named(unit).displacement
     scale, name = (own.scale, own.name) if own.base == signal.unit else (1.0, signal.unit)
     ratios = [
-        f"{fmt.with_error(100 * ratio, 100 * NORMAL_95 * sd)} % at {fmt.compact(scale * amplitude, 2)} {name}"
+        f"{fmt.with_error(100 * ratio, 100 * NORMAL_95 * sd)} % at {fmt.digits(scale * amplitude, n=2)} {name}"
         for amplitude, ratio, sd in np.column_stack([at.amplitude, at.ratio, at.ratio_sd]).tolist()
     ]
     middle = float(at.ratio[1])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
-from bayesdamp.formatting import Table, compact, data_frame, percentage
+from bayesdamp.formatting import Table, data_frame, digits, percentage
 from bayesdamp.inference.checks import laplace_draws
 from bayesdamp.inference.deviation.draws import Quantity, quantity
 from bayesdamp.inference.deviation.findings import default_amplitudes
@@ -338,8 +338,8 @@ class Fit(Result, Storable):
         if self.values:
             unit = self.signal.own_unit
             rms = float(np.sqrt(np.nanmean(self.residuals**2))) * unit.scale
-            title += f": {self.noise} noise, residual {compact(rms, 3)} {unit.of(self.signal.quantity)} rms"
-        known = ", ".join(f"{n} = {compact(v, 6)}" for n, v in self.known.items())
+            title += f": {self.noise} noise, residual {digits(rms, n=3)} {unit.of(self.signal.quantity)} rms"
+        known = ", ".join(f"{n} = {digits(v, n=6)}" for n, v in self.known.items())
         both = (("damping", self.deviation), ("frequency", self.frequency_deviation))
         deviates = tuple(
             f"No deviation of the {what} from its law is detected (95 %: below {percentage(q.high)} %)."

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bayesdamp.formatting import Table, compact
+from bayesdamp.formatting import Table, digits
 from bayesdamp.interface.result import Result
 from bayesdamp.interface.signal import Signal, cut
 from bayesdamp.records.cleaning.clean import known_unit
@@ -121,7 +121,7 @@ class Record(Result):
 
     def _table(self) -> Table:
         rows = [
-            (str(run), time or f"{raw.rate:g} Hz", value, str(raw.y.size), compact(float(np.ptp(raw.y))))
+            (str(run), time or f"{raw.rate:g} Hz", value, str(raw.y.size), digits(float(np.ptp(raw.y))))
             for run, raw, (time, value) in zip(self.runs, self.raw, self.columns, strict=True)
         ]
         unit = UNITS[self.unit]

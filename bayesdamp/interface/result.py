@@ -15,7 +15,7 @@ import numpy as np
 
 from bayesdamp import __version__
 from bayesdamp.calls import CheckedMethods
-from bayesdamp.formatting import Table, compact
+from bayesdamp.formatting import Table, digits
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import join, split
 from bayesdamp.store.files import READ_ERRORS, pack, save_bytes, unpack
@@ -141,7 +141,7 @@ def frame_table(frame: pd.DataFrame, caption: str, notes: Sequence[str] = ()) ->
     `caption` is the text above the table, and `notes` are sentences below it.
     """
     lines = [
-        [str(name), *(compact(v, 5) if isinstance(v, float) else str(v) for v in row)]
+        [str(name), *(digits(v, n=5) if isinstance(v, float) else str(v) for v in row)]
         for name, *row in frame.astype(object).itertuples()
     ]
     return Table([str(frame.index.name or ""), *map(str, frame.columns)], lines, caption=caption, notes=notes)

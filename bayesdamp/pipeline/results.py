@@ -16,7 +16,7 @@ from bayesdamp import types
 from bayesdamp.config import Study, in_keys, load_study
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
-from bayesdamp.formatting import Table, compact, data_frame
+from bayesdamp.formatting import Table, data_frame, digits
 from bayesdamp.interface.result import ResultView, outcome_notes
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import run
@@ -61,9 +61,9 @@ class Candidate(ResultView):
     outcome: str = OK
 
     def _table(self) -> Table:
-        rows = [(n, compact(v, 6), compact(self.sd.get(n, math.nan), 2)) for n, v in self.values.items()]
+        rows = [(n, digits(v, n=6), digits(self.sd.get(n, math.nan), n=2)) for n, v in self.values.items()]
         log_evidences = [
-            f"{m} {compact(e.log_evidence, 7)}"
+            f"{m} {digits(e.log_evidence, n=7)}"
             for m, e in self.evidence.items()
             if np.isfinite(e.log_evidence)
         ]

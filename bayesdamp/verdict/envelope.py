@@ -56,7 +56,7 @@ from bayesdamp.verdict.specimen import (
     spread_remark,
 )
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import at_middle, by_ten, named, sentence, with_interval
+from bayesdamp.verdict.words import at_middle, named, sentence, with_interval
 
 FALL_FRACTIONS = (0.15, 0.5, 0.85)
 """Fractions of the decay's fall in dB, from its start, at which rates and Q are given (conventional)."""
@@ -465,7 +465,7 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
         next_value=Interval(common.value, next_low, next_high, unit),
     )
     what, where = "Q" if quality else "decay rate", at_middle(verdict)
-    more = by_ten(with_interval(common.value, next_low, next_high, f" {unit}" if unit else ""))
+    more = with_interval(common.value, next_low, next_high, f" {unit}" if unit else "")
     texts = (
         *spread_remark(verdict),
         f"One more record would have {what} = {more}{where} with 95 % probability.",

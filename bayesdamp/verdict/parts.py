@@ -234,7 +234,7 @@ def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool 
     `parts`: whether to add the parts of the ratios' standard deviations that are due to noise and to the law.
     """
     columns: dict[str, Callable[[DampingRatio], str]] = {
-        "amplitude": lambda r: f"{fmt.compact(r.amplitude, 3)} {r.unit}",
+        "amplitude": lambda r: f"{fmt.digits(r.amplitude, n=3)} {r.unit}",
         "equivalent damping ratio (95 %)": lambda r: fmt.with_interval(r.value, r.low, r.high, " %", 100),
         "Q": quality_of,
     }
@@ -250,7 +250,7 @@ def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) 
     `qualities`: Q at the amplitudes of `rates`, or empty if it is not known.
     """
     columns: dict[str, Callable[[int], str]] = {
-        "amplitude": lambda i: f"{fmt.by_ten(f'{rates[i].amplitude:.4g}')} {rates[i].unit}",
+        "amplitude": lambda i: f"{fmt.digits(rates[i].amplitude)} {rates[i].unit}",
         "rate / (1/s) (95 %)": lambda i: number(rates[i]),
     }
     if qualities:
@@ -261,7 +261,7 @@ def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) 
 
 def number(value: MeasuredNumber | Interval | AtAmplitude | None) -> str:
     """Return a number with its 95 % interval as text without unit; a power of ten if large, a dash for None."""
-    return fmt.NONE if value is None else fmt.by_ten(fmt.with_interval(value.value, value.low, value.high))
+    return fmt.NONE if value is None else fmt.with_interval(value.value, value.low, value.high)
 
 
 def modes_table(modes: Iterable[Oscillation], motion: MotionKind | None) -> Table:

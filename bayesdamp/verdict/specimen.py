@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.formatting import rounded, with_interval
+from bayesdamp.formatting import percentage, with_interval
 from bayesdamp.inference.deviation.draws import quantity
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.specimen import RunComparison, SpecimenComparison, compare_runs
@@ -325,7 +325,7 @@ def spread_remark(v: Verdict) -> tuple[str, ...]:
     """Return the remark on the spread between records; none where the spread is not inferred."""
     if v.spread is None:
         return ()
-    value, low, high = (rounded(100 * x) for x in (v.spread.value, v.spread.low, v.spread.high))
+    value, low, high = (percentage(x) for x in (v.spread.value, v.spread.low, v.spread.high))
     return (
         f"The damping differs between records by {value} % (standard deviation; 95 %: {low} to {high} %).",
     )

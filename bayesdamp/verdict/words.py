@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import exp, isfinite, pi
 from typing import TYPE_CHECKING
 
-from bayesdamp.formatting import by_ten, compact, digits, percentage, probability, with_interval
+from bayesdamp.formatting import digits, percentage, probability, with_error, with_interval
 from bayesdamp.physics.damping import TERMS, words_of
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import (
@@ -106,7 +106,7 @@ def at_middle(v: Verdict) -> str:
     if v.records == 1 or not v.decay_rate:
         return ""
     middle = v.decay_rate[len(v.decay_rate) // 2]
-    return f" at {by_ten(compact(middle.amplitude, 3))} {middle.unit}"
+    return f" at {digits(middle.amplitude, n=3)} {middle.unit}"
 
 
 def _size(v: Verdict) -> str:
@@ -118,14 +118,14 @@ def _size(v: Verdict) -> str:
     """
     if v.quality_factor is not None:
         size = with_interval(v.quality_factor.value, v.quality_factor.low, v.quality_factor.high)
-        return f"Q = {by_ten(size)}{at_middle(v)}"
+        return f"Q = {size}{at_middle(v)}"
     if v.rate is not None:
         size = with_interval(v.rate.value, v.rate.low, v.rate.high, f" {v.rate.unit}")
-        return f"decay rate {by_ten(size)}{at_middle(v)}"
+        return f"decay rate {size}{at_middle(v)}"
     ratios = [r for r in v.damping_ratio if isfinite(r.value)]
     if not ratios:
         return "the size of the damping is not determined"
-    ends = {f"{compact(r.amplitude, 2)} {r.unit}": r for r in (ratios[-1], ratios[0])}
+    ends = {f"{digits(r.amplitude, n=2)} {r.unit}": r for r in (ratios[-1], ratios[0])}
     texts = [f"{with_interval(r.value, r.low, r.high, ' %', 100)} at {at}" for at, r in ends.items()]
     return f"equivalent damping ratio {', '.join(reversed(texts))}"
 
@@ -134,7 +134,7 @@ def frequency_remark(v: Verdict, by_law: FrequencyAt) -> str:
     """Return the remark that the frequency by the restoring law, `by_law`, contradicts the measured one."""
     value = plus_minus(Interval(by_law.value, by_law.low, by_law.high, "Hz"))
     return (
-        f"The best restoring law, {_in_words(v.restoring)}, gives {value} at {compact(by_law.amplitude, 2)} "
+        f"The best restoring law, {_in_words(v.restoring)}, gives {value} at {digits(by_law.amplitude, n=2)} "
         f"{by_law.unit}, which contradicts the measured frequency. The frequency given is the measured one, and it "
         "is not extrapolated to small oscillations."
     )
@@ -153,7 +153,7 @@ def _frequency(v: Verdict) -> str:
         return "" if natural is None else f", natural frequency {natural}"
     measured = plus_minus(Interval(at.value, at.low, at.high, "Hz"))
     beyond = "" if natural is None else f" (extrapolated to small oscillations: {natural})"
-    return f", frequency {measured} at {compact(at.amplitude, 2)} {at.unit}{beyond}"
+    return f", frequency {measured} at {digits(at.amplitude, n=2)} {at.unit}{beyond}"
 
 
 def is_extrapolated(natural: Interval, at: FrequencyAt) -> bool:
@@ -245,7 +245,7 @@ def plus_minus(i: Interval) -> str:
         return f"{i.value:.5g}{unit} (specified)"
     if max(up, down) > ASYMMETRY * max(min(up, down), 1e-12):
         return with_interval(i.value, i.low, i.high, unit)
-    return f"{digits(i.value, half)} ± {digits(half, half)}{unit}"
+    return f"{with_error(i.value, half)}{unit}"
 
 
 def energy_sentences(v: Verdict) -> tuple[str, ...]:
@@ -313,7 +313,9 @@ def _law_quality(v: Verdict) -> str:
     if o is None:
         return within
     times = with_interval(o.value, o.low, o.high)
-    return f"{within} but at {compact(o.amplitude, 2)} {o.unit}, where the damping is {times} times the law's"
+    return (
+        f"{within} but at {digits(o.amplitude, n=2)} {o.unit}, where the damping is {times} times the law's"
+    )
 
 
 def power_in_words(e: Interval, damping: str = "") -> str:

@@ -30,7 +30,6 @@ class Shown(NamedTuple):
 
 def numbers(text: str) -> list[Shown]:
     """Return the numbers in a text, in its order; milliseconds in s. A cell of 0 alone is exactly 0."""
-    text = re.sub(r"\((\S+) ± (\S+)\)( × 10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", r"\1\3 ± \2\3", text)
     parsed = []
     for bound, digits, decimals, e, raised, ms in _NUMBER.findall(text):
         power = 10.0 ** (int((e or raised or "0").translate(_RAISED)) - 3 * bool(ms))

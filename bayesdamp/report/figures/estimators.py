@@ -167,7 +167,7 @@ def sweep(along: ErrorSeries, methods: list[str]) -> Figure:
             ax.plot(x, y, lw=0.9, ls=dash, ms=4, mfc="white", label=label, **look)
         ax.plot(x, along.bounds, color=INK, lw=1.4, ls=(0, (3, 2)), label="Cramér–Rao bound")
         ax.set(xscale="log", yscale="log", xlabel=FACTORS[along.factor])
-        ax.set_xticks(x, [fmt.as_entered(v) for v in along.values])
+        ax.set_xticks(x, [fmt.digits(v, n=6) for v in along.values])
         ax.minorticks_off()
         ax.set_title(words.stage(stage))
     axes[0].set_ylabel("rms error / %")

@@ -233,7 +233,7 @@ class RecordChecks:
             """Return the damping ratio from the chains at the i-th amplitude, as text."""
             place = v.damping_ratio[i]
             size = fmt.with_interval(*ratios[i], " %", 100)
-            return f"{size} at {fmt.compact(place.amplitude, 2)} {place.unit}"
+            return f"{size} at {fmt.digits(place.amplitude, n=2)} {place.unit}"
 
         worst, middle = worst_agreement(v, ratios), ratio_at(len(ratios) // 2)
         if self.exact_only:
@@ -288,7 +288,7 @@ class RecordChecks:
             true, (low, high) = truth(self.run, self.signal, name), limits[name]
             if math.isfinite(true) and not low <= true <= high:
                 symbol = words.symbol(name).text
-                text = f"Truth: {symbol} = {fmt.as_entered(true)}, which is outside the 95 % interval."
+                text = f"Truth: {symbol} = {fmt.digits(true, n=6)}, which is outside the 95 % interval."
                 yield Check(text, fails=True)
 
     def _evidence(self, ranked: EvidenceRanking | None) -> Iterator[Check]:

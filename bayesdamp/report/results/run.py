@@ -531,7 +531,9 @@ def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Tabl
     def size(a: RecordAnswer) -> str:
         ratio = ratios[a.signal]
         text = fmt.with_interval(ratio.value, ratio.low, ratio.high, " %", 100) if ratio else fmt.NONE
-        return f"{text}, {fmt.compact(ratio.amplitude, 2)} {ratio.unit}" if ratio and shared is None else text
+        return (
+            f"{text}, {fmt.digits(ratio.amplitude, n=2)} {ratio.unit}" if ratio and shared is None else text
+        )
 
     columns: dict[str, Callable[[RecordAnswer], str]] = {
         "record": name,

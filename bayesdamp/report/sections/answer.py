@@ -224,14 +224,14 @@ def _numbers(v: Verdict) -> list[tuple[str, str]]:
     beyond = f is not None and at is not None and is_extrapolated(f, at)
     if at is not None and (f is None or beyond):
         interval = fmt.with_interval(at.value, at.low, at.high, " Hz")
-        numbers.append((f"frequency at {fmt.compact(at.amplitude, 2)} {at.unit}", interval))
+        numbers.append((f"frequency at {fmt.digits(at.amplitude, n=2)} {at.unit}", interval))
     if f is not None:
         name = "natural frequency" + (", extrapolated to small oscillations" if beyond else "")
         interval = fmt.with_interval(f.value, f.low, f.high, f" {f.unit}")
         numbers.append((name, f"{f.value:.5g} {f.unit} (specified)" if is_specified(f) else interval))
     if v.damping_ratio:
         r = v.damping_ratio[len(v.damping_ratio) // 2]
-        where = f"at {fmt.compact(r.amplitude, 2)} {r.unit}"
+        where = f"at {fmt.digits(r.amplitude, n=2)} {r.unit}"
         size = fmt.with_interval(r.value, r.low, r.high, " %", 100)
         numbers += [(f"equivalent damping ratio {where}", size), (f"Q {where}", quality_of(r))]
     return numbers

@@ -169,7 +169,7 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Tabl
         "outcome": outcome,
     }
     truths = [
-        f"{words.symbol(n).text} = {fmt.as_entered(v)} {estimated[n]}"
+        f"{words.symbol(n).text} = {fmt.digits(v, n=6)} {estimated[n]}"
         for n, v in known.items()
         if math.isfinite(v)
     ]

@@ -150,7 +150,7 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
         order = [r["parameter"] for r in sampled]
         columns = dict(COLUMNS)
         if any(math.isfinite(truth(run, signal, r["parameter"])) for r in sampled):
-            columns["truth"] = lambda r: fmt.as_entered(truth(run, signal, r["parameter"]))
+            columns["truth"] = lambda r: fmt.digits(truth(run, signal, r["parameter"]), n=6)
         columns |= {
             "R̂": lambda r: fmt.fixed_decimals(r["rhat"], 3),
             "ESS bulk": lambda r: fmt.fixed_decimals(r["ess_bulk"], 0),

@@ -62,7 +62,7 @@ def _systems(run: RunFolder) -> list[str]:
         system, name = signal.get("system") or {}, str(signal.get("name", ""))
         laws = run.about(name).get("restoring") or [system["restoring"]] if system.get("restoring") else []
         known = [
-            f"{words.symbol(k).text} = {fmt.as_entered(v)}" for k, v in (system.get("known") or {}).items()
+            f"{words.symbol(k).text} = {fmt.digits(v, n=6)}" for k, v in (system.get("known") or {}).items()
         ]
         parts = [f"Restoring force: {fmt.listing(map(words.law, laws), 'or')}."] if laws else []
         parts += [f"Known: {fmt.listing(known)}."] if known else []

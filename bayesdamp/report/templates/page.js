@@ -8,10 +8,9 @@ function valueOf(text) {
   const plain = text.replace(/−/g, "-").replace(/[\u202f\u00a0]/g, "").replace(/^[<>≈~[]\s*/, "").trim();
   const times = [...plain.matchAll(/(\d+(?:\.\d+)?)\s*(h|min|ms|s)\b/g)];
   if (times.length && times[0].index === 0) return times.reduce((sum, t) => sum + Number(t[1]) * SECONDS[t[2]], 0);
-  const first = /^\(?(-?\d+(?:\.\d+)?(?:e-?\d+)?)/.exec(plain);
+  const first = /^(-?\d+(?:\.\d+)?)(?: × 10(⁻?)([⁰¹²³⁴⁵⁶⁷⁸⁹]+))?/.exec(plain);
   if (!first) return null;
-  const power = /× 10(⁻?)([⁰¹²³⁴⁵⁶⁷⁸⁹]+)/.exec(text);
-  const raised = power ? (power[1] ? -1 : 1) * Number([...power[2]].map((c) => RAISED.indexOf(c)).join("")) : 0;
+  const raised = (first[2] ? -1 : 1) * Number([...(first[3] ?? "")].map((c) => RAISED.indexOf(c)).join(""));
   return Number(first[1]) * 10 ** raised;
 }
 
