@@ -19,7 +19,7 @@ from bayesdamp.verdict.agreement import agreement
 from bayesdamp.verdict.parts import Grade, decay_table, modes_table, ratios_table
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
-from bayesdamp.verdict.words import energy_sentences
+from bayesdamp.verdict.words import energy_sentences, noise_sentence
 
 
 class PipeSafeConsole(Console):
@@ -85,17 +85,16 @@ def print_verdict(verdict: Verdict, console: Console) -> None:
     """Print a verdict: its sentence, a table of damping ratios or decay rates, and the remarks.
 
     Between the table and the remarks, print what the verdict has of these: sentences on the energy that each damping
-    term takes, labelled numbers (`facts`), and a table of the oscillations in a record that is not a free decay.
+    term takes and on the noise, and a table of the oscillations in a record that is not a free decay.
     """
     _print_sentence(verdict, console)
     if verdict.decay_rate:
         console.print(decay_table(verdict.decay_rate, verdict.quality_factor_at).rich())
     elif verdict.damping_ratio:
         console.print(ratios_table(verdict.damping_ratio).rich())
-        for sentence in energy_sentences(verdict):
-            console.print(Text(sentence), soft_wrap=True)
-    for label, text in verdict.facts.items():
-        console.print(Text(f"{label.capitalize()}: {text}."), soft_wrap=True)
+    energy = energy_sentences(verdict) if verdict.damping_ratio and not verdict.decay_rate else ()
+    for sentence in (*energy, *noise_sentence(verdict)):
+        console.print(Text(sentence), soft_wrap=True)
     if verdict.modes:
         console.print(modes_table(verdict.modes, verdict.motion).rich())
     for remark in verdict.remarks:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -168,7 +168,7 @@ class Verdict(CheckedMethods):
     deviation: Interval | None = None
     spread: Interval | None = None
     unexplained_pct: float = NAN
-    noise_pct: float = field(default=NAN, metadata={"label": "noise", "unit": "% of the first amplitude"})
+    noise_pct: float = NAN
     midline_drift_pct: float = NAN
     window: UsedWindow | None = None
     remarks: tuple[str, ...] = ()
@@ -211,16 +211,6 @@ class Verdict(CheckedMethods):
             if f.name == "sentence":
                 break
         return row
-
-    @property
-    def facts(self) -> dict[str, str]:
-        """Return the known numbers that terminal and report show on lines of their own, by label.
-
-        These are the fields with a label and a unit in their metadata, so far only `noise_pct`; the texts contain the
-        unit.
-        """
-        labelled = [(f.metadata, getattr(self, f.name)) for f in fields(self) if f.metadata]
-        return {about["label"]: f"{x:.2g} {about['unit']}" for about, x in labelled if isfinite(x)}
 
     def _repr_html_(self) -> str:
         return ratios_table(self.damping_ratio, self.sentence).__html__()

@@ -294,6 +294,11 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
     return tuple(sentences)
 
 
+def noise_sentence(v: Verdict) -> list[str]:
+    """Return a list with the sentence on the noise of a sample; an empty list if it is not known."""
+    return [f"Noise: {v.noise_pct:.2g} % of the first amplitude."] if isfinite(v.noise_pct) else []
+
+
 def deviation_limit(deviation: Interval) -> str:
     """Return the upper end of a relative deviation from the law in per cent, at least 0.1, without the sign %."""
     return percentage(max(deviation.high, 0.001))

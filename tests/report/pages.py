@@ -94,7 +94,7 @@ class PageTable:
 class Tables(Page):
     """Collects the tables of a page as cells of text, and the paragraphs, list items and numbers of its answers."""
 
-    CAUGHT = frozenset({"h3", "h4", "summary", "th", "td", "p", "li", "dt", "dd"})
+    CAUGHT = frozenset({"h3", "h4", "summary", "th", "td", "p", "li"})
 
     def __init__(self, html: str) -> None:
         self.tables: list[PageTable] = []

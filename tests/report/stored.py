@@ -101,14 +101,6 @@ def of_ratio(r: Any, unit: float) -> dict[str, Stored]:
     }  # fmt: skip
 
 
-def of_large_type(v: Any, unit: float) -> dict[str, float]:
-    r, at = v["damping_ratio"][len(v["damping_ratio"]) // 2], v["frequency_at"]
-    place = {"amplitude": unit * r["amplitude"]}
-    first = named("frequency at", {"amplitude": unit * at["amplitude"]} | sized(at)) if at else {}
-    first |= named("frequency", sized(v["frequency"]))
-    return first | named("ratio", place | sized(r, 100)) | named("Q", place | quality(r))
-
-
 def of_answer_table(v: Any, signal: str, i: int, cells: dict[str, str]) -> dict[str, Stored]:
     if "amplitude" in cells:
         return of_ratio(v["damping_ratio"][i], UNIT[signal])

@@ -60,8 +60,6 @@ def compare_page(c: Comparison, folder: Path) -> None:
     for signal, v in f.verdicts.items():
         own = [(tag, text) for path, tag, text in page.texts if path[:2] == ["answer", signal]]
         compare_answer(c, "page", v, UNIT[signal], [text for tag, text in own if tag in ("claim", "p")])
-        large = " ".join(text for tag, text in own if tag in ("dt", "dd"))
-        c.check("large type", large, expected.of_large_type(v, UNIT[signal]))
         at = {"signal": signal, "repeat": 0, "model": v["damping"]}
         by = {m: of_answers.row("evidence", **at, method=m)["probability"] for m in ("bridge", "importance")}
         by["answer"] = v["probability"] / (v["probability"] + v["rivals"][0]["probability"])
@@ -115,7 +113,7 @@ def compared(run_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_every_number_that_is_shown_is_the_stored_one(compared: Callable[[], Comparison]) -> None:
     c = compared()
     assert c.wrong == {}
-    assert len(c.compared) > 200
+    assert len(c.compared) > 190
 
 
 def test_a_number_is_right_to_half_a_unit_of_its_last_digit() -> None:
@@ -161,7 +159,7 @@ CONTROLS: dict[str, tuple[tuple[str, ...], Change, str]] = {
         ("bayesdamp.verdict.words._answer",), lambda f: lambda v: f(replace(v, probability=v.rivals[0].probability)),
         r".* answer: probability"),
     "ends of Q exchanged": (
-        ("bayesdamp.verdict.parts.quality_of", f"{REPORT}.sections.answer.quality_of"),
+        ("bayesdamp.verdict.parts.quality_of",),
         lambda _: lambda r: fmt.with_interval(0.5 / r.value, 0.5 / r.low, 0.5 / r.high), r".*Q:? (low|high)"),
     "amplitudes in rad": (
         (f"{REPORT}.results.run.in_unit", f"{REPORT}.terminal.in_unit"), lambda _: lambda verdict, unit: verdict,

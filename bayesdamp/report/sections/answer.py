@@ -38,12 +38,9 @@ from bayesdamp.verdict.parts import (
     Grade,
     decay_table,
     modes_table,
-    number,
-    quality_of,
     ratios_table,
 )
-from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import energy_sentences, is_extrapolated, is_specified
+from bayesdamp.verdict.words import energy_sentences, noise_sentence
 
 SHAPES = (
     "a level curve means viscous damping, a rise towards small amplitudes means friction, and a rise towards large "
@@ -118,7 +115,7 @@ TABLE_CAPTION = (
 
 
 class AnswerSection(Section):
-    """The section with the verdict on each record: a sentence, up to four numbers, a figure, and checks."""
+    """The section with the verdict on each record: its sentence, a figure, tables, and checks."""
 
     order = 5
     name = "answer"
@@ -137,19 +134,18 @@ class AnswerSection(Section):
         return by_signal(run, self.part, run.signals, ANCHOR)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return the verdict on a record, with its numbers, figures, tables and checks."""
+        """Return the verdict on a record, with its figures, tables and checks."""
         answer, comparison = answer_of(run, signal), RecordChecks(run, signal)
         warnings = run.provenance(signal).warnings
         checks = [Check(f"Warning from reading the record: {text}", fails=True) for text in warnings]
         checks += sorted([*sampling_checks(run, signal), *comparison.all()], key=lambda c: not c.fails)
-        numbers, energy, remarks, parts = [], (), (), list[object]()
+        sentences, remarks, parts = [], (), list[object]()
         if answer is None:
             claim = _why_none(run, signal)
         else:
             v = answer.verdict
             claim, remarks = v.sentence, v.remarks
             if v.quantity == "envelope":
-                numbers = _numbers(v)
                 remarks = (
                     *([f"The decay {v.window.why.replace('; ', ' and ')}."] if v.window else []),
                     *remarks,
@@ -176,12 +172,12 @@ class AnswerSection(Section):
             elif v.grade is Grade.NO_FREE_DECAY:
                 parts.append(modes_table(v.modes, v.motion))
             else:
-                numbers, energy, parts = _numbers(v), energy_sentences(v), _views(run, answer)
+                sentences, parts = list(energy_sentences(v)), _views(run, answer)
+            sentences += noise_sentence(v)
         return fill(
             "answer.html",
             claim=claim,
-            numbers=[*numbers, *(answer.verdict.facts.items() if answer else ())],
-            energy=energy,
+            sentences=sentences,
             remarks=remarks,
             checks=checks,
             parts=parts,
@@ -203,38 +199,6 @@ def _why_none(run: RunFolder, signal: str) -> str:
     else:
         why = "it was not computed" if rank_models(run, signal, repeat) else "no evidence was computed"
     return f"No verdict on the damping: {why}."
-
-
-def _numbers(v: Verdict) -> list[tuple[str, str]]:
-    """Return the numbers that the section shows in large type, as pairs (name, text with interval and unit).
-
-    They are the natural frequency; the frequency at an amplitude, if there is no natural frequency or it is
-    extrapolated; and the damping ratio and Q at the middle one of the verdict's amplitudes. For an envelope: the
-    frequency, and Q or else the decay rate. Those that the verdict lacks are left out.
-    """
-    numbers: list[tuple[str, str]] = []
-    if v.quantity == "envelope":
-        name, size = ("Q", v.quality_factor) if v.quality_factor else ("decay rate", v.rate)
-        if v.frequency:
-            numbers.append(("frequency", f"{v.frequency.value:.9g} Hz"))
-        if size:
-            numbers.append((name, f"{number(size)} {size.unit}".rstrip()))
-        return numbers
-    f, at = v.frequency, v.frequency_at
-    beyond = f is not None and at is not None and is_extrapolated(f, at)
-    if at is not None and (f is None or beyond):
-        interval = fmt.with_interval(at.value, at.low, at.high, " Hz")
-        numbers.append((f"frequency at {fmt.digits(at.amplitude, n=2)} {at.unit}", interval))
-    if f is not None:
-        name = "natural frequency" + (", extrapolated to small oscillations" if beyond else "")
-        interval = fmt.with_interval(f.value, f.low, f.high, f" {f.unit}")
-        numbers.append((name, f"{f.value:.5g} {f.unit} (specified)" if is_specified(f) else interval))
-    if v.damping_ratio:
-        r = v.damping_ratio[len(v.damping_ratio) // 2]
-        where = f"at {fmt.digits(r.amplitude, n=2)} {r.unit}"
-        size = fmt.with_interval(r.value, r.low, r.high, " %", 100)
-        numbers += [(f"equivalent damping ratio {where}", size), (f"Q {where}", quality_of(r))]
-    return numbers
 
 
 def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
