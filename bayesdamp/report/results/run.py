@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -87,8 +87,6 @@ class RunFolder:
         compared under several restoring laws.
     population
         Rows of population.csv; empty if the study does not have several specimens with one damping.
-    answered
-        Cache of `answer_of`, by the record's name and the kinds of tasks.
 
     Raises
     ------
@@ -114,11 +112,9 @@ class RunFolder:
                     row["model"] = candidate_name(row["model"], row["restoring"])
             tables.append(rows)
         self.estimates, self.posteriors, self.evidence, self.fits, self.population = tables
-        self.answered: dict[tuple[str, Sequence[str]], RecordAnswer | None] = {}
         self._figures: Path | None = self.folder / "figures"
         self._store = Store(self.folder, self.info.get("cells"))
         self._places = {name: TaskName.of(name) for name in self._store.names()}
-        self._read: dict[str, TaskResult | None] = {}
         path = self.folder / VERDICT_JSON
         try:
             self.verdicts = load_verdicts(path) if path.is_file() else []
@@ -134,10 +130,10 @@ class RunFolder:
         Its tables are empty, and its figures are not saved as files.
         """
         run = cls.__new__(cls)
-        run.info, run.answered, run.verdicts, run._figures = info, {}, list(verdicts), None
+        run.info, run.verdicts, run._figures = info, list(verdicts), None
         run.estimates, run.posteriors, run.evidence, run.fits, run.population = [], [], [], [], []
-        run._read = {task_result.name: task_result for task_result in task_results}
-        run._places = {name: TaskName.of(name) for name in run._read}
+        by_name = {task_result.name: task_result for task_result in task_results}
+        run._find, run._places = by_name.get, {name: TaskName.of(name) for name in by_name}
         return run
 
     @cached_property
@@ -220,25 +216,18 @@ class RunFolder:
         The parts are the kind of the task, the record, the repeat (from 0), and for some kinds the model and a method:
         `task_result("mode", "run-1", 0, "viscous")`. None if there is none that can be read.
         """
-        name = "/".join(map(str, parts))
-        if name not in self._places:
-            return None
-        if name not in self._read:
-            _make_room(self._read)
-            self._read[name] = self._store.find(name)
-        return self._read[name]
+        return self._find("/".join(map(str, parts)))
+
+    @cached_property
+    def _find(self) -> Callable[[str], TaskResult | None]:
+        """The function that reads a stored result by its name, with a cache of `MOST_RESULTS` results."""
+        return lru_cache(MOST_RESULTS)(self._store.find)
 
     def task_results(self, *parts: object) -> list[TaskResult]:
         """Return all readable results whose names begin with these parts."""
         prefix = "".join(f"{part}/" for part in parts)
         results = (self.task_result(name) for name in self._places if name.startswith(prefix))
         return [task_result for task_result in results if task_result is not None]
-
-
-def _make_room(results: dict[Any, Any]) -> None:
-    """Remove the results that were read first, so that fewer than `MOST_RESULTS` are left."""
-    while len(results) >= MOST_RESULTS:
-        del results[next(iter(results))]
 
 
 def rows_of(rows: Iterable[Row], **wanted: object) -> list[Row]:
@@ -397,17 +386,13 @@ def answer_of(
     `kinds` lists the kinds of tasks whose answer is accepted, the preferred kind first: "sampled" (from sampling) and
     "answer" (from linear approximations).
     """
-    if (signal, kinds) not in run.answered:
-        task_results = (run.task_result(kind, signal, run.repeats(signal)[0]) for kind in kinds)
-        task_result, answer = next((c for c in task_results if c is not None and c.outcome == OK), None), None
-        if task_result is not None:
-            unit, content = run.unit(signal), AnswerContent.of(task_result)
-            verdict = in_unit(Verdict.from_dict(content.verdict), unit)
-            arrays = picture_in_unit(task_result.arrays, unit)
-            answer = RecordAnswer(signal, verdict, content, arrays)
-        _make_room(run.answered)
-        run.answered[signal, kinds] = answer
-    return run.answered[signal, kinds]
+    task_results = (run.task_result(kind, signal, run.repeats(signal)[0]) for kind in kinds)
+    task_result = next((c for c in task_results if c is not None and c.outcome == OK), None)
+    if task_result is None:
+        return None
+    unit, content = run.unit(signal), AnswerContent.of(task_result)
+    verdict = in_unit(Verdict.from_dict(content.verdict), unit)
+    return RecordAnswer(signal, verdict, content, picture_in_unit(task_result.arrays, unit))
 
 
 def answers(run: RunFolder) -> list[RecordAnswer]:
@@ -545,7 +530,7 @@ def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Tabl
     }
     if len(envelopes) < len(records):
         unit = next((ratio.unit for ratio in ratios.values() if ratio), "")
-        at = "(95 %), amplitude" if shared is None else f"at {shared:.3g} {unit} (95 %)"
+        at = "(95 %), amplitude" if shared is None else f"at {fmt.digits(shared, n=3)} {unit} (95 %)"
         columns[f"damping ratio {at}"] = size
     if envelopes:
         columns["Q (95 %)" if quality else "rate / (1/s) (95 %)"] = lambda a: number(
