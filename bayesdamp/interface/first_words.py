@@ -34,7 +34,7 @@ def first_words(signal: Signal, unit: str = "") -> LawFreeDamping:
     begin = signal.provenance.start
     start = begin + float(signal.t[0])
     stop = begin + min(last + 0.5 * float(fit.windows.widths[-1]), float(signal.t[-1]))
-    frequency = fmt.with_error(mean, half) if half < mean else f"about {mean:.2g}"
+    frequency = fmt.with_error(mean, half) if half < mean else f"about {fmt.digits(mean, n=2)}"
     own = unit_named(unit).displacement
     scale, name = (own.scale, own.name) if own.base == signal.unit else (1.0, signal.unit)
     ratios = [

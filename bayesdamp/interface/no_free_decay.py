@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.formatting import percentage
+from bayesdamp.formatting import digits, percentage
 from bayesdamp.records.oscillation.features import features, once_per_record
 from bayesdamp.records.oscillation.modes import OtherMotion, find_other_motion
 from bayesdamp.types import DERIVATIVES, NORMAL_95, Refusal, Signal
@@ -92,5 +92,5 @@ def remark_on(signal: Signal) -> str:
     other = _other_motion(signal, False)
     if other is None or len(other.modes.frequencies) < 2:
         return ""
-    at = f"{other.modes.frequencies[1]:.4g} Hz"
+    at = f"{digits(other.modes.frequencies[1])} Hz"
     return f"A second oscillation, at {at}, has {percentage(other.size)} % of the amplitude."

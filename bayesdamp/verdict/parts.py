@@ -224,7 +224,7 @@ def quality_of(r: DampingRatio) -> str:
     if not r.value > 0:
         return fmt.NONE
     if not r.low > 0:
-        return f"{0.5 / r.value:.3g} (above {0.5 / r.high:.3g})"
+        return f"{fmt.digits(0.5 / r.value, n=3)} (above {fmt.digits(0.5 / r.high, n=3)})"
     return fmt.with_interval(0.5 / r.value, 0.5 / r.high, 0.5 / r.low)
 
 
@@ -239,8 +239,8 @@ def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool 
         "Q": quality_of,
     }
     if parts:
-        columns["sd from noise"] = lambda r: f"{100 * r.sd_noise:.2g} %"
-        columns["sd from the law"] = lambda r: f"{100 * r.sd_law:.2g} %"
+        columns["sd from noise"] = lambda r: f"{fmt.digits(100 * r.sd_noise, n=2)} %"
+        columns["sd from the law"] = lambda r: f"{fmt.digits(100 * r.sd_law, n=2)} %"
     return Table.of(ratios, columns, caption=caption)
 
 
@@ -271,10 +271,10 @@ def modes_table(modes: Iterable[Oscillation], motion: MotionKind | None) -> Tabl
     """
     first, last = ("least", "largest") if motion is MotionKind.EXCITED else ("first", "last")
     columns: dict[str, Callable[[Oscillation], str]] = {
-        "frequency": lambda m: f"{m.frequency:.5g} Hz",
+        "frequency": lambda m: f"{fmt.digits(m.frequency, n=5)} Hz",
         "damping ratio (95 %)": lambda m: fmt.with_interval(m.damping_ratio, m.low, m.high, " %", 100),
-        f"{first} amplitude": lambda m: f"{m.first:.3g} {m.unit}",
-        f"{last} amplitude": lambda m: f"{m.last:.3g} {m.unit}",
+        f"{first} amplitude": lambda m: f"{fmt.digits(m.first, n=3)} {m.unit}",
+        f"{last} amplitude": lambda m: f"{fmt.digits(m.last, n=3)} {m.unit}",
     }
     caption = (
         f"Oscillations in the record, with the {first} and the {last} amplitude of the displacement. The 95 % interval "

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.formatting import percentage, with_interval
+from bayesdamp.formatting import digits, percentage, with_interval
 from bayesdamp.inference.deviation.draws import quantity
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.specimen import RunComparison, SpecimenComparison, compare_runs
@@ -169,7 +169,8 @@ def specimen(
     if known and max(i.low for i in known) > thresholds.FREQUENCIES_DIFFER * min(i.high for i in known):
         frequency, each = None, sorted(i.value for i in known)
         differ = (
-            f"The natural frequencies of the records differ, from {each[0]:.3g} to {each[-1]:.3g} {known[0].unit}, so "
+            f"The natural frequencies of the records differ, from {digits(each[0], n=3)} to "
+            f"{digits(each[-1], n=3)} {known[0].unit}, so "
             "no common one is given. The damping ratio is a mean over the records; if they are of different "
             "specimens, it is that of none of them: then compare the records separately."
         )

@@ -172,6 +172,7 @@ def describe_motion(v: Verdict, motion: MotionKind) -> str:
     The text contains the frequencies, amplitudes and damping ratios in `v.modes` with their units, without a full stop.
     """
     first = v.modes[0]
+    begin, end = digits(first.first, n=2), f"{digits(first.last, n=2)} {first.unit}"
     if motion is MotionKind.STEADY:
         # Upper limit of the damping ratio, if nothing drives the oscillation.
         limit = max(first.damping_ratio, 0.0) + 0.5 * (first.high - first.low)
@@ -179,25 +180,23 @@ def describe_motion(v: Verdict, motion: MotionKind) -> str:
         cycles = f" over {v.window.cycles:.0f} cycles" if v.window else ""
         return (
             f"no decay is detected: it oscillates at {_frequency_of(first)} Hz with a constant amplitude of "
-            f"{first.first:.3g} {first.unit}{cycles}. Either something drives it, or its damping ratio is "
+            f"{digits(first.first, n=3)} {first.unit}{cycles}. Either something drives it, or its damping ratio is "
             f"below {percentage(limit)} % (95 %){quality}"
         )
     if motion is MotionKind.EXCITED:
         return (
-            f"at {first.frequency:.3g} Hz its amplitude rises and falls repeatedly between {first.first:.2g} and "
-            f"{first.last:.2g} {first.unit}, as under random forces. To measure the damping, record a decay in which "
+            f"at {digits(first.frequency, n=3)} Hz its amplitude rises and falls repeatedly "
+            f"between {begin} and {end}, as under random forces. To measure the damping, record a decay in which "
             "nothing excites it, or use a method for ambient vibration"
         )
     if motion is MotionKind.GROWING:
-        return (
-            f"its oscillation at {_mode(first)} grows from {first.first:.2g} to {first.last:.2g} {first.unit}"
-        )
+        return f"its oscillation at {_mode(first)} grows from {begin} to {end}"
     second = v.modes[1]
     if motion is MotionKind.DRIVEN:
         driven, decaying = sorted((first, second), key=lambda m: abs(m.damping_ratio))
         return (
-            f"something drives it at {_frequency_of(driven)} Hz with an amplitude of {driven.last:.2g} {driven.unit}, "
-            f"in addition to a decay at {_mode(decaying)}"
+            f"something drives it at {_frequency_of(driven)} Hz with an amplitude of "
+            f"{digits(driven.last, n=2)} {driven.unit}, in addition to a decay at {_mode(decaying)}"
         )
     what = "two oscillations beat" if motion is MotionKind.BEATS else "it contains two modes"
     share = f"{percentage(max(second.first, second.last) / max(first.first, first.last))} %"
@@ -242,7 +241,7 @@ def plus_minus(i: Interval) -> str:
     up, down = i.high - i.value, i.value - i.low
     half, unit = 0.5 * (up + down), f" {i.unit}" if i.unit else ""
     if is_specified(i):
-        return f"{i.value:.5g}{unit} (specified)"
+        return f"{digits(i.value, n=5)}{unit} (specified)"
     if max(up, down) > ASYMMETRY * max(min(up, down), 1e-12):
         return with_interval(i.value, i.low, i.high, unit)
     return f"{with_error(i.value, half)}{unit}"
@@ -296,7 +295,7 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
 
 def noise_sentence(v: Verdict) -> list[str]:
     """Return a list with the sentence on the noise of a sample; an empty list if it is not known."""
-    return [f"Noise: {v.noise_pct:.2g} % of the first amplitude."] if isfinite(v.noise_pct) else []
+    return [f"Noise: {digits(v.noise_pct, n=2)} % of the first amplitude."] if isfinite(v.noise_pct) else []
 
 
 def deviation_limit(deviation: Interval) -> str:
@@ -432,13 +431,12 @@ def remarks(
         error = v.averages.error_sd
         small = error <= thresholds.AVERAGED
         if small:
-            effect = (
-                f"; this approximation moves no parameter by more than {error:.1g} of its standard deviation"
-            )
+            limit = digits(error, n=1)
+            effect = f"; this approximation moves no parameter by more than {limit} of its standard deviation"
         elif isfinite(error):
             effect = (
                 ", because the equation of motion over so many would need too much memory; this approximation moves "
-                f"parameters by up to {error:.2g} of their standard deviations"
+                f"parameters by up to {digits(error, n=2)} of their standard deviations"
             )
         else:
             effect = "; the equation of motion could not be solved to check this approximation"
