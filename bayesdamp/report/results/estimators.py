@@ -159,6 +159,7 @@ def compare_estimators(run: RunFolder) -> EstimatorComparison:
     times = rows.dropna(subset="seconds").drop_duplicates([*key, "repeat"])
     seconds = times.groupby(["estimator", "stage"])["seconds"].sum().unstack()
     published = cast(Frame, data_frame(printed, ("estimator", "signal", "error_pct")))
+    published = published.drop_duplicates(["estimator", "signal"], keep="last")
     published = published.pivot(index="estimator", columns="signal", values="error_pct").fillna("")
     return EstimatorComparison(
         errors.reindex(methods, columns=columns),
