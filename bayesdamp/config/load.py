@@ -352,8 +352,8 @@ def _read_published(path: Path) -> tuple[dict[str, str], ...]:
 def _check_across_tables(study: Study) -> None:
     """Check settings that depend on several tables. Raises StudyError.
 
-    Estimators run only under compared models. `models.prune` and `posterior.best` need Laplace's evidence. Records of a
-    specimen must be different, have the same base unit and the same candidates, and cannot be combined with a sweep.
+    Estimators run only under compared models. Records of a specimen must be different, have the same base unit and the
+    same candidates, and cannot be combined with a sweep.
     """
     for spec in study.signals:
         for model in spec.estimate or ():
@@ -382,7 +382,3 @@ def _check_across_tables(study: Study) -> None:
             if spec.restoring != first.restoring or not same:
                 right = "repeats must have the same compare and restoring"
                 raise StudyError(key, f"{repeat}, under other models; {right}")
-    if "laplace" not in study.evidence.methods:
-        for key, value in (("models.prune", study.models.prune), ("posterior.best", study.posterior.best)):
-            if value is not None:
-                raise StudyError(key, 'needs "laplace" in evidence.methods; add it there')

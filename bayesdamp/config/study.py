@@ -227,8 +227,7 @@ class ModelsTable(StudySection):
     """[models]: the damping sums and restoring laws to compare, and priors of damping terms.
 
     compare: damping sums, or "all". restoring: laws that each sum is combined with; by default that of [system]. prune:
-    a model is left out if its log evidence by Laplace's approximation is at least this many nats below the best; None
-    keeps all.
+    a model is left out if its log evidence in the answer is at least this many nats below the best; None keeps all.
     """
 
     compare: Literal["all"] | SomeNames = Field(
@@ -448,7 +447,7 @@ class Models:
 
     compare: damping sums such as `viscous+coulomb`. prior: stated priors by damping term. restoring: restoring laws
     that each sum is combined with; empty if each signal has only its own. prune: a candidate is left out if its log
-    evidence by Laplace's approximation is at least this many nats below the largest; None to keep all.
+    evidence in the answer is at least this many nats below the largest; None to keep all.
     """
 
     compare: tuple[str, ...]

@@ -139,25 +139,21 @@ def stored_fit(record: StudyRecord, damping: str, restoring: str) -> FitState:
     raise Refusal(Status.PRUNED.because(why) if why == BEHIND else why)
 
 
-def shortlist(record: StudyRecord, nats: float) -> set[tuple[str, str]] | None:
-    """Return the candidates, (damping, restoring), that are worth sampling according to the first answer on a record.
+def rank_candidates(record: StudyRecord, nats: float | None) -> list[tuple[str, str]]:
+    """Return the candidates, (damping, restoring), of the first answer on a record, by their log evidence, best first.
 
-    They are a set, without an order. A candidate is returned if its log evidence is less than `nats` below the largest
-    one; the one with the largest log evidence with deviations always is. The evidence is that with deviations from the
-    laws if the study's samplers allow them and any candidate has it, else that under exact laws. Candidates without it
-    are left out.
+    Those at least `nats` below the largest one are left out, unless `nats` is None. The evidence is that with
+    deviations from the laws if the study's samplers allow them and any candidate has it, else that under exact laws.
+    Candidates without it are left out. The candidate with the largest log evidence with deviations is always returned.
 
-    Return None if there is no answer, or no candidate could be fitted.
+    The list is empty if there is no answer, or no candidate could be fitted.
     """
     content = AnswerContent.maybe(record.find(ANSWER))
     usable = [r for r in content.candidates if r.outcome == OK] if content else []
-    if not usable:
-        return None
-    approximate = [(r.log_evidence, r) for r in usable if r.log_evidence is not None]
-    use_approximate = approximate and record.study.likelihood == "law"
-    logs = approximate if use_approximate else [(r.exact, r) for r in usable]
-    top = max(log for log, _ in logs)
-    chosen = [r for log, r in logs if top - log < nats]
-    if approximate:
-        chosen.append(max(approximate, key=lambda pair: pair[0])[1])
-    return {(r.damping, r.restoring) for r in chosen}
+    approximate = {(r.damping, r.restoring): r.log_evidence for r in usable if r.log_evidence is not None}
+    exact = {(r.damping, r.restoring): r.exact for r in usable}
+    logs = approximate if approximate and record.study.likelihood == "law" else exact
+    ranked = sorted(logs, key=logs.__getitem__, reverse=True)
+    chosen = [c for c in ranked if nats is None or logs[ranked[0]] - logs[c] < nats]
+    named = max(approximate, key=approximate.__getitem__, default=None)
+    return chosen if named is None or named in chosen else [*chosen, named]

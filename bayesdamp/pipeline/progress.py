@@ -14,18 +14,14 @@ if TYPE_CHECKING:
     from bayesdamp.config import Study
     from bayesdamp.pipeline.jobs import Job
 
-READING = "reading"
+READING, CANDIDATES = "reading", "candidates"
 ACTIVITIES = {
     "read": f"{READING} {{records}}",
     "answer": "measuring the damping of {records} with {models}{laws}",
     "sampled": "checking the answer on {records} by sampling",
-    "fit": "estimating and fitting {models} on {records}",
-    "evidence": "computing the evidence of {models} on {records}",
-    "sample": "sampling {models} on {records}",
-    "check": "checking the evidence of {models} on {records}",
+    CANDIDATES: "fitting, sampling and weighing {models} on {records}",
 }
-"""What the jobs of a stage do, by the `task_group` of the first one. Sensitivity is in the stage of "sample". In a
-study without samplers, "check" describes this stage."""
+"""What the jobs of a stage do, by their `task_group`; `CANDIDATES` for those of candidates, which have none."""
 
 
 def describe_stage(study: Study, jobs: list[Job]) -> str:
@@ -34,10 +30,7 @@ def describe_stage(study: Study, jobs: list[Job]) -> str:
     specs = [spec for spec in study.signals if spec.name in names]
     sums = {candidate_parts(job.model)[0] for job in jobs if job.model}
     laws = max((len(spec.restoring) for spec in specs), default=0)  # an envelope has none
-    task_group = str(jobs[0].task_group)
-    if task_group == "sample" and not study.posterior.samplers:
-        task_group = "check"
-    return ACTIVITIES[task_group].format(
+    return ACTIVITIES[jobs[0].task_group or CANDIDATES].format(
         records=_with_count(len({(job.signal, job.repeat) for job in jobs}), "record"),
         models=_with_count(
             len(sums) or max((len(study.dampings(spec)) for spec in specs), default=0), "damping model"

@@ -16,11 +16,11 @@ from bayesdamp.inference.deviation.model_comparison import BEHIND
 from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import tables
 from bayesdamp.pipeline.answering import stored_fit
-from bayesdamp.pipeline.jobs import CandidateSelection
+from bayesdamp.pipeline.jobs import choose_candidates
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, TaskResult, read_table
-from bayesdamp.store.contents import AnswerContent, ComparedCandidate, EvidenceContent
+from bayesdamp.store.contents import AnswerContent, ComparedCandidate
 from bayesdamp.types import Evidence, Refusal
 from tests.interface.problems import not_refused
 from tests.studies import ESTIMATED, WEIGHED, study_text, write_study
@@ -98,31 +98,46 @@ def test_probabilities_are_shared_by_the_candidates_with_evidence(tmp_path, monk
     assert math.isnan(shares["bridge", "viscous", "linear"])
 
 
-def test_a_pruned_candidate_is_not_sampled(tmp_path) -> None:
-    """On a record with viscous damping, quadratic damping is far behind. A candidate at the limit is pruned too."""
+def test_candidates_are_pruned_and_sampled_by_the_evidence_of_the_answer(tmp_path) -> None:
+    """On a record with viscous damping, quadratic damping is far behind; of the other two, the best one is sampled.
+
+    A run without these limits samples them all; with the limits, its results no longer count. A candidate at the limit
+    is pruned too.
+    """
     text = study_text(
         ESTIMATED,
-        'models = { compare = ["viscous", "quadratic", "viscous+quadratic"], prune = 50.0 }',
-        WEIGHED.replace("[]", '["nuts"]'),
+        'models = { compare = ["viscous", "quadratic", "viscous+quadratic"] }',
+        WEIGHED.replace("[]", '["nuts"]').replace("'laplace'", "'importance', 'bridge'"),
         simulate="viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003",
     )
-    study, out = write_study(tmp_path, text), tmp_path / "out"
-    assert run_study(study, out, workers=1) == 0
-    store = Store(out)
-    sampled = {n for n in store.names() if n.startswith("posterior/")}
-    assert sampled == {f"posterior/rig/0/{m}/nuts" for m in ("viscous", "viscous+quadratic")}
-    best, second = (
-        EvidenceContent.of(store.read(f"evidence/rig/0/{m}/laplace")).evidence.log_evidence
-        for m in ("viscous", "viscous+quadratic")
+    every, out = write_study(tmp_path, text), tmp_path / "out"
+    assert run_study(every, out, workers=1) == 0
+    record = StudyRecord(every, every.signals[0], 0, Store(out))
+    assert choose_candidates(record) == (every.compare(record.spec),) * 2
+    limited = text.replace('+quadratic"] }', '+quadratic"], prune = 50.0 }').replace(
+        '["nuts"]', '["nuts"], best = 1'
     )
+    study = write_study(tmp_path, limited)
+    assert run_study(study, out, workers=1) == 0
+    rows = {(r["model"], r["method"]): r["outcome"] for r in read_table(out / "evidence.csv")}
+    assert rows["viscous", "bridge"] == rows["viscous+quadratic", "importance"] == "ok"
+    assert status_of(rows["viscous+quadratic", "bridge"]) is Status.NOT_SAMPLED
+    assert {status_of(rows["quadratic", m]) for m in ("importance", "bridge")} == {Status.PRUNED}
+    samplers = {
+        r["model"]
+        for r in read_table(out / "posteriors.csv")
+        if (r["sampler"], r["outcome"]) == ("nuts", "ok")
+    }
+    assert samplers == {"viscous"}
+    logs = {c.damping: c.exact for c in AnswerContent.of(Store(out).read("answer/rig/0")).candidates}
 
-    def outcomes(prune: float | None) -> dict[str, str]:
+    def kept(prune: float) -> tuple[str, ...]:
         other = replace(study, models=replace(study.models, prune=prune))
-        return CandidateSelection(other, study.signals[0], 0, store).outcomes_after_laplace()
+        return tuple(choose_candidates(StudyRecord(other, study.signals[0], 0, Store(out)))[0])
 
-    assert outcomes(best - second)["viscous"] == ""
-    assert status_of(outcomes(best - second)["viscous+quadratic"]) is Status.PRUNED
-    assert set(outcomes(None).values()) == {""}
+    behind = logs["viscous"] - logs["viscous+quadratic"]
+    assert kept(behind) == ("viscous",)
+    assert kept(behind * 1.001) == ("viscous", "viscous+quadratic")
 
 
 def test_a_candidate_that_the_answer_left_out_as_far_behind_is_pruned() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ import pytest
 
 from bayesdamp.config import Recording
 from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.pipeline.jobs import _task_group_of
+from bayesdamp.pipeline.jobs import Job, tasks_of
 from bayesdamp.pipeline.records import read_free_decay
+from bayesdamp.store import Store
+from tests.studies import COMPARED, study_text, write_study
 
 
 def test_a_file_that_is_replaced_with_the_same_time_stamp_is_read_again(tmp_path: Path) -> None:
@@ -29,8 +32,24 @@ def test_a_file_that_is_replaced_with_the_same_time_stamp_is_read_again(tmp_path
     assert read_free_decay(recording, "rig") is second
 
 
-def test_evidence_that_needs_draws_comes_after_the_samplers(monkeypatch: pytest.MonkeyPatch) -> None:
-    name = "evidence/rig/0/viscous/importance"
-    assert _task_group_of(name) == "evidence"
+def test_evidence_that_needs_draws_comes_after_the_samplers_and_only_for_sampled_candidates(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Control: other evidence is computed for every candidate."""
+    simulated = "viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003"
+    settings = "posterior = { samplers = ['nuts'] }\nevidence = { methods = ['laplace', 'importance'] }"
+    study, job = (
+        write_study(tmp_path, study_text(COMPARED, settings, simulate=simulated)),
+        Job("rig", 0, "viscous"),
+    )
+
+    def methods(job: Job) -> list[str]:
+        return [name.split("/")[-1] for name in tasks_of(study, Store(tmp_path), job)]
+
+    unsampled = replace(job, is_sampled=False)
+    assert {"nuts", "nested"}.isdisjoint(methods(unsampled))
+    assert {"laplace", "importance"} <= set(methods(unsampled))
     monkeypatch.setattr(type(EVIDENCES.get("importance")), "needs_draws", True)
-    assert _task_group_of(name) == "sample"
+    assert "importance" not in methods(unsampled)
+    order = methods(job)
+    assert order.index("nuts") < order.index("importance") < order.index("nested")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-import pytest
 from rich.console import Console
 
 from bayesdamp.pipeline import progress as p
@@ -25,13 +24,8 @@ def test_without_a_terminal_long_stages_are_plain_lines() -> None:
     assert out.getvalue().splitlines() == ["estimating"]
 
 
-@pytest.mark.parametrize(
-    ("samplers", "activity"), [("[]", "checking the evidence of"), ('["nuts"]', "sampling")]
-)
-def test_a_study_without_samplers_does_not_say_that_it_samples(
-    tmp_path: Path, samplers: str, activity: str
-) -> None:
+def test_a_stage_says_how_many_damping_models_it_evaluates(tmp_path: Path) -> None:
     simulated = "viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003"
-    text = study_text(COMPARED, WEIGHED.replace("[]", samplers), simulate=simulated)
-    stage = [Job("rig", 0, "viscous", task_group="sample")]
-    assert p.describe_stage(write_study(tmp_path, text), stage) == f"{activity} 1 damping model on 1 record"
+    study = write_study(tmp_path, study_text(COMPARED, WEIGHED, simulate=simulated))
+    words = p.describe_stage(study, [Job("rig", 0, model) for model in ("viscous", "quadratic")])
+    assert words == "fitting, sampling and weighing 2 damping models on 1 record"

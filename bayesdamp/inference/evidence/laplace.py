@@ -17,10 +17,10 @@ class LaplaceEvidence(EvidenceMethod):
     """Laplace's approximation: the integral of the log posterior's second-order expansion at its mode.
 
     The integral is over non-negative values of the scores of coefficients that cannot be negative. It needs only a few
-    evaluations of the likelihood, but gives no standard error; it is used to leave out models with small evidence. The
-    Hessian is the Gauss–Newton approximation. If a coefficient is zero at the mode, the gradient is not zero, and the
-    integral is over the tail of a normal distribution. If the model allows for deviations from its laws, the evidence
-    is that of the linear model in `Mode.linear`.
+    evaluations of the likelihood, but gives no standard error. The Hessian is the Gauss–Newton approximation. If a
+    coefficient is zero at the mode, the gradient is not zero, and the integral is over the tail of a normal
+    distribution. If the model allows for deviations from its laws, the evidence is that of the linear model in
+    `Mode.linear`.
     """
 
     name = "laplace"

@@ -15,17 +15,13 @@ import scipy  # loads its modules when they are used
 from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence._method import ADOPTED, REFEREE, choose_evidence, disagreement
-from bayesdamp.interface.evidence import FROM_DRAWS, run_evidence_method
+from bayesdamp.interface.evidence import FROM_DRAWS, LAPLACE, run_evidence_method
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import odds
 from bayesdamp.store.contents import EvidenceContent
 from bayesdamp.types import OK, Evidence, candidate_parts
-
-FIRST_METHOD = "laplace"
-"""The evidence method by which candidates are pruned (Laplace's approximation). It has no error estimate; its evidence
-is ignored if another method has computed one."""
 
 
 def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str, tuple[object, ...]]:
@@ -63,7 +59,7 @@ def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Produ
     study = candidate.study
     if method == REFEREE and REFEREE not in study.evidence.methods and study.evidence.referee == "auto":
         stored = list_evidence(candidate.record, candidate.model)
-        others = [e for e in stored if e.method not in (FIRST_METHOD, REFEREE)]
+        others = [e for e in stored if e.method not in (LAPLACE, REFEREE)]
         if others and not disagreement(others):
             return Product(EvidenceContent(), seconds=0.0)
     draws, outcome = None, OK
@@ -99,8 +95,9 @@ def list_evidence(record: StudyRecord, model: str) -> list[Evidence]:
 def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
     """Return the stored evidence on a record: by method, a dictionary from the model to its evidence.
 
-    If more than one method besides Laplace's has results, the last entry, `combined`, has for each model the evidence
-    from all of these: that of nested sampling if it is reliable, else a weighted mean (`choose_evidence`).
+    If more than one method besides Laplace's (which has no error estimate) has results, the last entry, `combined`, has
+    for each model the evidence from all of these: that of nested sampling if it is reliable, else a weighted mean
+    (`choose_evidence`).
     """
     methods = record.study.evidence.methods
     by_method: dict[str, dict[str, Evidence]] = {m: {} for m in methods}
@@ -112,10 +109,10 @@ def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
     if REFEREE not in methods and not any(np.isfinite(e.log_evidence) for e in refereed):
         # The referee has only outcomes here, which the other methods state too.
         by_method.pop(REFEREE, None)
-    if len([m for m in by_method if m != FIRST_METHOD]) > 1:
+    if len([m for m in by_method if m != LAPLACE]) > 1:
         by_method[ADOPTED] = {}
         for model, evidences in by_model.items():
-            counting = [e for e in evidences if e.method != FIRST_METHOD]
+            counting = [e for e in evidences if e.method != LAPLACE]
             if counting:
                 by_method[ADOPTED][model] = choose_evidence(counting)
     return by_method

@@ -38,8 +38,7 @@ EVIDENCE = (
 )
 PRUNED = (
     "Models that were left out of further computations, because they are much less probable than the best one. The "
-    "last column gives the reason for each method that was not run. The evidence by Laplace's approximation is shown "
-    "if the posterior mode had been found before."
+    "last column gives the reason for each method that was not run."
 )
 ADOPTED = (
     'The "adopted evidence" is that of nested sampling if it was computed as a check, otherwise the mean of the other '
