@@ -1,12 +1,11 @@
-"""Run a calibration: compute records until enough are usable, and write tables and report.
+"""Run a calibration: simulate and analyse records, and write tables and report.
 
 A series is a number of records of one kind, such as those that are drawn from one model. A task simulates and analyses
-the next few records of a series, a chunk. The tasks that run together are a wave. An interrupted calibration resumes.
+the next few records of a series, a chunk. An interrupted calibration resumes.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,16 +28,13 @@ from bayesdamp.pipeline.tasks import compute_and_store, task_key
 from bayesdamp.pipeline.workers import open_pool
 from bayesdamp.plugins import use_modules
 from bayesdamp.store import Store, TaskResult, provenance, write_json, write_table
-from bayesdamp.store.contents import ChunkContent, RanksContent
+from bayesdamp.store.contents import RanksContent
 from bayesdamp.types import OK
 
 RECOVERY = "recovery"
 """Name of the series of records of a model recovery."""
 DONE, SOME_FAILED = 0, 3
 """Exit statuses: everything is computed, or the program failed on some records."""
-MOST_TRIES = 20
-"""Largest number of simulated records, as a multiple of the requested number of usable ones. Beyond it, the series of
-records ends with fewer usable records."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +42,11 @@ class RecordSeries:
     """A series of simulated records.
 
     kind: "ranks" tests the posteriors of one `model`; "recovery" tests the probabilities of all models of the study.
-    wanted: number of usable records at which the series is complete.
+    records: number of records, which is rounded up to whole tasks.
     """
 
     kind: str
-    wanted: int
+    records: int
     model: str = ""
 
     @property
@@ -99,7 +95,7 @@ def run_calibration(
     out
         The folder of the results.
     records
-        Number of usable records for each model (with `models`, for all models together), instead of the study's.
+        Number of simulated records for each model (with `models`, for all models together), instead of the study's.
     models
         Whether to test the probabilities of models (model recovery) instead of the posteriors of parameters.
     workers
@@ -114,8 +110,7 @@ def run_calibration(
     Returns
     -------
     int
-        The exit status: 0, or 3 if the program failed on some records. The verdict "wrong" is a result, not a failure,
-        and so are fewer usable records than requested after `MOST_TRIES` times as many were simulated.
+        The exit status: 0, or 3 if the program failed on some records. The verdict "wrong" is a result, not a failure.
 
     Raises
     ------
@@ -159,14 +154,6 @@ def run_calibration(
                 lines += [f"{chunk.name}, record {i + 1}: {outcome}" for outcome in wrong]
         for line in lines:
             console.print(line, style="red", highlight=False)
-        for series in every:
-            good = count_usable(whole.get(series.name, ()))
-            if good < series.wanted and not failed:
-                tries = MOST_TRIES * series.wanted
-                console.print(
-                    f"{series.name}: only {good} of the {series.wanted} requested records could be used; gave up "
-                    f"after simulating {tries}."
-                )
         return SOME_FAILED if lines else DONE
 
 
@@ -198,45 +185,21 @@ def _write(study: Study, store: Store, results: Mapping[str, Sequence[TaskResult
 
 
 def compute_series(
-    study: Study, wanted: Sequence[RecordSeries], store: Store, workers: int | None, console: Console
+    study: Study, every: Sequence[RecordSeries], store: Store, workers: int | None, console: Console
 ) -> dict[str, list[TaskResult]]:
     """Compute the tasks of every series, and return their results by the name of the series, in order of the records.
 
-    Tasks run in waves (groups that run together) until each series has enough usable records. Each wave simulates as
-    many records as are still missing, and results that are already stored are read instead of computed. Therefore an
-    interrupted calibration ends with the same records. A series ends at a failed task, which the next run repeats.
-    workers: number of processes; None for one on each core.
+    Results that are already stored are read instead. workers: number of processes; None for one on each core.
     """
-    results: dict[str, list[TaskResult]] = {s.name: [] for s in wanted}
-    workers = workers or cores()
-    with progress_bar(console) as progress, open_pool(workers, None) as pool:
-        bars = {s.name: progress.add_task(s.name, total=s.wanted) for s in wanted}
+    results: dict[str, list[TaskResult]] = {s.name: [] for s in every}
+    tasks = [(s, first) for s in every for first in range(0, s.records, s.module.RECORDS_PER_TASK)]
+    with progress_bar(console) as progress, open_pool(workers or cores(), None) as pool:
+        bar = progress.add_task("simulating records", total=len(tasks))
         compute = partial(_compute_task, study, store.folder.resolve())
-        while wave := [(s, first) for s in wanted for first in next_wave(s, results[s.name])]:
-            chunks = (map if pool is None else pool.map)(compute, *zip(*wave))
-            for (series, _), chunk in zip(wave, chunks, strict=True):
-                results[series.name].append(chunk)
-                progress.update(bars[series.name], advance=count_usable([chunk]))
+        for (series, _), chunk in zip(tasks, (pool.map if pool else map)(compute, *zip(*tasks)), strict=True):
+            results[series.name].append(chunk)
+            progress.advance(bar)
     return results
-
-
-def count_usable(results: Sequence[TaskResult]) -> int:
-    """Return how many records in these results are usable: those with the outcome `ok`."""
-    return sum(sum(ChunkContent.of(r).accepted) for r in results)
-
-
-def next_wave(series: RecordSeries, results: Sequence[TaskResult]) -> list[int]:
-    """Return the tasks of a series that run together next (a wave), each as the number of its first record.
-
-    They simulate as many records as are still missing. results: results of the series' tasks so far. The list is empty
-    if the series is complete, has tried `MOST_TRIES` times the wanted records, or has a failed task.
-    """
-    chunk = series.module.RECORDS_PER_TASK
-    tried, good = len(results) * chunk, count_usable(results)
-    if good >= series.wanted or tried >= MOST_TRIES * series.wanted or any(is_failed(r) for r in results):
-        return []
-    count = math.ceil((series.wanted - good) / chunk)
-    return [tried + i * chunk for i in range(count)]
 
 
 def is_failed(result: TaskResult) -> bool:

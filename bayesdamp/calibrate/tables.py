@@ -75,11 +75,8 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
     rows, classical = list[Row](), list[Row]()
     for model, sampler, name, ranks, below in _ranks(study, results):
         head = {"model": model, "method": sampler, "parameter": name}
-        counts = statistics.histogram(ranks, study.calibration.draws, points(study.calibration.draws))
-        apart = np.cumsum(counts) / max(ranks.size, 1) - np.arange(1, counts.size + 1) / counts.size
-        value = float(apart[np.argmax(np.abs(apart))]) if ranks.size else math.nan
-        checked = {"check": "ranks", "records": ranks.size, "without": 0, "value": value}
-        rows.append({**head, **checked, "p": statistics.uniformity_p(counts)})
+        value, p = statistics.uniformity_test(ranks, study.calibration.draws)
+        rows.append({**head, "check": "ranks", "records": ranks.size, "without": 0, "value": value, "p": p})
         inside = np.abs(below - 0.5)
         rows += [{**head, **_coverage_row(inside <= 0.5 * level, level)} for level in LEVELS]
     for chunks in results.values():
@@ -118,14 +115,6 @@ def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.n
                 yield content.model, sampler, name, ranks[counts, s, k], below[counts, s, k]
 
 
-def points(draws: int) -> int:
-    """Return the number of bins into which the test of ranks among `draws` draws sorts the ranks.
-
-    It is the largest divisor of draws + 1 (the number of possible ranks) up to 64, so that the bins have equal size.
-    """
-    return max(k for k in range(1, 65) if (draws + 1) % k == 0)
-
-
 def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
     """Return the row of a test of coverage.
 
@@ -161,8 +150,8 @@ def rank_rows(study: Study, results: Results) -> Iterator[Row]:
 def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> Row:
     """Return the summary of a calibration for run.json: counts by model, verdicts, and bands for the figures.
 
-    results: results of tasks by series. rows: the rows of calibration.csv. The bands contain the counts of uniform
-    ranks with a probability of 99 %, by the number of records.
+    results: results of tasks by series. rows: the rows of calibration.csv. bands: by the number of records, the range
+    that contains the number of uniform ranks in one bin with a probability of 99 %.
     """
     table, counts = study.calibration, {}
     for chunks in results.values():
@@ -175,11 +164,8 @@ def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> 
             },
             "seconds": {k: sum(c.seconds[k] for c in contents) for k in ("record", *table.samplers)},
         }
-    bands = {}
-    for n in sorted({r["records"] for r in rows if r["check"] == "ranks" and r["records"]}):
-        low, high = statistics.uniformity_band(n, points(table.draws), 1 - FALSE_ALARM)
-        bin_low, bin_high = binom.interval(1 - FALSE_ALARM, n, 1 / table.bins)
-        bands[str(n)] = {"low": low, "high": high, "bin_low": bin_low, "bin_high": bin_high}
+    numbers = {r["records"] for r in rows if r["check"] == "ranks" and r["records"]}
+    bands = {str(n): binom.interval(1 - FALSE_ALARM, n, 1 / table.bins) for n in sorted(numbers)}
     families = {}
     for family, classical in {"posterior": False, "classical": True}.items():
         own = [r for r in rows if (r["method"] == CLASSICAL) is classical]
@@ -195,7 +181,6 @@ def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> 
         "bands": bands,
         "alarm": FALSE_ALARM,
         "bins": table.bins,
-        "points": points(table.draws),
         "draws": table.draws,
     }
 
@@ -248,10 +233,9 @@ def recovery_summary(chunks: Sequence[TaskResult]) -> Row:
     evidences = [o for c in contents for row, ok in zip(c.evidence_outcomes, c.accepted) if ok for o in row]
     top = p.argmax(axis=1)
     hit, highest = top == truth, p.max(axis=1)
-    right = p[np.arange(truth.size), truth]
+    logs = np.log(np.maximum(p, 1e-300))
     confusion = np.zeros((len(models), len(models)), int)
     np.add.at(confusion, (truth, top), 1)
-    expected = np.sum(p * np.log(np.maximum(p, 1e-300)), axis=1)
     recovery = {
         "models": models,
         **_outcomes(contents),
@@ -260,9 +244,8 @@ def recovery_summary(chunks: Sequence[TaskResult]) -> Row:
         "confusion": confusion,
         "hits": _hits(hit, highest),
         "bins": _adjust(_bins(hit, highest)),
-        "log_score": float(np.mean(np.log(np.maximum(right, 1e-300)))) if right.size else math.nan,
-        "log_score_expected": float(np.mean(expected)) if right.size else math.nan,
-        "log_score_ignorant": -math.log(len(models)),
+        "log_score": float(np.mean(logs[np.arange(truth.size), truth])) if truth.size else math.nan,
+        "log_score_expected": float(np.mean(np.sum(p * logs, axis=1))) if truth.size else math.nan,
         "seconds": sum(c.seconds for c in chunks),
     }
     return {"alarm": FALSE_ALARM, "recovery": recovery}

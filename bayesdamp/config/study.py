@@ -292,9 +292,8 @@ class EvidenceTable(StudySection):
 class CalibrationTable(StudySection):
     """[calibration]: settings of `calibrate`, which checks credible intervals by simulation-based calibration.
 
-    records: number of usable simulated records for each model. samplers: samplers whose intervals are checked. draws:
-    number of thinned posterior draws among which a true value is ranked. bins: number of bins of the histograms of
-    ranks.
+    records: number of simulated records for each model. samplers: samplers whose intervals are checked. draws: number
+    of thinned posterior draws among which a true value is ranked. bins: number of bins of the histograms of ranks.
     """
 
     records: Count = 500

@@ -81,9 +81,8 @@ The true sum of each record is drawn at random from all seven, and its parameter
 exactly. The two-sided p value of this number is {hits["p"]:.2g}. A test (5 %) on these records detects \
 probabilities of the leading damping that are {100 * detectable:.0f} percentage points too high or too low on \
 average with a probability of {POWER:g}. The mean log probability of the truth is {result["log_score"]:.3f}; the \
-stated probabilities predict {result["log_score_expected"]:.3f}, and equal probabilities would give \
-{result["log_score_ignorant"]:.3f}. *Fraction right* is the fraction of the records in a line whose most probable \
-damping is the true one; if the probabilities are right, it is in the band.
+stated probabilities predict {result["log_score_expected"]:.3f}. *Fraction right* is the fraction of the records in \
+a line whose most probable damping is the true one; if the probabilities are right, it is in the band.
 
 {table([*heads, f"{1 - FALSE_ALARM:.0%} band for all bins together"], lines)}
 

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.report import words
-from bayesdamp.report.drawing import FAINT, INK, LOOKS, MUTED, WIDTH
+from bayesdamp.report.drawing import FAINT, LOOKS, MUTED, WIDTH
 from bayesdamp.report.results.run import RunFolder, rows_of
 from bayesdamp.report.sections import Section, heading, paragraph, stack
 from bayesdamp.types import OK
@@ -97,7 +97,7 @@ class CalibratedSection(Section):
 
         of_model: dict[str, Callable[[str], str]] = {
             "model": words.model,
-            "records tried": lambda model: str(counts[model]["tried"]),
+            "simulated records": lambda model: str(counts[model]["tried"]),
             "usable records": lambda model: str(counts[model]["counted"]),
             "of these flagged as unreliable by the sampler": doubted,
             "time per record": time,
@@ -140,11 +140,9 @@ def _model(run: RunFolder, ranks: list[dict[str, str]], rows: list[dict[str, str
     names = list(dict.fromkeys(r["parameter"] for r in rows_of(rows, check="ranks")))
     caption = (
         f"Ranks of the true value of each parameter among {result['draws']} independent posterior draws, over "
-        f"{result['counts'][model]['counted']} simulated records with {words.model(model)} damping. Upper row: number "
-        "of records in each bin of the rank. Lower row: empirical distribution function of the ranks (ECDF) minus that "
-        "of the uniform distribution. One line for each sampler. Grey: the band that "
-        "contains the result with 99 % probability if the posteriors are calibrated, that is, if all ranks are equally "
-        "probable; in the lower row for the whole curve, in the upper row for each bin separately."
+        f"{result['counts'][model]['counted']} simulated records with {words.model(model)} damping: number "
+        "of records in each bin of the rank. One line for each sampler. Grey: the range that contains the number in a "
+        "bin with 99 % probability if the posteriors are calibrated, that is, if all ranks are equally probable."
     )
     figure = run.drawings.add(f"ranks-{model}", caption, lambda: _ranks(names, counts, result))
     checks = {(r["parameter"], r["method"], r["check"], r["level"]): r for r in rows}
@@ -166,7 +164,7 @@ def _model(run: RunFolder, ranks: list[dict[str, str]], rows: list[dict[str, str
 
 
 def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> Figure:
-    """Draw the ranks of each parameter: a histogram, and the distribution function minus the uniform one.
+    """Draw a histogram of the ranks of each parameter.
 
     Parameters
     ----------
@@ -175,33 +173,25 @@ def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> F
     counts
         Number of records with each rank, for each sampler and parameter.
     result
-        `bins`: number of bins of the histograms; `points`: number of intervals of the distribution function (both
-        divide draws + 1); `bands`: for each number of records, the limits `low` and `high` of the cumulative counts at
-        the inner points, and the limits `bin_low` and `bin_high` of the count in one bin.
+        `bins`: number of bins of the histograms, which divides draws + 1; `bands`: for each number of records, the
+        limits of the count in one bin.
     """
-    figure = Figure(figsize=(WIDTH, 3.1))
-    grid = figure.subplots(2, len(names), sharex=True, sharey="row", squeeze=False)
-    for (upper, lower), name in zip(grid.T, names):
+    figure = Figure(figsize=(WIDTH, 1.9))
+    axes = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]
+    for axis, name in zip(axes, names):
         for i, own in enumerate(counts.values()):
             ink, dash = LOOKS[i % len(LOOKS)]
-            bins, parts = (own[name].reshape(result[k], -1).sum(axis=1) for k in ("bins", "points"))
-            n, at = int(bins.sum()), np.linspace(0, 1, parts.size + 1)
-            band = None if i else result["bands"].get(str(n))
-            if band:
-                upper.axhspan(band["bin_low"], band["bin_high"], color=FAINT, lw=0)
-                upper.axhline(n / bins.size, color=MUTED, lw=0.6)
-                low, high = (np.r_[0.0, np.asarray(band[k], float) / n, 1.0] - at for k in ("low", "high"))
-                lower.fill_between(at, low, high, color=FAINT, lw=0)
-            upper.stairs(bins, np.linspace(0, 1, bins.size + 1), color=ink, ls=dash, lw=1.0)
-            upper.set_ylim(0, None)
-            upper.locator_params(axis="both", nbins=3)
-            lower.plot(at, np.r_[0.0, np.cumsum(parts) / max(n, 1)] - at, color=ink, ls=dash, lw=1.1)
-            lower.axhline(0, color=INK, lw=0.5)
-            lower.locator_params(axis="both", nbins=3)
-        upper.set_title(words.symbol(name).math)
-        lower.set_xlabel("rank / draws")
-    grid[0, 0].set_ylabel("records")
-    grid[1, 0].set_ylabel("ECDF − uniform")
+            bins = own[name].reshape(result["bins"], -1).sum(axis=1)
+            n = int(bins.sum())
+            if not i and n:
+                axis.axhspan(*result["bands"][str(n)], color=FAINT, lw=0)
+                axis.axhline(n / bins.size, color=MUTED, lw=0.6)
+            axis.stairs(bins, np.linspace(0, 1, bins.size + 1), color=ink, ls=dash, lw=1.0)
+        axis.set_ylim(0, None)
+        axis.locator_params(axis="both", nbins=3)
+        axis.set_title(words.symbol(name).math)
+        axis.set_xlabel("rank / draws")
+    axes[0].set_ylabel("records")
     looks = zip(counts, LOOKS)
     handles = [Line2D([], [], color=c, ls=dash, label=words.method(s)) for s, (c, dash) in looks]
     figure.legend(handles=handles, loc="outside upper right", ncols=len(handles))
@@ -234,13 +224,11 @@ class RecoveredSection(Section):
             f"expected from the models' probabilities. The difference of {excess} records is {inside} the "
             f"{100 * (1 - result['alarm']):g} % band that is expected by chance, {low} to {high}."
         )
-        score, expected, ignorant = (
-            fmt.fixed_decimals(own[f"log_score{k}"], 3) for k in ("", "_expected", "_ignorant")
-        )
+        score, expected = (fmt.fixed_decimals(own[k], 3) for k in ("log_score", "log_score_expected"))
         reasons = "; ".join(f"{n} ({sentence})" for sentence, n in own["refused"].items())
         scores = (
             f"Mean natural-log probability of the true model: {score} nats ({expected} nats are expected from the "
-            f"probabilities; guessing would give {ignorant} nats). Flagged as unreliable, but counted: "
+            f"probabilities). Flagged as unreliable, but counted: "
             f"{own['doubtful']} of {own['evidences']} evidence values. Usable: {own['counted']} of {own['tried']} "
             "simulated records"
             f"{f'; left out: {reasons}' if reasons else ''}."
