@@ -215,8 +215,8 @@ def period_drift(damping: str) -> float:
     P₁ and P₂ are the mean periods in the first and in the second half of the record's periods.
     """
     signal, _ = paper_record(damping)
-    crossings = features(signal).crossing_times
-    periods = crossings[2:] - crossings[:-2]
+    turns = features(signal).turning_times
+    periods = turns[2:] - turns[:-2]
     half = periods.size // 2
     return float(100 * abs(periods[:half].mean() / periods[half:].mean() - 1))
 

@@ -291,16 +291,14 @@ def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarr
 def phase_of(signal: Signal, features: Features) -> Polynomial:
     """Return the phase of a record in rad, a polynomial in time (s).
 
-    It grows by π from one midline crossing to the next. If 8 or more crossings span over 0.75 of the record, the degree
-    is 3, so that it follows a frequency that drifts with the amplitude; it is 0 at the first crossing. Otherwise it is
-    a straight line, 0 at the first turning point.
+    It is 0 at the first turning point, and grows by π from one turning point to the next. If 9 or more turning points
+    span over 0.75 of the record, the degree is 3, so that it follows a frequency that drifts with the amplitude.
+    Otherwise it is a straight line.
     """
-    crossings, count = features.crossing_times, features.crossing_times.size
-    span = (crossings[-1] - crossings[0]) / (signal.t[-1] - signal.t[0]) if count else 0.0
-    if count >= 8 and span > 0.75:
-        weight = np.abs(features.turning_amplitudes[1:] * features.turning_amplitudes[:-1]) ** 0.5
-        return Polynomial.fit(crossings, np.pi * np.arange(count), 3, w=weight)
-    return Polynomial([-features.frequency * features.turning_times[0], features.frequency])
+    turns = features.turning_times
+    if turns.size >= 9 and turns[-1] - turns[0] > 0.75 * (signal.t[-1] - signal.t[0]):
+        return Polynomial.fit(turns, np.pi * np.arange(turns.size), 3, w=features.turning_amplitudes)
+    return Polynomial([-features.frequency * turns[0], features.frequency])
 
 
 def motion(

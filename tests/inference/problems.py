@@ -35,7 +35,6 @@ FEATURES = Features(
     turning_times=np.empty(0),
     turning_values=np.empty(0),
     turning_amplitudes=np.empty(0),
-    crossing_times=np.empty(0),
 )
 """Features for default priors."""
 

@@ -101,18 +101,17 @@ def sensor_offset(signal: Signal, features: Features) -> float:
     The offset is the constant in a least-squares fit of a constant and harmonics whose coefficients are polynomials of
     time. signal, features: the record and its features (`features`). The midline of the turning points is not used as
     the offset, because an asymmetric force shifts it. The result is also 0 for a displacement, whose equilibrium may be
-    anywhere, and if there are too few midline crossings or samples for the fit.
+    anywhere, and if there are too few midline turns or samples for the fit.
     """
-    t, crossings = signal.t, features.crossing_times
-    if signal.quantity == "angle" or crossings.size < 3:
+    t, turns = signal.t, features.turning_times
+    if signal.quantity == "angle" or turns.size < 3:
         return 0.0
     chebyshev = np.polynomial.chebyshev
-    # The phase at each sample, in half cycles: a polynomial through the numbered crossings. Upward crossings may have a
-    # constant delay against downward ones.
+    # The phase at each sample, in half cycles: a polynomial through the numbered turning points.
     middle, width = 0.5 * (t[-1] + t[0]), 0.5 * (t[-1] - t[0])
-    degree, number = int(np.clip(crossings.size // 4, 1, 4)), np.arange(crossings.size)
-    alternate = (-1.0) ** number[:, None] if crossings.size > 3 else np.empty((crossings.size, 0))
-    powers = chebyshev.chebvander((crossings - middle) / width, degree)
+    degree, number = int(np.clip(turns.size // 4, 1, 4)), np.arange(turns.size)
+    alternate = (-1.0) ** number[:, None] if turns.size > 3 else np.empty((turns.size, 0))
+    powers = chebyshev.chebvander((turns - middle) / width, degree)
     c = np.linalg.lstsq(np.hstack([powers, alternate]), number, rcond=None)[0]
     half_cycles = chebyshev.chebval((t - middle) / width, c[: degree + 1])
     x = 2 * (t - t[0]) / (t[-1] - t[0]) - 1

@@ -12,7 +12,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.records.oscillation.noise import group_by_size, roughness
+from bayesdamp.records.oscillation.noise import roughness
 from bayesdamp.records.oscillation.spectrum import LEAST_SHARE, coarse_period
 from bayesdamp.records.oscillation.turning import (
     TurningPoints,
@@ -152,9 +152,6 @@ class Features(FeatureValues):
         longest regular run (`regular_runs`), each (k,).
     turning_amplitudes
         Distance of the turning values from the midline, (k,).
-    crossing_times
-        Times in s at which the record crosses its midline, between successive turning points, (k − 1,); the middle
-        between these where no crossing is found.
     swing_times, swing_sizes
         Middle time in s and half of the range (maximum minus minimum) of each half cycle, each (m,); of the longest
         regular run, and of runs that only gaps in the samples separate from it.
@@ -163,7 +160,6 @@ class Features(FeatureValues):
     turning_times: np.ndarray
     turning_values: np.ndarray
     turning_amplitudes: np.ndarray
-    crossing_times: np.ndarray
     swing_times: np.ndarray = field(default_factory=lambda: np.empty(0))
     swing_sizes: np.ndarray = field(default_factory=lambda: np.empty(0))
 
@@ -190,9 +186,8 @@ def features(signal: Signal) -> Features:
         raise Refusal("no oscillation is found: fewer than three turning points stand out of the noise")
     middle = midpoints(turns.values)
     sizes = _sizes(turns)
-    crossings, sharp = crossing_times(t, y, turns, middle)
     # The final period and noise.
-    period = mean_period(crossings, sharp, turns.times)
+    period = mean_period(turns, sizes)
     noise = roughness(t, y, period)
     near = TESTED_MARGIN * period
     inside = (t >= turns.times[0] - near) & (t <= turns.times[-1] + near)
@@ -219,7 +214,6 @@ def features(signal: Signal) -> Features:
         turning_times=turns.times,
         turning_values=turns.values,
         turning_amplitudes=sizes,
-        crossing_times=crossings,
         swing_times=np.concatenate([0.5 * (p.times[:-1] + p.times[1:]) for p in pieces]),
         swing_sizes=np.concatenate([0.5 * np.abs(np.diff(p.values)) for p in pieces]),
     )
@@ -275,87 +269,23 @@ def _sizes(turns: TurningPoints) -> np.ndarray:
     return np.abs(turns.values - midpoints(turns.values))
 
 
-def _half_cycle_basis(x: np.ndarray) -> np.ndarray:
-    """Return the basis 1, sin πx, cos πx − 1, x of a half cycle at x (...), as an array (..., 4).
+def mean_period(turns: TurningPoints, sizes: np.ndarray) -> float:
+    """Return the period in s, from a weighted line through the times of the turning points against their number.
 
-    x is −1/2 at the turning point before and 1/2 at that after the half cycle.
-    """
-    return np.stack([np.ones_like(x), np.sin(np.pi * x), np.cos(np.pi * x) - 1, x], axis=-1)
-
-
-def crossing_times(
-    t: np.ndarray, y: np.ndarray, turns: TurningPoints, middle: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times at which a record crosses its midline, between successive turning points.
-
-    A sinusoid with a slow drift is fitted to the samples in the middle half of each half cycle.
+    An offset of the record does not shift its turning points. The first and the last of five or more are left out,
+    because they may be at an end of the record.
 
     Parameters
     ----------
-    t, y
-        Times in s and values, each (n,).
     turns
         The k turning points.
-    middle
-        Midline at each of them, (k,).
-
-    Returns
-    -------
-    tuple of np.ndarray
-        Times in s, and their weights (squared range of the half cycle times the number of samples), each (k − 1,).
-        Where no crossing is found, the time is the middle of the half cycle, and the weight 0.
+    sizes
+        Distance of each from the midline, in the unit of their values, (k,). A turning point far from the midline and
+        with a small noise gain has the most weight.
     """
-    gaps, weights = np.diff(turns.times), np.zeros(turns.times.size - 1)
-    centres = (turns.times[:-1] + turns.times[1:]) / 2
-    levels = (middle[:-1] + middle[1:]) / 2
-    half = 0.25 * gaps
-    # Use wider windows where there are few samples.
-    few = np.searchsorted(t, centres + half) - np.searchsorted(t, centres - half) < 4
-    half = np.where(few, 0.6 * gaps, half)
-    begins = np.searchsorted(t, centres - half)
-    sizes = np.searchsorted(t, centres + half) - begins
-    times = centres.copy()
-    grid = np.linspace(-0.4, 0.4, 801)
-    for n, same in group_by_size(sizes, 3, grid.size):
-        rows = begins[same][:, None] + np.arange(n)
-        x = (t[rows] - centres[same][:, None]) / gaps[same][:, None]
-        columns = _half_cycle_basis(x)[:, :, : 4 if n > 5 else 2]
-        values = (y[rows] - levels[same][:, None])[:, :, None]
-        c = (np.linalg.pinv(columns, rcond=1e-10) @ values)[:, :, 0]
-        curve = c @ _half_cycle_basis(grid)[:, : c.shape[1]].T
-        # The sign change of the fitted curve that is nearest to the middle, by linear interpolation on the grid.
-        changes = np.signbit(curve[:, 1:]) != np.signbit(curve[:, :-1])
-        crosses = np.flatnonzero(changes.any(axis=1))
-        j = np.argmin(np.where(changes[crosses], np.abs(grid[:-1]), np.inf), axis=1)
-        before, after = curve[crosses, j], curve[crosses, j + 1]
-        z = grid[j] - before * (grid[1] - grid[0]) / (after - before)
-        which = same[crosses]
-        times[which] += z * gaps[which]
-        weights[which] = np.diff(turns.values)[which] ** 2 * n
-    return times, weights
-
-
-def mean_period(crossings: np.ndarray, weights: np.ndarray, turning_times: np.ndarray) -> float:
-    """Return the period in s, from a weighted line through the crossings against their number.
-
-    Upward crossings may have a constant delay against downward ones, because the midline is not known exactly. With
-    fewer than four positive weights, it is twice the mean distance of the crossings (or of the turning points, if there
-    are fewer than three crossings).
-
-    Parameters
-    ----------
-    crossings, weights
-        Times in s at which the record crosses its midline, and their weights, each (k,).
-    turning_times
-        Times in s of the turning points, (k + 1,).
-    """
-    if np.count_nonzero(weights) < 4:
-        ready = crossings if crossings.size >= 3 else turning_times
-        return float(2 * (ready[-1] - ready[0]) / (ready.size - 1))
-    k = np.arange(crossings.size)
-    columns = np.stack([np.ones(k.size), k / 2, (-1.0) ** k], axis=1)
-    root = np.sqrt(weights / weights.max())
-    return float(np.linalg.lstsq(columns * root[:, None], crossings * root, rcond=None)[0][1])
+    used = slice(1, -1) if sizes.size >= 5 else slice(None)
+    number, weights = np.arange(sizes.size), sizes / turns.gain
+    return 2 * float(np.polyfit(number[used], turns.times[used], 1, w=weights[used])[0])
 
 
 def extrapolate_to_start(times: np.ndarray, sizes: np.ndarray) -> float:

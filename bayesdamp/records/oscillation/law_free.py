@@ -145,10 +145,11 @@ def sinusoids(signal: Signal) -> Sinusoids:
     t, y = (block_means(np.asarray(values, float), block) for values in (signal.t, signal.y))
     first = max(float(t[0]), float(measured.swing_times[0]) - 0.75 * measured.period)
     last = min(float(t[-1]), float(measured.swing_times[-1]) + 0.75 * measured.period)
-    crossings = measured.crossing_times
-    if last - first > MOST_WINDOWS * SHORTEST_WINDOW * measured.period and crossings.size > 1:
-        # Windows that hardly overlap do not determine the number of cycles between them; the crossings do. Stay within.
-        first, last = max(first, float(crossings[0])), min(last, float(crossings[-1]))
+    turns = measured.turning_times
+    if last - first > MOST_WINDOWS * SHORTEST_WINDOW * measured.period and turns.size > 1:
+        # Windows that hardly overlap do not determine the number of cycles between them; the turning points do. Stay
+        # within.
+        first, last = max(first, float(turns[0])), min(last, float(turns[-1]))
     span = (last - first) / measured.period
     periods = max(
         min(float(np.clip(WINDOW_FRACTION * measured.cycles, SHORTEST_WINDOW, LONGEST_WINDOW)), span - 1.5),
@@ -160,7 +161,6 @@ def sinusoids(signal: Signal) -> Sinusoids:
     )
     middles = first + 0.5 * periods * measured.period + np.linspace(0, 1, count) * max(inside, 0.0)
     # First estimate of the local period, from neighbouring turning points; smoothed, because one may be wrong.
-    turns = measured.turning_times
     local = np.full(middles.size, measured.period)
     if turns.size >= 3:
         local = turns[2:] - turns[:-2]
@@ -171,11 +171,11 @@ def sinusoids(signal: Signal) -> Sinusoids:
         local = np.interp(middles, turns[1:-1], local)
     # Fit again with the frequency from the slope of the phases, which is more precise than turning points.
     constant = np.zeros(middles.size)
-    times, _, phases, _, used = _fit_windows(t, y, middles, 2 * np.pi / local, constant, periods, crossings)
+    times, _, phases, _, used = _fit_windows(t, y, middles, 2 * np.pi / local, constant, periods, turns)
     pace = np.interp(middles, times, np.gradient(phases, times, edge_order=2))
     pace = np.clip(pace, 0.8 * used.min(), 1.25 * used.max())
     change = np.gradient(pace, middles, edge_order=2)
-    times, amplitudes, phases, gains, used = _fit_windows(t, y, middles, pace, change, periods, crossings)
+    times, amplitudes, phases, gains, used = _fit_windows(t, y, middles, pace, change, periods, turns)
     widths = 2 * np.pi * periods / used
     noise = float(np.hypot(measured.roughness, ROUNDING_SD * signal.step)) / np.sqrt(block)
     errors = np.maximum(noise * gains / amplitudes, LEAST_ERROR)
@@ -195,13 +195,13 @@ def _fit_windows(
     pace: np.ndarray,
     change: np.ndarray,
     periods: float,
-    crossings: np.ndarray,
+    turns: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Fit sinusoids of angular frequency `pace` (m,) in windows of `periods` periods around the times `middles` (m,).
 
     t, y: times in s and values, (n,). pace, change: angular frequency in rad/s, and its time derivative in rad/s², (m,)
-    each; a constant frequency would lose amplitude. crossings: times in s at which the record crosses its midline,
-    (c,), which count the half cycles between windows. Return times (s), amplitudes (in the unit of y), unwrapped phases
+    each; a constant frequency would lose amplitude. turns: times of the turning points in s, (c,), which
+    count the half cycles between windows. Return times (s), amplitudes (in the unit of y), unwrapped phases
     (rad), noise gains (sd of an amplitude divided by the sd of a sample) and angular frequencies (rad/s), (k,) each, of
     the windows with enough samples. Raises Refusal if there are fewer than `FEWEST_WINDOWS`.
     """
@@ -233,11 +233,11 @@ def _fit_windows(
     if np.count_nonzero(good) < FEWEST_WINDOWS:
         raise Refusal("the record has too few cycles to estimate damping and frequency")
     times, used, (amplitudes, phases, gains) = middles[good], pace[good], fits[:, good]
-    # Unwrap the phases: their advance between windows must agree with the number of midline crossings.
+    # Unwrap the phases: their advance between windows must agree with the number of turning points.
     ahead = np.diff(times) * 0.5 * (used[1:] + used[:-1])
-    if crossings.size > 1:
-        counted = np.diff(np.interp(times, crossings, np.pi * np.arange(crossings.size)))
-        within = (times[:-1] >= crossings[0]) & (times[1:] <= crossings[-1])
+    if turns.size > 1:
+        counted = np.diff(np.interp(times, turns, np.pi * np.arange(turns.size)))
+        within = (times[:-1] >= turns[0]) & (times[1:] <= turns[-1])
         ahead = np.where(within, counted, ahead)
     steps = np.diff(phases)
     steps = steps + 2 * np.pi * np.round((ahead - steps) / (2 * np.pi))
