@@ -27,12 +27,6 @@ from bayesdamp.units import UNITS
 OFFSET_SIGMAS = 3.0
 """The zero offset of a sensor is significant, and is subtracted, if it exceeds this many of its standard errors
 (conventional)."""
-HARMONICS = 3
-"""Number of harmonics of the oscillation in the model that `sensor_offset` fits to estimate the zero of a sensor
-(conventional)."""
-MOST_POWERS = 6
-"""In the model of `sensor_offset`, the coefficients of the harmonics are polynomials of time. Their degree is half the
-number of cycles, but at most this (conventional)."""
 OUTLIER_SIGMAS = 8.0
 """A sample is an outlier if it differs from a harmonic fit to a window around it by more than this many standard
 deviations of the noise. Outliers are counted, but not removed."""
@@ -98,38 +92,21 @@ def recording_step(y: np.ndarray) -> float:
 def sensor_offset(signal: Signal, features: Features) -> float:
     """Return the zero offset of a velocity or acceleration sensor, in the unit of y; 0 if it is not significant.
 
-    The offset is the constant in a least-squares fit of a constant and harmonics whose coefficients are polynomials of
-    time. signal, features: the record and its features (`features`). The midline of the turning points is not used as
-    the offset, because an asymmetric force shifts it. The result is also 0 for a displacement, whose equilibrium may be
-    anywhere, and if there are too few midline turns or samples for the fit.
+    It is the mean over whole cycles between turning points. The midline of the turning points is not used as the
+    offset, because an asymmetric force shifts it. The result is also 0 for a displacement, whose equilibrium may be
+    anywhere, and if there are fewer than four turning points. signal, features: the record and its features
+    (`features`).
     """
-    t, turns = signal.t, features.turning_times
-    if signal.quantity == "angle" or turns.size < 3:
+    turns = features.turning_times
+    if signal.quantity == "angle" or turns.size < 4:
         return 0.0
-    chebyshev = np.polynomial.chebyshev
-    # The phase at each sample, in half cycles: a polynomial through the numbered turning points.
-    middle, width = 0.5 * (t[-1] + t[0]), 0.5 * (t[-1] - t[0])
-    degree, number = int(np.clip(turns.size // 4, 1, 4)), np.arange(turns.size)
-    alternate = (-1.0) ** number[:, None] if turns.size > 3 else np.empty((turns.size, 0))
-    powers = chebyshev.chebvander((turns - middle) / width, degree)
-    c = np.linalg.lstsq(np.hstack([powers, alternate]), number, rcond=None)[0]
-    half_cycles = chebyshev.chebval((t - middle) / width, c[: degree + 1])
-    x = 2 * (t - t[0]) / (t[-1] - t[0]) - 1
-    degree = int(np.clip(features.cycles / 2, 1, MOST_POWERS))
-    columns = [np.ones((x.size, 1))]
-    for k in range(1, HARMONICS + 1):
-        powers = chebyshev.chebvander(x, max(degree - k + 1, 0))
-        angle = (k * np.pi * half_cycles)[:, None]
-        columns += [np.cos(angle) * powers, np.sin(angle) * powers]
-    design = np.hstack(columns)
-    if x.size < 2 * design.shape[1]:
-        return 0.0
-    inverse = np.linalg.pinv(design)
-    c = inverse @ signal.y
-    rest = signal.y - design @ c
-    scatter = float(np.sqrt(np.sum(rest**2) / (x.size - design.shape[1])))
-    error = scatter * float(np.linalg.norm(inverse[0]))
-    return float(c[0]) if abs(c[0]) > OFFSET_SIGMAS * error else 0.0
+    integral = scipy.interpolate.CubicSpline(signal.t, signal.y).antiderivative()(turns)
+    means = (integral[2:] - integral[:-2]) / (turns[2:] - turns[:-2])
+    # From maximum to maximum the decay makes the mean larger, from minimum to minimum it makes it smaller.
+    means = (means[1:] + means[:-1]) / 2
+    offset = float(np.mean(means))
+    error = np.hypot(np.std(means) / means.size**0.5, features.roughness / signal.t.size**0.5)
+    return offset if abs(offset) > OFFSET_SIGMAS * error else 0.0
 
 
 def clean(
