@@ -1,1 +1,1 @@
-"""Clean a raw record: choose clock and window, subtract the sensor's zero, count outliers, reduce samples."""
+"""Clean a raw record: choose clock and window, subtract the sensor's zero, reduce samples."""

@@ -18,7 +18,6 @@ from bayesdamp.records.cleaning.window import free_decay, no_free_decay
 from bayesdamp.records.files.names import unit_and_quantity
 from bayesdamp.records.oscillation.anomalies import is_clipped, is_rectified, is_tone_burst
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.records.oscillation.noise import residuals
 from bayesdamp.records.oscillation.spectrum import coarse_periods
 from bayesdamp.records.record import RawRecord, unwrap
 from bayesdamp.types import InputError, Refusal, Signal
@@ -27,9 +26,6 @@ from bayesdamp.units import UNITS
 OFFSET_SIGMAS = 3.0
 """The zero offset of a sensor is significant, and is subtracted, if it exceeds this many of its standard errors
 (conventional)."""
-OUTLIER_SIGMAS = 8.0
-"""A sample is an outlier if it differs from a harmonic fit to a window around it by more than this many standard
-deviations of the noise. Outliers are counted, but not removed."""
 MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0
 """If the amplitude of an angle is more than `MAX_TURNS` turns (of 360°), a warning says that the values may have
 another unit. If the column's name states the unit, the limit is `MAX_TURNS_NAMED` turns (conventional)."""
@@ -123,7 +119,7 @@ def clean(
 
     With start and stop "auto", a record that is not a free decay of one oscillator (`no_free_decay`) is returned from
     where it begins to its end. The zero of a velocity or acceleration sensor is subtracted if it is significant
-    (`sensor_offset`). Outliers are counted but not removed. A wrapped angle is unwrapped (`unwrap`), and a very long
+    (`sensor_offset`). Outliers are not removed. A wrapped angle is unwrapped (`unwrap`), and a very long
     record is decimated (`decimate`).
 
     Parameters
@@ -190,7 +186,6 @@ def clean(
     cycles, period = measured.cycles, measured.period
     if cycles < 1.95:
         raise InputError(f"has {cycles:.1f} periods of free decay; at least two are needed", name)
-    outliers = count_outliers(signal, period, float(measured.turning_amplitudes.max()))
     rate = (t.size - 1) / float(t[-1] - t[0])
     label = UNITS[unit].of(quantity)
     notes, warnings = [*raw.provenance.notes, *clock_notes, *window.notes], list(raw.provenance.warnings)
@@ -217,11 +212,6 @@ def clean(
         notes.append(
             f"The sensor's zero, {offset / scale:.4g} {label}, is subtracted: it follows from the values, because "
             "their mean over whole cycles of a free decay is zero."
-        )
-    if outliers:
-        notes.append(
-            f"{outliers} sample{'s are' if outliers > 1 else ' is'} further than {OUTLIER_SIGMAS:g} standard "
-            "deviations of the noise from a local fit; outliers are not removed."
         )
     periods = float(t[-1] - t[0]) / period
     clear = f", of which {cycles:.1f} are above the noise" if periods > cycles + 1 else ""
@@ -252,33 +242,6 @@ def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
     if quantity not in PLURAL:
         raise InputError(f"unknown quantity {quantity!r}{nearest(quantity, list(PLURAL))}", where)
     return UNITS[unit].factor, UNITS[unit].base
-
-
-def count_outliers(signal: Signal, period: float, amplitude: float) -> int:
-    """Return the number of samples that differ from local harmonic fits by more than OUTLIER_SIGMAS sds of the noise.
-
-    The noise is that of the fit's window (about a period) or the median over windows, whichever is larger.
-
-    Parameters
-    ----------
-    signal
-        The record.
-    period
-        Period of the oscillation, in s.
-    amplitude
-        Amplitude in the unit of y; a deviation below 1/1000 of it plus two recording steps is not an outlier.
-    """
-    is_far = np.zeros(signal.t.size, bool)
-    # Two sets of windows, because an outlier at the edge of a window distorts its fit.
-    for skipped in (0.0, 0.5 * period):
-        a = int(np.searchsorted(signal.t, skipped))
-        if signal.t.size - a < 14:
-            continue
-        rest, sd, window = residuals(signal.t[a:], signal.y[a:], period)
-        usual = float(np.nanmedian(sd)) if np.any(np.isfinite(sd)) else 0.0
-        limit = OUTLIER_SIGMAS * np.maximum(np.nan_to_num(sd)[window], usual)
-        is_far[a:] |= np.abs(np.nan_to_num(rest)) > np.maximum(limit, 2 * signal.step + 1e-3 * amplitude)
-    return int(is_far.sum())
 
 
 def _samples_between(t: np.ndarray, start: str | float, stop: str | float, name: str) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""Clocks, windows and outliers of records made by hand, for which all of it is known."""
+"""Clocks and windows of records made by hand, for which all of it is known."""
 
 import numpy as np
 import pytest
@@ -57,14 +57,11 @@ def test_an_angle_in_rad_that_swings_beyond_half_a_turn_gives_a_warning():
     assert counts == [1, 0, 0, 0, 0]
 
 
-def test_outliers_are_counted_and_not_removed():
+def test_outliers_are_not_removed():
     t = np.arange(2000) * 0.01
     y = decay(t, 0.1) + 0.002 * np.random.default_rng(0).standard_normal(t.size)
-    assert "standard deviations" not in str(clean(record(t, y), name="x").provenance.notes)
     y[[300, 700, 1100, 1500]] += 0.2
-    signal = clean(record(t, y), name="x")
-    assert signal.y.size == 2000
-    assert any("4 samples are" in note for note in signal.provenance.notes)
+    np.testing.assert_array_equal(clean(record(t, y), name="x").y, y)
 
 
 def test_two_cycles_are_enough_and_one_is_not():
