@@ -21,6 +21,9 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Posterior, Signal
 
 REFERENCES = Path(__file__).resolve().parents[1] / "reference"
+"""Folder of the reference posteriors. They come from emcee on trajectories of SciPy, without the package: their files
+contain seed, method and versions. The script `tests/reference/make_reference.py` made coulomb_correlated.json at
+revision e785313b and the other two at 36d9dc5d; its last revision is c123bb62."""
 NAMES = ("viscous_coulomb", "coulomb_correlated", "touching_zero")
 
 FEATURES = Features(
