@@ -36,10 +36,6 @@ QUESTIONS = {
         "Are the probabilities right, if one law is?",
         "records of seven sums drawn from the priors",
     ),
-    "evidence_audit": (
-        "Is the evidence right where a coefficient touches zero?",
-        "importance and bridge against nested sampling",
-    ),
     "deviation": (
         "What is the quick answer worth?",
         "fresh seeds, laws that hold and laws that do not",

@@ -72,9 +72,6 @@ RECIPES: tuple[Recipe, ...] = (
     ),
     _page("misfit", 2, "validation.misfit.scoring", "--seed 21 --count 6", "validation/misfit"),
     _page("laws", 6, "validation.experiments.laws", "--exponents 50 --each 8", "validation/experiments/laws.py"),
-    _page(
-        "evidence_audit", 2, "tests.inference.evidence.audit", "--count 12", "tests/inference/evidence/audit.py"
-    ),
     _calibration("calibration", 7),
     _calibration("model_recovery", 6, " --models"),
     _page("contest", 8, "validation.contest", "--seed 813", "validation/contest"),
