@@ -5,14 +5,12 @@ Every comparison returns a list with a sentence for each contradiction.
 
 from __future__ import annotations
 
-import html
 import json
 import math
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +18,6 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binom, poisson
 
-from bayesdamp.priors import odds
 from bayesdamp.types import OK
 from validation.rows import numbers, read_rows, where
 from validation.scoring import terms_of
@@ -39,14 +36,9 @@ FAR = 1.0
 
 For a normal distribution the truth is then 5.9 standard deviations from the middle.
 """
-TIE = math.log(1.25)
-"""Difference of log probabilities (nats) up to which it does not matter which of two dampings is named first."""
 
 RADIANS = {"rad": 1.0, "deg": math.pi / 180}
 """Size in rad of each unit in which a page gives an amplitude."""
-
-Verdicts = Sequence[Mapping[str, Any]]
-"""The verdicts of a run, as in its verdict.json: a mapping from field to value for each record."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +147,7 @@ def misses(intervals: Iterable[Quoted], rate: float = MISSED) -> list[str]:
 
 
 def of_study(folder: Path) -> list[str]:
-    """Return the contradictions between a study's verdicts, posteriors, evidence and page and the truth of its records.
+    """Return the contradictions between a study's verdicts, and posteriors and the truth of its records.
 
     folder: the results of the study; only its simulated records are compared.
     """
@@ -181,8 +173,7 @@ def of_study(folder: Path) -> list[str]:
                 what = f"damping ratio at {r['amplitude']:.3g} {r['unit']}"
                 true = true_ratio(truth.oscillator, r["amplitude"] * RADIANS[r["unit"]])
                 intervals.append(Quoted(record, what, r["low"], r["high"], true))
-    wrong += misses(intervals) + misses(_posteriors(folder, truths))
-    return wrong + _other_leaders(folder, verdicts) + _not_quoted(folder, verdicts)
+    return wrong + misses(intervals) + misses(_posteriors(folder, truths))
 
 
 def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> Iterator[Quoted]:
@@ -194,39 +185,6 @@ def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> Iterator[Quote
         if terms_of(row["model"]) == truth.damping and name in {*COEFFICIENTS.values()} & {*truth.truth}:
             record, what = f"{row['signal']}/{row['repeat']}", f"{name} by {row['sampler']}"
             yield Quoted(record, what, row["q2.5"], row["q97.5"], truth.truth[name])
-
-
-def _other_leaders(folder: Path, verdicts: Verdicts) -> list[str]:
-    """Return a sentence for each record and method of evidence.csv whose most probable damping is not the verdict's.
-
-    Differences of less than `TIE` are ignored.
-    """
-    logs: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
-    for row in read_rows(folder / "evidence.csv").to_dict("records"):
-        if row["outcome"] == OK and not math.isnan(row["log_evidence"]):
-            value = row["log_evidence"] + math.log(odds(row["model"].split("+")))
-            logs[row["signal"], row["method"]][row["model"]].append(value)
-    first = {v["record"]: v["damping"] for v in verdicts if v["damping"]}
-    wrong = []
-    for (record, method), by_damping in logs.items():
-        weights = {name: float(np.logaddexp.reduce(each)) for name, each in by_damping.items()}
-        leader, own = max(weights, key=lambda name: weights[name]), first.get(record)
-        if own in weights and weights[own] < weights[leader] - TIE:
-            wrong.append(
-                f"{record}: the verdict puts {own} first, but the evidence by {method} puts {leader} first"
-            )
-    return wrong
-
-
-def _not_quoted(folder: Path, verdicts: Verdicts) -> list[str]:
-    """Return a sentence for each record whose verdict is not quoted in report.html of the folder."""
-    page = folder / "report.html"
-    if not verdicts or not page.is_file():
-        return []
-    plain = re.sub(r"<(script|style).*?</\1>", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    text = " ".join(html.unescape(re.sub(r"<[^>]+>", "", plain)).split())
-    lost = [v["record"] for v in verdicts if v["sentence"] and " ".join(v["sentence"].split()) not in text]
-    return [f"{record}: the page does not contain the sentence of its verdict" for record in lost]
 
 
 def names_of_many(rows: pd.DataFrame, name: str) -> list[str]:
@@ -266,74 +224,6 @@ def intervals_of_many(rows: pd.DataFrame) -> list[Quoted]:
     return [Quoted(record, "value", *numbers) for record, *numbers in zip(*columns, strict=True)]
 
 
-def recovered(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add the columns that `names_of_many` needs to the table of a model recovery, and return the new table.
-
-    rows: recovery.csv, with the probability of each damping in a column of its name. The added columns are `named` (the
-    most probable damping), `probability`, `decided` (0.95 or more), `right` and `true_probability`.
-    """
-    by_damping = rows[[n for n in rows if terms_of(n) <= set(COEFFICIENTS)]].astype(float)
-    named, highest = by_damping.idxmax(axis=1), by_damping.max(axis=1)
-    own = [row[row["model"]] for row in rows.to_dict("records")]
-    return rows.assign(
-        named=named,
-        probability=highest,
-        decided=highest >= 0.95,
-        right=named == rows["model"],
-        true_probability=own,
-    )
-
-
-# The words of a verdict in which a page of docs/ states a damping, a damping ratio in it, the command that simulates
-# the record, and the names of damping terms in a verdict.
-SENTENCE = re.compile(
-    r"(?P<damping>[A-Z][^.;:]*?) damping \(probability (?P<sign>[<>] )?(?P<probability>[\d.]+)\): "
-    r"equivalent damping ratio (?P<ratios>.+?), natural frequency"
-)
-RATIO = re.compile(
-    r"[\d.]+ % \((?P<low>[\d.]+) to (?P<high>[\d.]+)\) at (?P<amplitude>[\d.]+) (?P<unit>rad|deg)"
-)
-COMMAND = re.compile(r"bayesdamp simulate (?P<options>(?:[^\n`]*\\\n)*[^\n`]*)")
-NAMES = {"viscous": "viscous", "coulomb (dry friction)": "coulomb", "quadratic (drag)": "quadratic"}
-
-
-def _values(pairs: str) -> dict[str, float]:
-    """Return the numbers by name in a text such as `zeta=0.1,mu_c=0.2`."""
-    split = (pair.partition("=") for pair in pairs.split(",") if pair)
-    return {name: float(value) for name, _, value in split}
-
-
-def of_document(page: Path) -> list[str]:
-    """Return the contradictions between verdicts that a page of docs/ quotes and the record that its command simulates.
-
-    A page without such a command is skipped. So is a page with several, because it is not clear which record a sentence
-    describes.
-    """
-    text = page.read_text(encoding="utf-8")
-    commands = [c for c in COMMAND.findall(text) if "--damping" in c]
-    if len(commands) != 1:
-        return []
-    words = commands[0].replace("\\\n", " ").split()
-    given = {a: b for a, b in pairwise(words) if a.startswith("--")}
-    damping, values = _values(given["--damping"]), _values(given.get("--set", ""))
-    if not set(damping) <= set(COEFFICIENTS):
-        return []
-    restoring = given.get("--restoring", "linear")
-    parameters = {name: values.get(name, 0.0) for name in LAWS[restoring]}
-    oscillator = Oscillator(restoring, parameters, damping, values.get("epsilon", 0.0))
-    plain = " ".join(re.sub(r"^> ?", "", line) for line in text.splitlines())
-    wrong, intervals = [], []
-    for verdict in SENTENCE.finditer(plain):
-        terms = [NAMES.get(part.lower(), part) for part in verdict["damping"].split(" + ")]
-        wrong += named_wrongly(page.name, frozenset(damping), True, "+".join(terms), {})
-        for r in RATIO.finditer(verdict["ratios"]):
-            amplitude = float(r["amplitude"]) * RADIANS[r["unit"]]
-            what = f"damping ratio at {r['amplitude']} {r['unit']} in %"
-            low, high = float(r["low"]), float(r["high"])
-            intervals.append(Quoted(page.name, what, low, high, 100 * true_ratio(oscillator, amplitude)))
-    return wrong + misses(intervals)
-
-
 TABLES: Mapping[str, Mapping[str, str]] = {
     "deviation/rows.csv": {"group": "family"},
     "laws/laws.csv": {},
@@ -345,17 +235,13 @@ those whose true law is among the compared ones."""
 
 
 def contradictions(page: Path) -> list[str]:
-    """Return a sentence for each contradiction of a folder under reports/, or a page, with the truth of its records."""
-    if not page.is_dir():
-        return of_document(page) if page.suffix == ".md" else []
+    """Return a sentence for each contradiction of a folder under reports/ with the truth of its records."""
     wrong = []
     for place, chosen in TABLES.items():
         table = page.parent / place
         if table.parent == page and table.is_file():
             rows = where(read_rows(table), outcome=OK, **chosen)
             wrong += names_of_many(rows, page.name) + misses(intervals_of_many(rows))
-    if page.name == "model_recovery":
-        wrong += names_of_many(recovered(where(read_rows(page / "recovery.csv"), outcome=OK)), page.name)
     run = page / "run.json"
     if run.is_file() and "kind" not in json.loads(run.read_text(encoding="utf-8")):
         wrong += of_study(page)
