@@ -1,21 +1,22 @@
 """Test the tests: do they fail if an operator, a number or a condition in the code is changed?
 
 `make mutation` changes a copy of the tree, never the tree itself, and runs the tests of the changed part. The changes
-are those of Cosmic Ray, except changes of annotations, which are not executed. A change that does not alter the result
-counts as not noticed.
+are those of Cosmic Ray, except changes of `|`, which is mostly in annotations, and these are not executed. A change
+that does not alter the result counts as not noticed.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
+import re
+import shlex
 import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import chdir
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ ROOT = Path(__file__).resolve().parents[1]
 """Folder of the project."""
 TREE = ROOT / ".mutation"
 """Folder of the copy of the project that is changed; it is removed at the end."""
+TYPES = "BinaryOperator_BitOr_"
+"""Part of the names of the operators that are left out."""
 PATIENCE = 10
 """A change also counts as noticed if the tests take more than this many times as long as without it."""
 
@@ -69,82 +72,36 @@ PARTS = {
 }
 
 
-def bare(source: str) -> str:
-    """Return the source of a module without type annotations, comments and formatting, for comparison."""
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.arg):
-            node.annotation = None
-        elif isinstance(node, ast.FunctionDef):
-            node.returns = None
-        elif isinstance(node, ast.AnnAssign):
-            node.annotation = ast.Constant(0)
-    return ast.unparse(tree)
+def changes(part: Part) -> list[Any]:
+    """Return all changes that Cosmic Ray can make to a part of the package in the current folder, as its work items."""
+    from cosmic_ray.commands import init  # pyright: ignore[reportMissingImports]
+    from cosmic_ray.work_db import use_db  # pyright: ignore[reportMissingImports]
+
+    with use_db("changes.sqlite") as session:
+        init([file for glob in part.modules for file in Path("bayesdamp").glob(glob)], session, {})
+        items = [item for item in session.work_items if TYPES not in item.mutations[0].operator_name]
+    return sorted(items, key=lambda item: str(item.mutations[0]))
 
 
-def changes(part: Part, seed: int) -> Iterator[tuple[Path, str, str]]:
-    """Yield all changes of a part in random order, each as the file and its source before and after."""
-    import parso
-    from cosmic_ray.mutating import MutationVisitor  # pyright: ignore[reportMissingImports]
-    from cosmic_ray.plugins import get_operator, operator_names  # pyright: ignore[reportMissingImports]
+def try_changes(part: Part, count: int, seed: int) -> Iterator[tuple[bool, str]]:
+    """Make `count` random changes one after the other; yield whether the tests fail, and the lines before and after.
 
-    files = sorted({f for glob in part.modules for f in (TREE / "bayesdamp").glob(glob)})
-    places: list[tuple[Path, str, int]] = []
-    for file in files:
-        parsed = parso.parse(file.read_text(encoding="utf-8"))
-        for name in (name for name in operator_names() if not get_operator(name).arguments()):
-            places += [(file, name, i) for i in range(_count(get_operator(name)(), parsed))]
-    for k in np.random.default_rng(seed).permutation(len(places)):
-        file, name, occurrence = places[k]
-        before = file.read_text(encoding="utf-8")
-        after = MutationVisitor.mutate_code(before, get_operator(name)(), occurrence)
-        if after is None:
-            continue
-        try:
-            same = bare(before) == bare(after)
-        except SyntaxError:
-            continue
-        if not same:
-            yield file, before, after
-
-
-def _count(operator: Any, node: Any) -> int:
-    """Return how many places of a syntax tree an operator of Cosmic Ray (a kind of change) can change."""
-    here = len(list(operator.mutation_positions(node)))
-    return here + sum(_count(operator, child) for child in getattr(node, "children", ()))
-
-
-def passes(tests: tuple[str, ...], patience: float | None = None) -> bool:
-    """Return whether these tests pass in the copy of the tree, within `patience` seconds (None: without limit)."""
-    options = ["-B", "-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", "-m"]
-    command = [sys.executable, *options, "not slow", *tests]
-    try:
-        result = subprocess.run(
-            command, cwd=TREE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=patience
-        )
-        return result.returncode == 0
-    except subprocess.TimeoutExpired:
-        return False
-
-
-def try_changes(name: str, count: int, seed: int) -> Iterator[tuple[bool, str]]:
-    """Make `count` changes to the part `name` one after the other; yield whether its tests fail, and the changed line.
-
-    Raises SystemExit if the tests fail without a change.
+    Raises CalledProcessError if the tests fail without a change.
     """
-    part = PARTS[name]
-    passes(part.tests)  # compiles the kernels, so that the next run is timed without this
-    began = time.perf_counter()
-    if not passes(part.tests):
-        raise SystemExit(f"the tests of {name} fail without any change")
+    from cosmic_ray.mutating import mutate_and_test  # pyright: ignore[reportMissingImports]
+
+    options = ["-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", "-m", "not slow"]
+    command = [sys.executable, *options, *part.tests]
+    began = 0.0
+    for _ in range(2):  # the first run compiles the kernels, so that the second is timed without this
+        began = time.perf_counter()
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     patience = PATIENCE * (time.perf_counter() - began)
-    for file, before, after in islice(changes(part, seed), count):
-        file.write_text(after, encoding="utf-8")
-        noticed = not passes(part.tests, patience)
-        file.write_text(before, encoding="utf-8")
-        old, new = before.splitlines(), after.splitlines()
-        at = next(i for i, (a, b) in enumerate(zip(old, new, strict=False)) if a != b)
-        yield noticed, f"{file.relative_to(TREE)}:{at + 1} {old[at].strip()} -> {new[at].strip()}"
+    items = changes(part)
+    for k in np.random.default_rng(seed).permutation(len(items))[:count]:
+        result = mutate_and_test(items[k].mutations, shlex.join(command), patience)
+        lines = [line for line in result.diff.splitlines() if re.match(r"[-+](?!-- |\+\+ )|\+\+\+", line)]
+        yield result.is_killed, "\n".join(lines)
 
 
 def main() -> None:
@@ -156,12 +113,13 @@ def main() -> None:
     options = parser.parse_args()
     shutil.rmtree(TREE, ignore_errors=True)
     shutil.copytree(ROOT, TREE, ignore=shutil.ignore_patterns(".*", "reports", "__pycache__", "_build"))
-    for part in options.parts:
-        hits, tries = 0, 0
-        for noticed, change in try_changes(part, options.count, options.seed):
-            hits, tries = hits + noticed, tries + 1
-            print("noticed    " if noticed else "NOT NOTICED", change, flush=True)
-        print(f"{part}: {hits_of(hits, tries)} are noticed", flush=True)
+    with chdir(TREE):
+        for name in options.parts:
+            results = []
+            for noticed, change in try_changes(PARTS[name], options.count, options.seed):
+                results.append(noticed)
+                print("noticed" if noticed else "NOT NOTICED", change, flush=True)
+            print(f"{name}: {hits_of(sum(results), len(results))} are noticed", flush=True)
     shutil.rmtree(TREE)
 
 
