@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-import sys
 import warnings
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from bayesdamp.types import Refusal, Signal
 from validation import scoring
-from validation.contest.measured import measured_records
 from validation.contest.page import page
 from validation.contest.peers import ROSTER
 from validation.contest.records import simulate_record
@@ -21,8 +18,6 @@ from validation.truth.records import Case
 
 SEED, COUNT = 813, 200
 """Default seed and number of the simulated records."""
-MEASURED = Path("../shared/data")
-"""The folder that contains `ten_runs/`, the measured records; without it these are omitted."""
 
 
 def row_of(record: Case, name: str) -> dict[str, Any]:
@@ -59,10 +54,6 @@ def main() -> None:
     records = [simulate_record(options.seed, number) for number in range(options.count)]
     for name in ROSTER:  # import and compile before any record is timed
         row_of(records[0], name)
-    try:
-        records = measured_records(MEASURED) + records
-    except Refusal as refusal:
-        print(f"measured records are omitted: {refusal}", file=sys.stderr)
     todo = {f"{record.name}/{name}": (record, name) for record in records for name in ROSTER}
     make_page(options, "rows.csv", COLUMNS, todo, row_of, page, KEY)
 

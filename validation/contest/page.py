@@ -13,23 +13,17 @@ from validation.contest.records import GROUPS
 from validation.rows import where
 from validation.scoring import digits, errors, groups_of, score_table
 
-MEASURED = "measured"
-"""Name of the group of measured records."""
 INTRODUCTION = """# A contest
 
-This page compares bayesdamp with other methods of measuring damping on the same records. Each method runs with its
-authors' defaults; the last section lists the changes for methods whose defaults do not work on a single decay. The
-score is the error of the equivalent viscous damping ratio at three amplitudes of each record: near its start, near its
-end, and between. Simulated records come from SciPy's DOP853, and the truth from the energy at their turning points.
-The last column is the error of a method over that of bayesdamp on the records that both answered, a geometric mean.
-The brackets contain 95 % intervals. Seconds are CPU seconds of one thread without imports.
+This page compares bayesdamp with a script of about 130 lines, as an engineer could write it in an afternoon, on the
+same records. The score is the error of the equivalent viscous damping ratio at three amplitudes of each record: near
+its start, near its end, and between. Records come from SciPy's DOP853, and the truth from the energy at their turning
+points. The last column is the error of a method over that of bayesdamp on the records that both answered, a geometric
+mean. The brackets contain 95 % intervals. Seconds are CPU seconds of one thread without imports.
 
-Decrement and curve_fit give one number for all amplitudes, which is scored at each. Their errors show that the damping
-depends on the amplitude, not that bayesdamp fits better than a good script. The script is such a one, of about 130
-lines, as an engineer could write it in an afternoon. It solves the motion of viscous, Coulomb and quadratic damping on
-a cubic spring or a pendulum by Runge-Kutta steps, fits each of the seven sums by least squares, weighs the sums by BIC,
-names a sum at a weight of 0.95, and averages intervals from the Jacobians over the sums. It gets the same input as the
-other methods.
+The script solves the motion of viscous, Coulomb and quadratic damping on a cubic spring or a pendulum by Runge-Kutta
+steps, fits each of the seven sums by least squares, weighs the sums by BIC, names a sum at a weight of 0.95, and
+averages intervals from the Jacobians over the sums.
 
 - **family**: sums of viscous, Coulomb and quadratic damping on four springs, noise of 0.3 to 3 %, 8 to 60 cycles. Each
   is drawn until its true sum is 12 nats or more ahead of every sum that lacks one of its terms, so that the record can
@@ -39,18 +33,9 @@ other methods.
 - **noisy**: the family with noise of 5 to 15 % of the first amplitude.
 - **short**: the family's first 3 to 6 cycles.
 - **gappy**: the family with three gaps, 40 % of the time in total.
-- **measured**: ten runs of one disc that others measured. The truth comes from the half cycles of the nine other runs,
-  so differences between runs count as errors, which the interval of a single run does not include.
 """
 HOW = """## How each was run
 
-- Decrement: peaks at least 0.7 periods apart, a straight line through their logarithms. For this and the next one,
-  the rest position is the mean of the last whole cycles, at most five.
-- Hilbert: without the first and last cycle; at each amplitude a line through a quarter of the range of ln(envelope) on
-  either side.
-- curve_fit: an exponentially decaying cosine, starting at the frequency of the spectrum; the interval is 1.96 sd of its
-  covariance.
-- PySINDy: its thresholded least squares (0.1 in SI units), its smoothed differences, a library of x, v, sign v, v|v|.
 - Script: frequency from the spectrum of the longest piece without a gap, first values from the first and the last
   cycle; two springs by seven sums; 40 steps in a cycle, divided at turning points; windows of 3, 6, 12, … cycles; the
   ratio at an amplitude is that of the energies. It gives no answer if its best fit explains less than half of the
@@ -59,19 +44,16 @@ HOW = """## How each was run
 - bayesdamp: `compare(signal, sample=False)` on the unchanged record, without information on the spring or the damping.
   In a first contest (seed 811) it refused 35 of 37 gappy records, because it used only the longest piece and mistook
   some gaps for a beat. This was corrected before records of other seeds were drawn.
-
-Methods that need even sampling get straight lines across gaps.
 """
 
 
 def page(rows: pd.DataFrame) -> str:
     """Return the page of the contest in Markdown, from its rows."""
-    simulated = where(rows, rows["group"] != MEASURED)
-    parts = {"all simulated records": simulated, **groups_of(rows, order=(*GROUPS, MEASURED))}
+    parts = {"all records": rows, **groups_of(rows, order=GROUPS)}
     sections = "\n\n".join(
         f"## {name.capitalize()}\n\n{_table(part)}" for name, part in parts.items() if len(part)
     )
-    seeds = ", ".join(sorted(set(simulated["record"].str.split("-").str[1])))
+    seeds = ", ".join(sorted(set(rows["record"].str.split("-").str[1])))
     return f"""{INTRODUCTION}
 Seed {seeds}; `python -m validation.contest ROWS.csv FOLDER --seed 1` draws other records.
 
@@ -85,9 +67,10 @@ Seed {seeds}; `python -m validation.contest ROWS.csv FOLDER --seed 1` draws othe
 def _table(rows: pd.DataFrame) -> str:
     """Return the Markdown table of the scores of all methods on the records of these rows, a line for each method."""
     ours = where(rows, peer=OURS)
-    scores = ["records", "answered", "median error", "90 % quantile", "coverage", "CPU seconds"]
-    if rows["damping"].notna().to_numpy().any():  # the true damping of measured records is unknown
-        scores[-1:-1] = "named outright", "of these correctly"
+    scores = (
+        "records", "answered", "median error", "90 % quantile", "coverage", "named outright", "of these correctly",
+        "CPU seconds",
+    )  # fmt: skip
     return score_table(
         groups_of(rows, "peer", ROSTER),
         *scores,

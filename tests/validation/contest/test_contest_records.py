@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.validation.answering import closed_form
 from validation.contest.__main__ import row_of
-from validation.contest.measured import half_cycles
 from validation.contest.peers import ROSTER
 from validation.contest.records import GROUPS, LOST, simulate_record
 from validation.scoring import Reply
@@ -42,9 +40,3 @@ def test_all_peers_are_judged_at_the_requested_amplitudes(monkeypatch: pytest.Mo
     row = row_of(record, "bayesdamp")
     assert [row[f"amplitude_{i}"] for i in (1, 2, 3)] == list(record.amplitudes)
     assert row["true_1"] == record.ratio(record.amplitudes[0])
-
-
-def test_half_cycles_give_the_ratio_and_amplitude_of_a_closed_form():
-    amplitude, ratio = half_cycles(closed_form(0.03, cycles=8.0).signal)[:, :2].T
-    np.testing.assert_allclose(ratio, 0.03, rtol=0.03)
-    np.testing.assert_allclose(amplitude[0], 0.5 * np.exp(-0.03 * 2 * np.pi * 1.0), rtol=0.1)

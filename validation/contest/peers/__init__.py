@@ -10,16 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from validation.contest.peers import ours, script, sindy, textbook
+from validation.contest.peers import ours, script
 from validation.scoring import Reply
 
 OURS = "bayesdamp"
 """Name of the peer that is bayesdamp."""
 ROSTER: dict[str, Callable[[np.ndarray, np.ndarray, tuple[float, ...]], Reply]] = {
-    "logarithmic decrement": textbook.decrement,
-    "Hilbert envelope, a line at each amplitude": textbook.envelope,
-    "SciPy curve_fit, decaying cosine": textbook.decaying_cosine,
-    "PySINDy": sindy.answer,
     "an engineer's script": script.answer,
     OURS: ours.answer,
 }

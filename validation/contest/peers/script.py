@@ -15,7 +15,6 @@ from scipy.optimize import brentq, least_squares
 from scipy.special import ndtr
 
 from bayesdamp.types import Refusal
-from validation.contest.peers.shared import even, fit_sinusoid, segments, spectral_peak
 from validation.scoring import Reply
 
 TERMS = ("viscous", "coulomb", "quadratic")
@@ -42,6 +41,10 @@ LEAST_RATIO = 1e-6
 """Damping ratios up to this value count as no damping, and the record is refused."""
 TINY = 1e-200
 """Smallest sum of squares that is used, so that its logarithm is finite for a record without noise."""
+PADDING = 8
+"""Factor by which padding with zeros lengthens the record before its spectral peak is searched."""
+GAP = 1.5
+"""Two samples that are more than this many median steps apart have a gap between them."""
 POINTS = 24
 """Number of points in a quarter cycle at which the power is evaluated for the energy loss."""
 
@@ -210,10 +213,24 @@ def start(times: np.ndarray, x: np.ndarray) -> np.ndarray:
     They follow from a sinusoid fitted to the first cycle, and from the ratio of the last amplitude to the first.
     """
     first = times <= 2 * np.pi
-    cosine, sine, rest = fit_sinusoid(times[first], x[first])
+    phase = times[first]
+    columns = np.column_stack([np.cos(phase), np.sin(phase), np.ones_like(phase)])
+    cosine, sine, rest = np.linalg.lstsq(columns, x[first], rcond=None)[0]
     last = max(np.ptp(x[times >= times[-1] - 2 * np.pi]) / 2, 1e-3)
     decay = max(math.log(math.hypot(cosine, sine) / last) / times[-1], 1e-3)
     return np.array([decay, decay, 2 * decay, 1.0, 0.0, rest, cosine, sine])
+
+
+def frequency(t: np.ndarray, y: np.ndarray) -> float:
+    """Return the frequency in Hz of the largest spectral line in the longest piece of a record between gaps, (n,)."""
+    cuts = np.flatnonzero(np.diff(t) > GAP * np.median(np.diff(t))) + 1
+    t, y = max(zip(np.split(t, cuts), np.split(y, cuts), strict=True), key=lambda piece: piece[0].size)
+    step = float(np.median(np.diff(t)))
+    grid = np.arange(t[0], t[-1] + 0.5 * step, step)
+    values = np.interp(grid, t, y)
+    n = PADDING * grid.size
+    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(grid.size), n))
+    return float((np.argmax(power[PADDING:]) + PADDING) / (n * (grid[1] - grid[0])))
 
 
 def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
@@ -225,9 +242,7 @@ def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply
         raise Refusal("the record has too few samples")
     if np.ptp(y) == 0:
         raise Refusal("the record is constant")
-    times = (
-        2 * np.pi * spectral_peak(*even(*max(segments(t, y), key=lambda piece: piece[0].size))) * (t - t[0])
-    )
+    times = 2 * np.pi * frequency(t, y) * (t - t[0])
     if times[-1] < 4 * np.pi:
         raise Refusal("the record has less than two cycles")
     middle = np.mean(y)
