@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from bayesdamp.config import Study, load_study
@@ -11,6 +12,15 @@ SYSTEM = 'restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3
 ESTIMATED = 'estimators = { use = ["least_squares"], stages = ["initial"] }'
 COMPARED = 'models = { compare = ["viscous", "quadratic"] }'
 WEIGHED = "posterior = { samplers = [] }\nevidence = { methods = ['laplace'], referee = 'never' }"
+
+PLUGINS = {"cubic_drag": "howto/own-term.md", "soft_spring": "extending.md"}
+"""Names of plug-ins, and the pages of docs/ that define them."""
+
+
+def plugin_source(name: str) -> str:
+    """Return the source of a plug-in of `PLUGINS`: a whole block of its page."""
+    page = (Path(__file__).parents[1] / "docs" / PLUGINS[name]).read_text(encoding="utf-8")
+    return next(b for b in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if f'name = "{name}"' in b)
 
 
 def signal_text(name: str, simulate: str = "", **keys: str) -> str:

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
-
 import pytest
 
 from bayesdamp.physics.damping import DampingTerm
-
-PAGE = Path(__file__).resolve().parents[2] / "docs/howto/own-term.md"
+from tests.studies import plugin_source
 
 
 def test_the_ratio_of_the_term_is_that_of_its_force() -> None:
-    code = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert code is not None
     names: dict[str, object] = {}
-    exec(code[1], names)
+    exec(plugin_source("cubic_drag"), names)
     term = names["PLUGIN"]
     assert isinstance(term, DampingTerm)
     assert term.kernel(0.1, 2.0, 0.01) == 8.0

@@ -18,10 +18,9 @@ from bayesdamp.report.results.run import RunFolder, coefficients
 from bayesdamp.store import Store, read_table
 from tests.interface.problems import not_refused
 from tests.records.tables import write_table
-from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
+from tests.studies import COMPARED, ESTIMATED, PLUGINS, WEIGHED, plugin_source, study_text, write_study
 
-HERE = Path(__file__).parent
-DRAG = (HERE / "cubic_drag.py").read_text(encoding="utf-8")
+DRAG = plugin_source("cubic_drag")
 TRUTH = 0.08
 SOFT = 'restoring = "soft_spring", stiffness = "free", rest_angle = 0.0, theta0 = 0.6, omega0 = 0.0'
 RECORD = "cubic_drag = 0.08, stiffness = 20.0, duration = 10.0, samples = 300, noise_sd = 0.003"
@@ -35,18 +34,20 @@ STUDY = study_text(
 )
 
 
-def study_in(folder: Path):
-    for name in ("cubic_drag.py", "soft_spring.py"):
-        if not (folder / name).exists():
-            shutil.copy(HERE / name, folder)
-    return write_study(folder, STUDY)
+def write_plugin(folder: Path, name: str) -> Path:
+    """Write a plug-in of docs/ to a file, and return it."""
+    path = folder / f"{name}.py"
+    path.write_text(plugin_source(name), encoding="utf-8")
+    return path
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> Path:
     """Run the study once on two processes; tests must not change its folder."""
     folder = tmp_path_factory.mktemp("own")
-    assert run_study(study_in(folder), folder / "out", workers=2) == 0
+    for name in PLUGINS:
+        write_plugin(folder, name)
+    assert run_study(write_study(folder, STUDY), folder / "out", workers=2) == 0
     use_modules(())
     return folder
 
@@ -82,9 +83,9 @@ def test_a_changed_plug_in_changes_only_the_keys_of_tasks_that_use_it(tmp_path):
     write_table(tmp_path / "r.csv", "t,y", i / 10, (-1) ** i)
     text = STUDY.replace(f"simulate = {{ {RECORD} }}", 'file = "r.csv"\ntime = "t"\nangle = "y"')
     file, keys = tmp_path / "cubic_drag.py", []
-    shutil.copy(HERE / "soft_spring.py", tmp_path)
+    write_plugin(tmp_path, "soft_spring")
     for factor in ("1.0", "0.5"):
-        file.write_text(DRAG.replace("1.0 * velocity**3", f"{factor} * velocity**3"), encoding="utf-8")
+        file.write_text(DRAG.replace("v**3", f"{factor} * v**3"), encoding="utf-8")
         keys.append(keys_of(write_study(tmp_path, text), tmp_path))
     changed = {n for n in keys[0] if keys[0][n] != keys[1][n]}
     unchanged = {n for n in keys[0] if n.startswith(("signal/", "estimate/")) and "cubic_drag" not in n}
@@ -119,10 +120,10 @@ def test_a_wrong_module_is_refused_in_one_line(tmp_path):
     assert set(TERMS.names()) == {*PAPER_TERMS, *others()}
 
 
-def test_the_next_plug_ins_replace_those_before():
-    use_modules(read_modules([HERE / "cubic_drag.py"]))
+def test_the_next_plug_ins_replace_those_before(tmp_path):
+    use_modules(read_modules([write_plugin(tmp_path, "cubic_drag")]))
     assert TERMS.get("cubic_drag").parameter == "drag3"
-    use_modules(read_modules([HERE / "soft_spring.py"]))
+    use_modules(read_modules([write_plugin(tmp_path, "soft_spring")]))
     assert "cubic_drag" not in TERMS.names()
     assert LAWS.get("soft_spring").parameters == ("stiffness", "rest_angle")
 
@@ -159,7 +160,7 @@ KILLED = study_text(
 @pytest.mark.slow
 def test_an_estimator_that_kills_its_process_loses_only_its_own_tasks(tmp_path, capsys):
     """On two processes: every other task is computed; the run names the lost tasks and ends with status 3."""
-    shutil.copy(HERE / "killer.py", tmp_path)
+    shutil.copy(Path(__file__).with_name("killer.py"), tmp_path)
     assert run_study(write_study(tmp_path, KILLED), tmp_path / "out", workers=2) == 3
     printed = " ".join(capsys.readouterr().err.split())
     store = Store(tmp_path / "out")

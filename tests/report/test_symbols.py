@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from bayesdamp.formatting import Table, TableLine
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_symbol
 from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.report import words
+from tests.studies import plugin_source
 
 
 def test_every_parameter_of_a_shipped_term_or_law_has_a_symbol():
@@ -24,7 +23,7 @@ def test_every_parameter_of_a_shipped_term_or_law_has_a_symbol():
 
 def test_a_user_s_term_without_a_symbol_is_written_with_the_name_of_its_parameter(tmp_path):
     """Control: without the plug-in the parameter has no meaning."""
-    source = (Path(__file__).parents[1] / "plugins" / "cubic_drag.py").read_text(encoding="utf-8")
+    source = plugin_source("cubic_drag")
     (tmp_path / "own.py").write_text(source.replace("    unit =", '    words = "sticky seal"\n    unit ='))
     use_modules(read_modules([tmp_path / "own.py"]))
     try:

@@ -66,14 +66,6 @@ def test_the_likelihood_is_that_of_a_mixture_of_dense_normal_distributions() -> 
     assert of.log_likelihood(z) != pytest.approx(logs[0], abs=0.01)
 
 
-def test_the_gradient_is_that_of_differences() -> None:
-    of = deviating(3)
-    for z in scores():
-        step = 1e-5 * np.eye(z.size)
-        slopes = [(of.log_posterior(z + s) - of.log_posterior(z - s)) / 2e-5 for s in step]
-        assert of.gradient(z)[1] == pytest.approx(slopes, rel=1e-4, abs=1e-3)
-
-
 def test_deviations_are_drawn_from_their_conditional_distribution() -> None:
     """Mean and covariance of 4,000 draws under one combination, within five standard errors, against the joint normal
     distribution. Control: the mean is far from the prior's, which is zero."""

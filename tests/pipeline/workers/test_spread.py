@@ -19,7 +19,15 @@ from bayesdamp.pipeline.workers import open_pool, run_in_pool
 from bayesdamp.plugins import use_modules
 from bayesdamp.store import Store
 from tests.pipeline.workers.test_cluster import local_cluster
-from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, tables_of, write_study
+from tests.studies import (
+    COMPARED,
+    ESTIMATED,
+    WEIGHED,
+    plugin_source,
+    study_text,
+    tables_of,
+    write_study,
+)
 
 STUDY = study_text(
     ESTIMATED,
@@ -72,11 +80,11 @@ def test_a_dask_cluster_gives_the_tables_of_one_process(study, alone, scheduler,
 def test_dask_workers_have_a_study_s_plug_ins(scheduler, tmp_path):
     """The next study on the same workers has a plug-in of the same name with another source. The motion is the same, so
     that the coefficient is twice as large, except for the width of its prior."""
-    source = (Path(__file__).parents[2] / "plugins" / "cubic_drag.py").read_text(encoding="utf-8")
+    source = plugin_source("cubic_drag")
     text = STUDY.replace("system =", 'plugins = { modules = ["own.py"] }\nsystem =')
     coefficients = []
     for factor in (1.0, 0.5):
-        (tmp_path / "own.py").write_text(source.replace("1.0 *", f"{factor} *"), encoding="utf-8")
+        (tmp_path / "own.py").write_text(source.replace("v**3", f"{factor} * v**3"), encoding="utf-8")
         out, study = tmp_path / f"out{factor}", write_study(tmp_path, text.replace("quadratic", "cubic_drag"))
         assert run_study(study, out, scheduler=scheduler) == 0
         coefficients.append(Store(out).read("mode/noisy/0/cubic_drag").meta["values"]["drag3"])
