@@ -1,7 +1,8 @@
 """Compute trajectories of the candidate laws fast, by compiled fourth-order Runge-Kutta with fixed steps.
 
-Only the fits in `rivals` use them; the truth of a record comes from `motion`. A step in which the velocity changes
-sign is divided at that point, found by a secant search. So the order is four also for friction with an exact sign.
+Only fits use them, in `rivals` and in the script of the contest; the truth of a record comes from `motion`. A step in
+which the velocity changes sign is divided at that point, found by a secant search. So the order is four also for
+friction with an exact sign.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def _step(
 
 
 @njit(cache=True)
-def _advance(
+def advance(
     law: int, theta: float, v: float, sign: float, law_values: np.ndarray, damping: np.ndarray, h: float
 ):
     """Return angle, velocity and its sign one step of size h (s) later; the sign is 0 after the motion has stopped."""
@@ -115,5 +116,5 @@ def trajectory(
     for i in range(1, out.shape[0]):
         for _ in range(within):
             if sign != 0:
-                theta, v, sign = _advance(law, theta, v, sign, law_values, damping, h)
+                theta, v, sign = advance(law, theta, v, sign, law_values, damping, h)
         out[i, 0], out[i, 1] = theta, v

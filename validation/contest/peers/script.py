@@ -16,6 +16,8 @@ from scipy.special import ndtr
 
 from bayesdamp.types import Refusal
 from validation.scoring import Reply
+from validation.truth.oscillator import LAWS
+from validation.truth.trajectory import advance
 
 TERMS = ("viscous", "coulomb", "quadratic")
 """Names of the damping terms, in the order of their coefficients z, c and q."""
@@ -26,6 +28,8 @@ K, B, REST, X0, V0 = range(3, 8)
 velocity. Positions 0 to 2 are the damping coefficients z, c and q."""
 SCALE = np.array([0.01, 0.01, 0.01, 0.01, 0.1, 0.1, 1.0, 1.0])
 """Typical change of each parameter in a fit, (8,), by which the least-squares method scales its steps."""
+PENDULUM, DUFFING = (list(LAWS).index(law) for law in ("pendulum", "duffing"))
+"""Numbers of the two restoring laws."""
 STEP = 2 * math.pi / 40
 """Largest step of the solver in normalised time: 40 steps in a cycle."""
 FIRST_CYCLES, GROWTH = 3, 2
@@ -50,34 +54,6 @@ POINTS = 24
 
 
 @njit(cache=True)
-def _spring(x: float, p: np.ndarray, radians: float) -> float:
-    return p[3] * math.sin(radians * x) / radians if radians > 0 else p[3] * x + p[4] * x**3
-
-
-@njit(cache=True)
-def _acceleration(x: float, v: float, sign: float, p: np.ndarray, radians: float) -> float:
-    return -_spring(x, p, radians) - 2 * p[0] * v - sign * (p[1] + p[2] * v * v)
-
-
-@njit(cache=True)
-def _step(x: float, v: float, sign: float, h: float, p: np.ndarray, radians: float) -> tuple[float, float]:
-    """Return displacement and velocity after one Runge-Kutta step of fourth order, of length h.
-
-    sign: sign of the velocity with which friction and quadratic drag are evaluated in the whole step. p: the eight
-    parameters z, c, q, k, b, rest, and displacement and velocity at the start. radians: unit of displacement of a
-    pendulum in rad; 0 for the cubic spring.
-    """
-    a1 = _acceleration(x, v, sign, p, radians)
-    v2 = v + 0.5 * h * a1
-    a2 = _acceleration(x + 0.5 * h * v, v2, sign, p, radians)
-    v3 = v + 0.5 * h * a2
-    a3 = _acceleration(x + 0.5 * h * v2, v3, sign, p, radians)
-    v4 = v + h * a3
-    a4 = _acceleration(x + h * v3, v4, sign, p, radians)
-    return x + h * (v + 2 * v2 + 2 * v3 + v4) / 6, v + h * (a1 + 2 * a2 + 2 * a3 + a4) / 6
-
-
-@njit(cache=True)
 def solve(times: np.ndarray, p: np.ndarray, radians: float) -> np.ndarray:
     """Return the displacements at times; steps end at turning points, where friction may stop the motion.
 
@@ -90,29 +66,18 @@ def solve(times: np.ndarray, p: np.ndarray, radians: float) -> np.ndarray:
     radians : float
         Unit of displacement of a pendulum in rad; 0 for the cubic spring.
     """
+    law, scale = (PENDULUM, radians) if radians > 0 else (DUFFING, 1.0)
+    spring, damping = np.array([p[3], 0.0, p[4]]), np.array([p[0], scale * p[1], p[2] / scale])
     out = np.empty(times.size)
-    x, v = p[6], p[7]
-    sign = np.sign(v) if v != 0 else -np.sign(_spring(x, p, radians))
+    x, v = scale * p[6], scale * p[7]
+    sign = np.sign(v) if v != 0 else -np.sign(x)
     for i in range(times.size):
         gap = times[i] - times[max(i - 1, 0)]
         steps = math.ceil(gap / STEP)
         for _ in range(steps):
-            left = gap / steps
-            for _ in range(3):  # a step has one turning point, or two just before the motion stops
-                if sign == 0:
-                    break
-                next_x, next_v = _step(x, v, sign, left, p, radians)
-                if sign * next_v >= 0:
-                    x, v = next_x, next_v
-                    break
-                h = left * v / (v - next_v)
-                next_x, next_v = _step(x, v, sign, h, p, radians)
-                h -= next_v / _acceleration(next_x, next_v, sign, p, radians)
-                x, _ = _step(x, v, sign, h, p, radians)
-                v, left = 0.0, left - h
-                pull = _spring(x, p, radians)
-                sign = 0.0 if abs(pull) <= p[1] else -np.sign(pull)
-        out[i] = x
+            if sign != 0:
+                x, v, sign = advance(law, x, v, sign, spring, damping, gap / steps)
+        out[i] = x / scale
     return out
 
 
