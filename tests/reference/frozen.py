@@ -159,7 +159,7 @@ def simulated_row(name: str) -> dict[str, Any]:
 def envelope_row(name: str) -> dict[str, Any]:
     """Return the stored answer on a ring-down."""
     rng = np.random.default_rng([SEED, int(name.split("-")[1])])
-    ringdown = simulate(draw_ringdown("harsh", rng), rng)
+    ringdown = simulate(draw_ringdown(rng), rng)
     verdict = analyse(make_record(name, ringdown.t, ringdown.level, "dBm", 1e6)).verdict
     row: dict[str, Any] = {"grade": str(verdict.grade), "damping": verdict.damping}
     if verdict.rate is not None:

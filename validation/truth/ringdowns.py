@@ -7,7 +7,7 @@ Mook, Nonlinear Oscillations, 1979, ch. 3), integrated by SciPy.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, solve_ivp
@@ -81,12 +81,12 @@ CASES = ("viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadrati
 """Damping sums of simulated ring-downs; one is drawn at random."""
 
 
-def draw_ringdown(kind: str, rng: np.random.Generator) -> Ringdown:
-    """Draw the parameters of a ring-down of the kind "plain" or "harsh".
+def draw_ringdown(rng: np.random.Generator) -> Ringdown:
+    """Draw the parameters of a harsh ring-down.
 
-    A plain one has one damping law and a constant noise floor. A harsh one has deviations from the law, a drifting
-    gain, a noise floor that varies and is partly slow, and a drive whose direct pickup by the sensor vanishes at the
-    release. It lasts 20 to 60 s, falls by 20 to 50 dB to its noise floor, and has 100 to 4,000 readings.
+    It has deviations from the law, a drifting gain, a noise floor that varies and is partly slow, and a drive whose
+    direct pickup by the sensor vanishes at the release. It lasts 20 to 60 s, falls by 20 to 50 dB to its noise floor,
+    and has 100 to 4,000 readings.
     """
     duration, fall = float(rng.uniform(20, 60)), float(rng.uniform(20, 50))
     terms = CASES[rng.integers(len(CASES))].split("+")
@@ -97,7 +97,7 @@ def draw_ringdown(kind: str, rng: np.random.Generator) -> Ringdown:
     middle = float(np.exp(-0.5 * fall / NEPER))
     size = {"viscous": 1.0, "coulomb": middle, "quadratic": 1 / middle}
     step = duration / float(np.exp(rng.uniform(np.log(100), np.log(4000))))
-    plain = Ringdown(
+    return Ringdown(
         rates={t: mean * part * size[t] for t, part in zip(terms, (share, 1 - share))},
         fall=fall,
         step=step,
@@ -106,12 +106,6 @@ def draw_ringdown(kind: str, rng: np.random.Generator) -> Ringdown:
         scatter=float(np.exp(rng.uniform(np.log(0.01), np.log(0.1)))),
         scatter_time=float(rng.uniform(2 * step, 0.02 * duration + 2 * step)),
         floor_time=float(rng.uniform(step, 0.01 * duration + step)),
-        slow_share=0.0,
-    )
-    if kind == "plain":
-        return plain
-    return replace(
-        plain,
         deviation=float(rng.choice([0.0, 0.01, 0.03, 0.06])),
         deviation_length=float(rng.choice([0.1, 0.3, 1.0])),
         drift=float(rng.choice([0.0, 0.1])),
