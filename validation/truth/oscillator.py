@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
 from scipy.optimize import brentq
 
 TERMS = ("viscous", "coulomb", "quadratic")
@@ -25,6 +26,9 @@ LAWS = {
 }
 """Restoring laws and their parameters, in the order that `trajectory` expects."""
 
+NODES = [(float(u) + 1, float(w)) for u, w in zip(*np.polynomial.legendre.leggauss(16), strict=True)]
+"""Places from 0 to 2 and weights for the quadrature of a force, which is exact to rounding up to 2 rad."""
+
 Function = Callable[[float], float]
 """A function of one number, such as a force of the displacement."""
 
@@ -43,8 +47,8 @@ class Discrepancy:
         Part of the static friction at x that is due to the extra force, rad/s².
     scale : callable
         Factor on all damping at a time in s since the release.
-    spring, potential : callable
-        Extra restoring force at x, rad/s², and its potential, rad²/s².
+    spring : callable
+        Extra restoring force at x, rad/s².
     """
 
     term: str = "other"
@@ -52,7 +56,6 @@ class Discrepancy:
     static_friction: Function = lambda x: 0.0
     scale: Function = lambda t: 1.0
     spring: Function = lambda x: 0.0
-    potential: Function = lambda x: 0.0
 
 
 @dataclass(frozen=True)
@@ -101,28 +104,15 @@ class Oscillator:
     def potential(self) -> Function:
         """Return the potential energy of all springs as a function of the displacement from the equilibrium (rad).
 
-        It is per unit of inertia, rad²/s². The expressions avoid differences of large numbers, so that they are
-        accurate at small amplitudes.
+        It is per unit of inertia, rad²/s², and comes from the force by Gauss-Legendre quadrature.
         """
-        k, _, other = self._numbers()
-        zero, extra = self.equilibrium(), self.discrepancy.potential
-        sine, cosine = math.sin(zero), math.cos(zero)
+        force, zero, extra = self.force(), self.equilibrium(), self.discrepancy.spring
 
-        def pendulum(x: float) -> float:
-            return 2 * k * math.sin(0.5 * x) ** 2
+        def potential(x: float) -> float:
+            half = 0.5 * x
+            return half * sum(w * (force(zero + half * u) + extra(half * u)) for u, w in NODES)
 
-        def horizontal(x: float) -> float:
-            # −γ [sin(θ) − sin(θ_eq) − x cos θ_eq] with k(θ_eq − θ_s) = γ cos θ_eq
-            return 0.5 * k * x * x + other * (2 * sine * math.sin(0.5 * x) ** 2 + cosine * _x_minus_sine(x))
-
-        potentials: dict[str, Function] = {
-            "horizontal_pendulum": horizontal,
-            "linear": lambda x: 0.5 * k * x * x,
-            "pendulum": pendulum,
-            "duffing": lambda x: 0.5 * k * x * x + 0.25 * other * x**4,
-        }
-        law = potentials[self.restoring]
-        return lambda x: law(x) + extra(x)
+        return potential
 
     def acceleration(self) -> Callable[[float, float, float, float], float]:
         """Return θ̈ (rad/s²) as a function of time (s since the release), angle (rad), velocity (rad/s) and its sign."""
@@ -143,11 +133,3 @@ class Oscillator:
     def _numbers(self) -> tuple[float, float, float]:
         given = [self.parameters[name] for name in LAWS[self.restoring]]
         return given[0], given[1], given[2] if len(given) == 3 else 0.0
-
-
-def _x_minus_sine(x: float) -> float:
-    """Return x − sin x, accurate also at small x."""
-    if abs(x) > 0.3:
-        return x - math.sin(x)
-    square = x * x
-    return x * square / 6 * (1 - square / 20 * (1 - square / 42 * (1 - square / 72 * (1 - square / 110))))

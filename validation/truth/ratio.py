@@ -115,7 +115,7 @@ def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
         return potential(middle + amplitude) - potential(middle - amplitude)
 
     ends = (-0.5 * amplitude, 0.5 * amplitude)
-    middle = 0.0 if uneven(0.0) == 0 else root_scalar(uneven, bracket=ends).root
+    middle = root_scalar(uneven, bracket=ends).root
     top = potential(middle + amplitude)
     zeta, friction, drag = (oscillator.damping.get(term, 0.0) for term in COEFFICIENTS)
 
