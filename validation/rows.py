@@ -117,12 +117,16 @@ def complete_rows(
     return by_name().loc[list(todo)].reset_index(drop=True)
 
 
-def page_options(description: str | None) -> argparse.ArgumentParser:
-    """Return the parser of a page's command line: its table of rows, its folder, and the number of processes."""
+def page_options(description: str | None, **numbers: int) -> argparse.ArgumentParser:
+    """Return the parser of a page's command line: its table of rows, its folder, the number of processes, and numbers.
+
+    numbers: names of further options whose values are whole numbers, and their defaults.
+    """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("table", type=Path, help="CSV file of the rows; missing rows are added")
     parser.add_argument("folder", type=Path, help="folder of the page")
-    parser.add_argument("--workers", type=int, default=2)
+    for name, default in {"workers": 2, **numbers}.items():
+        parser.add_argument(f"--{name}", type=int, default=default)
     return parser
 
 

@@ -16,9 +16,6 @@ from validation.rows import make_page, page_options
 from validation.scoring import COLUMNS, KEY, Reply
 from validation.truth.records import Case
 
-SEED, COUNT = 813, 200
-"""Default seed and number of the simulated records."""
-
 
 def row_of(record: Case, name: str) -> dict[str, Any]:
     """Let the peer `name` answer a record, and return a row as `scoring.row_of`.
@@ -44,13 +41,7 @@ def row_of(record: Case, name: str) -> dict[str, Any]:
 
 def main() -> None:
     """Run the command line: answer the records that the table lacks, and write the page."""
-    parser = page_options(__doc__)
-    parser.set_defaults(workers=1)
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument(
-        "--count", type=int, default=COUNT, help="number of simulated records, of five groups in turn"
-    )
-    options = parser.parse_args()
+    options = page_options(__doc__, seed=813, count=200, workers=1).parse_args()
     records = [simulate_record(options.seed, number) for number in range(options.count)]
     for name in ROSTER:  # import and compile before any record is timed
         row_of(records[0], name)

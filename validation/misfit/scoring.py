@@ -73,10 +73,7 @@ scored.csv has every case. `make reports` makes this report again.
 
 def main() -> None:
     """Run the command line: score the cases that the table lacks, and write the page."""
-    parser = page_options(__doc__)
-    parser.add_argument("--seed", type=int, required=True)
-    parser.add_argument("--count", type=int, default=1)
-    given = parser.parse_args()
+    given = page_options(__doc__, seed=21, count=1).parse_args()
     todo = {
         f"{kind}-{given.seed}-{number}/bayesdamp": (kind, number, given.seed)
         for number in range(given.count)

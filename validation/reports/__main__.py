@@ -32,40 +32,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("names", nargs="*", help="reports to make; by default all stale ones")
     parser.add_argument("--check", action="store_true", help="only list which reports are stale")
     options = parser.parse_args(arguments)
-    unknown = sorted(set(options.names) - {r.name for r in RECIPES})
-    if unknown:
-        print(
-            f"{unknown[0]!r} is not a report; use one of {', '.join(r.name for r in RECIPES)}",
-            file=sys.stderr,
-        )
-        return 2
+    if unknown := sorted(set(options.names) - {r.name for r in RECIPES}):
+        parser.error(f"{unknown[0]!r} is not a report; use one of {', '.join(r.name for r in RECIPES)}")
     if options.check:
         return _check()
     chosen = [r for r in RECIPES if r.name in options.names] if options.names else stale(ROOT)
     if changed := _git("status", "--porcelain", "--", ".", ":!reports"):
-        print(
-            f"the working tree has uncommitted changes ({changed.split()[1]}); please commit them first",
-            file=sys.stderr,
+        parser.error(
+            f"the working tree has uncommitted changes ({changed.split()[1]}); please commit them first"
         )
-        return 2
     made = [_make(recipe) for recipe in chosen]
     return 0 if all(made) else STALE
 
 
 def _check() -> int:
     """Print which reports are stale. Return 1 if there are any, else 0."""
-    stamp_of, old = stamps(ROOT / "reports"), {r.name for r in stale(ROOT)}
-    lines = []
+    stamp_of, old = stamps(ROOT / "reports"), stale(ROOT)
     for recipe in RECIPES:
-        stamp = stamp_of.get(recipe.name)
+        stamp, state = stamp_of.get(recipe.name), "stale" if recipe in old else "fresh"
         origin = f"made {stamp.day} by {stamp.revision[:9]}" if stamp else "made by unknown code"
-        state = "stale" if recipe.name in old else "fresh"
-        lines.append(f"{recipe.name:<15} {state:<6} {origin}, about {recipe.cost} min")
-    left = sum(r.cost for r in RECIPES if r.name in old)
-    lines.append(
-        f"{len(old)} of {len(RECIPES)} reports are stale; making them takes about {left} minutes on two cores"
-    )
-    print("\n".join(lines))
+        print(f"{recipe.name:<15} {state:<6} {origin}, about {recipe.cost} min")
+    left = sum(recipe.cost for recipe in old)
+    print(f"{len(old)} of {len(RECIPES)} are stale; making them takes about {left} minutes on two cores")
     return STALE if old else 0
 
 

@@ -1,7 +1,8 @@
 """Write the page on the accuracy of the answer: `python -m validation.reports.deviation ROWS.csv FOLDER`.
 
-Options: `--family 100 --discrepant 60 --dense 20`, the numbers of records. Records count as simulated, so that their
-probabilities are not capped.
+Options: `--family 100 --discrepant 60 --dense 20`, the numbers of records of the family, of those with a discrepancy,
+and of those of the latter that are also sampled densely. Records count as simulated, so that their probabilities are
+not capped.
 """
 
 from __future__ import annotations
@@ -105,11 +106,7 @@ Seed {SEED}:
 
 def main() -> None:
     """Run the command line: answer the records that the table lacks, and write the page."""
-    parser = page_options(__doc__)
-    parser.add_argument("--family", type=int, default=100, help="number of records of the family")
-    parser.add_argument("--discrepant", type=int, default=60, help="number of records with a discrepancy")
-    parser.add_argument("--dense", type=int, default=20, help="number of these that are also sampled densely")
-    options = parser.parse_args()
+    options = page_options(__doc__, family=100, discrepant=60, dense=20).parse_args()
     kinds = KINDS[1:]
     jobs = [(FAMILY, i, 1, mode) for mode in ("none", "auto") for i in range(options.family)]
     for count, oversample in ((options.discrepant, 1), (options.dense, DENSE)):

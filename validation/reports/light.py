@@ -1,5 +1,7 @@
 """Write the page on light damping: `python -m validation.reports.light ROWS.csv FOLDER [--records N] [--few N]`.
 
+Options: the number of records of each decade, and the largest number of those with a damping ratio of 1e-4.
+
 Damping ratios are 1e-2 to 1e-4 for oscillations, 1e-5 and 1e-6 for envelopes. The report tests whether the quality of
 the answer depends on how small the damping is. Therefore the records of all decades come from the same distribution,
 and the noise grows with the number of samples.
@@ -165,10 +167,7 @@ brackets contain 95 % intervals (Wilson) for this number of records.
 
 def main() -> None:
     """Run the command line: answer the records that the table lacks, and write the page."""
-    parser = page_options(__doc__)
-    parser.add_argument("--records", type=int, default=100, help="number of records of each decade")
-    parser.add_argument("--few", type=int, default=100, help=f"largest number of records of {LONG:g}")
-    options = parser.parse_args()
+    options = page_options(__doc__, records=100, few=100).parse_args()
     todo = {}
     for decade in (*MOTIONS, *ENVELOPES):
         count = min(options.few, options.records) if decade == LONG else options.records
