@@ -1,7 +1,8 @@
 """Answer simulated records with damping terms that are not in the paper, and write the page on the results.
 
-`python -m validation.experiments.laws TABLE FOLDER [--exponents 60 --each 6]`: numbers of power laws with random
-exponents, for the coverage of the exponent's interval, and of records of each other term.
+`python -m validation.experiments.laws TABLE FOLDER [--seed 86000 --exponents 60 --each 6]`: the seed, to which each
+next term adds 1000, and the numbers of power laws with random exponents, for the coverage of the exponent's interval,
+and of records of each other term.
 """
 
 from __future__ import annotations
@@ -39,8 +40,6 @@ from validation.truth.records import Case
 
 EXPONENT = "exponent"
 """Name of the group of records with a power law of random exponent, on which the exponent's interval is tested."""
-SEED = 86000
-"""Seed of the first record of power laws; the seeds of each other term are 1000 larger than those before."""
 PARAMETERS = ("nats", "intervals", "held")
 """Further columns of the table: by how many nats the true sum is ahead, how many of its parameters have intervals, and
 how many of these contain the truth."""
@@ -263,10 +262,10 @@ def _of_distinguishable(rows: pd.DataFrame) -> str:
 
 def main() -> None:
     """Run the command line: answer the records that the table lacks, and write the page."""
-    given = page_options(__doc__, exponents=60, each=6).parse_args()
+    given = page_options(__doc__, seed=86000, exponents=60, each=6).parse_args()
     todo: dict[str, tuple[str, int]] = {}
     for k, term in enumerate((EXPONENT, *TERMS)):
-        first = SEED + 1000 * k
+        first = given.seed + 1000 * k
         count = given.exponents if term == EXPONENT else given.each
         todo |= {f"{term}-{seed}/bayesdamp": (term, seed) for seed in range(first, first + count)}
     make_page(given, "laws.csv", (*COLUMNS, *PARAMETERS), todo, row, page, KEY)

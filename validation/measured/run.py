@@ -8,8 +8,8 @@ answer.
 from __future__ import annotations
 
 import sys
+import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from bayesdamp.cli.records import ReadingOptions, records_in
@@ -22,43 +22,10 @@ from bayesdamp.verdict.types import Verdict, columns
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 """Folder of the measured records."""
-RIG = ReadingOptions(time="Time_Elapsed(s)", angle="Angle(deg)", unit="deg")
-"""Options for the files of the horizontal pendulum."""
-SPRING = ReadingOptions(time="1", angle="2", unit="m")
-"""Options for the files of a disc on a stiff spring: times in column 1, positions in m in column 2."""
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A measured record: its name, its file (relative to the data folder), and the options with which it is read."""
-
-    name: str
-    file: str
-    options: ReadingOptions
-
-
-RECORDS = (
-    Measured(
-        "rotary", "rotary_pendulum/pendulum_free_swing_data_01.txt", ReadingOptions(rate=1000.0, unit="deg")
-    ),
-    Measured("video", "video_pendulum/lab1_data.txt", ReadingOptions(time="1", angle="2")),
-    Measured(
-        "disc", "spring_disc/molla_dura_discopieno_0.1223kg.csv",
-        ReadingOptions(time="Time (s) Run #1", angle="Position (m) Run #1", unit="m"),
-    ),
-    Measured(
-        "encoder", "encoder_pendulum/SingleDataFreeSwing_1_Dt_0_0001.mat",
-        ReadingOptions(time="Theta1.time", angle="Theta1.signals.values"),
-    ),
-    Measured("rig-80P", "horizontal_pendulum/80P.txt", RIG),
-    Measured("rig-60", "horizontal_pendulum/60.txt", RIG),
-    Measured("rig-100", "horizontal_pendulum/100.txt", RIG),
-    Measured("stiff-disc-2", "spring_disc/molla_durissima_discopieno_14.91945_0.2016_2.csv", SPRING),
-    Measured("stiff-disc-3", "spring_disc/molla_durissima_discopieno_14.91945_0.2016_3.csv", SPRING),
-    Measured("ship", "ship_roll/model_test_21338.csv", ReadingOptions(time="time", angle="phi")),
-)  # fmt: skip
-RUNS = Measured("ten-runs", "ten_runs/Run_1-10_no_magnet.csv", ReadingOptions())
-"""A file with ten runs of one rig, which are also answered together as one specimen."""
+RECORDS = Path(__file__).with_name("records.toml")
+"""File that states the records by name: the file of each, relative to the data folder, and its options of reading."""
+RUNS = "ten-runs"
+"""Name of the file with ten runs of one rig, which are also answered together as one specimen."""
 
 
 def signals() -> Iterator[tuple[str, list[Signal]]]:
@@ -66,10 +33,10 @@ def signals() -> Iterator[tuple[str, list[Signal]]]:
 
     Only the file of ten runs gives several decays; of every other file the first one is used.
     """
-    for record in (*RECORDS, RUNS):
-        results = records_in(DATA / record.file, record.options)
+    for name, options in tomllib.loads(RECORDS.read_text(encoding="utf-8")).items():
+        results = records_in(DATA / options.pop("file"), ReadingOptions(**options))
         decays = [r.signal for r in results if r.signal is not None]
-        yield record.name, decays if record is RUNS else decays[:1]
+        yield name, decays if name == RUNS else decays[:1]
 
 
 def verdicts() -> Iterator[Verdict]:

@@ -76,7 +76,10 @@ RECIPES: tuple[Recipe, ...] = (
     _calibration("model_recovery", 6, " --models"),
     _page("contest", 8, "validation.contest", "--seed 813", "validation/contest"),
     _page("light", 14, f"{PAGES}.light", "--few 20", "validation/reports/light.py"),
-    Recipe("measured", 6, (f"{PYTHON} validation.measured.run {{out}}",), (*ENGINE, "validation/measured")),
+    Recipe(
+        "measured", 6, (f"{PYTHON} validation.measured.run {{out}}",),
+        (*ENGINE, "validation/measured", "validation/measured/records.toml"),
+    ),
     _study("paper", 7),
     _study(
         "noise", 6, f"{PYTHON} {PAGES}.noise {{out}}",
