@@ -10,9 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
-from scipy.stats import norm
 
 from bayesdamp.calibrate.tables import FALSE_ALARM
 from bayesdamp.formatting import markdown_table as table
@@ -20,39 +18,33 @@ from validation.rows import read_rows, where
 
 LEVEL = 0.95
 """Probability of the intervals on which the page reports."""
-POWER = 0.8
-"""Probability with which a test must detect an error whose size the page states (conventional)."""
 
 
 def calibration(run: dict[str, Any], rows: pd.DataFrame) -> str:
     """Return the page of a calibration in Markdown, from run.json and the rows of calibration.csv."""
     result = run["result"]
     posterior, classical = (result["families"][name] for name in ("posterior", "classical"))
-    counts = {model: int(count["counted"]) for model, count in result["counts"].items()}
-    fewest = min(counts.values())
-    lines = []
-    for model, count in counts.items():
+    lines, total = [], sum(count["counted"] for count in result["counts"].values())
+    for model, count in result["counts"].items():
         own = where(rows, model=model, method="nuts", level=LEVEL)["value"]
         shares = f"{own.min():.3f} to {own.max():.3f}" if len(own) else "–"
-        lines.append([model, str(count), str(result["counts"][model]["tried"]), shares])
+        lines.append([model, str(count["counted"]), str(count["tried"]), shares])
     coverage = "coverage of the 95 % intervals of NUTS, least to largest over parameters"
     return f"""# Are the intervals right?
 
-On {sum(counts.values())} records, {posterior["wrong"]} of {posterior["tests"]} checks of posteriors fail, and \
+On {total} records, {posterior["wrong"]} of {posterior["tests"]} checks of posteriors fail, and \
 {classical["wrong"]} of {classical["tests"]} checks of refined estimates; the probability of any false alarm is \
 {FALSE_ALARM:.0%} for each of the two.
 
 The parameters of each record, including its noise, are drawn from the priors of the inference \
 ({run["description"].rstrip(".")}). If the inference is correct, the ranks of the truth among the draws of NUTS and \
 emcee are uniform (Talts et al. 2018), and intervals contain the truth at their stated rate. The Holm correction \
-covers all checks of a table. There are at least {fewest} records for each damping.
+covers all checks of a table.
 
 {table(["damping", "records", "attempted", coverage], lines)}
 
-A record without an oscillation is omitted before sampling. That does not bias the result, because a posterior is \
-conditional on its record. No record is omitted because of a result of a sampler. report.html has the histograms of \
-the ranks with their bands, calibration.csv every check, and ranks.csv every rank. `make reports` makes this report \
-again.
+A record without an oscillation is omitted before sampling. report.html has the histograms of the ranks with their \
+bands, calibration.csv every check, and ranks.csv every rank. `make reports` makes this report again.
 """
 
 
@@ -60,8 +52,6 @@ def recovery(run: dict[str, Any]) -> str:
     """Return the page of a model recovery in Markdown, from run.json."""
     result = run["result"]["recovery"]
     hits = result["hits"]
-    n = hits["records"]
-    detectable = (norm.ppf(POWER) + norm.ppf(0.975)) * hits["sd"] / n if n else np.nan
     lines = [
         [
             f"{row['from']:g} to {row['to']:g}", str(row["records"]), f"{row['probability']:.2f}",
@@ -73,16 +63,15 @@ def recovery(run: dict[str, Any]) -> str:
     refused = "; ".join(f"{count} × {why}" for why, count in result["refused"].items()) or "none"
     return f"""# Are the probabilities right?
 
-In {hits["hits"]} of {n} records the most probable damping is the true one; the stated probabilities predict \
-{hits["expected"]:.1f} ± {hits["sd"]:.1f}.
+In {hits["hits"]} of {hits["records"]} records the most probable damping is the true one; the stated probabilities \
+predict {hits["expected"]:.1f} ± {hits["sd"]:.1f}.
 
 The true sum of each record is drawn at random from all seven, and its parameters from the priors \
 ({run["description"].rstrip(".")}). The evidence comes from importance sampling, and the laws are assumed to hold \
-exactly. The two-sided p value of this number is {hits["p"]:.2g}. A test (5 %) on these records detects \
-probabilities of the leading damping that are {100 * detectable:.0f} percentage points too high or too low on \
-average with a probability of {POWER:g}. The mean log probability of the truth is {result["log_score"]:.3f}; the \
-stated probabilities predict {result["log_score_expected"]:.3f}. *Fraction right* is the fraction of the records in \
-a line whose most probable damping is the true one; if the probabilities are right, it is in the band.
+exactly. The two-sided p value of this number is {hits["p"]:.2g}. The mean log probability of the truth is \
+{result["log_score"]:.3f}; the stated probabilities predict {result["log_score_expected"]:.3f}. *Fraction right* is \
+the fraction of the records in a line whose most probable damping is the true one; if the probabilities are right, it \
+is in the band.
 
 {table([*heads, f"{1 - FALSE_ALARM:.0%} band for all bins together"], lines)}
 
