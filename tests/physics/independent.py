@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from validation.truth.oscillator import Oscillator
+
 PAPER = {"zeta": 0.05, "mu_c": 0.03, "mu_q": 0.05}
 
 START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.1}
@@ -22,15 +24,7 @@ LAWS: dict[str, dict[str, float]] = {
 
 def restoring(law: str, p: Mapping[str, float]) -> Callable[[float], float]:
     """Return the restoring force as a function of the angle, for plain floats."""
-    k = p["stiffness"]
-    if law == "horizontal_pendulum":
-        return lambda x: k * (x - p["spring_angle"]) - p["gravity"] * math.cos(x)
-    e = p["rest_angle"]
-    return {
-        "linear": lambda x: k * (x - e),
-        "pendulum": lambda x: k * math.sin(x - e),
-        "duffing": lambda x: k * (x - e) + p["cubic"] * (x - e) ** 3,
-    }[law]
+    return Oscillator(law, p, {}).force()
 
 
 def drag(p: Mapping[str, float]) -> Callable[[float, float], float]:

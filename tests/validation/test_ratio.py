@@ -1,11 +1,10 @@
-"""The true damping ratio of a simulated record equals closed forms, quadrature of the energy, and another solver."""
+"""The true damping ratio of a simulated record equals closed forms and quadrature of the energy."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from tests.physics.independent import trajectory
 from validation.truth.motion import NoMotionError, solve_motion
 from validation.truth.oscillator import Discrepancy, Oscillator
 from validation.truth.ratio import RatioCurve, harmonic_ratio, ratio_curve, true_ratio
@@ -14,8 +13,6 @@ W, A = 3.0, 0.4
 LINEAR = {"stiffness": W * W, "rest_angle": 0.3}
 SPRINGS = {
     "horizontal_pendulum": {"stiffness": 9.0, "spring_angle": 0.2, "gravity": -6.0},
-    "linear": LINEAR,
-    "pendulum": LINEAR,
     "duffing": LINEAR | {"cubic": 20.0},
 }
 
@@ -60,22 +57,6 @@ def test_damping_that_drifts_has_the_ratio_of_each_time() -> None:
     at = inner(curve)
     times = 2 * np.pi * curve.cycles[at] / W
     assert curve.ratio[at] == pytest.approx(0.003 * (1 + 0.05 * times / 60), rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("law", "epsilon"),
-    [("linear", 0.0), ("horizontal_pendulum", 0.0), ("pendulum", 0.02 * A * W), ("duffing", 0.02 * A * W)],
-)
-def test_a_motion_is_that_of_another_solver(law: str, epsilon: float) -> None:
-    damping = {"viscous": 0.02, "coulomb": 0.02, "quadratic": 0.05}
-    oscillator = Oscillator(law, SPRINGS[law], damping, epsilon)
-    start = {"theta0": oscillator.equilibrium() + A, "omega0": 0.0}
-    p = {**SPRINGS[law], **start, "zeta": 0.02, "mu_c": 0.02, "mu_q": 0.05, "epsilon": epsilon}
-    times = np.linspace(0.0, 8.0, 200)
-    theta, v = solve_motion(oscillator, A, W, 8.0).at(times)
-    other = trajectory(law, p, times)
-    assert theta == pytest.approx(other[:, 0], abs=2e-5)
-    assert v == pytest.approx(other[:, 1], abs=2e-5)
 
 
 def test_a_motion_that_sticks_or_escapes_is_refused() -> None:
