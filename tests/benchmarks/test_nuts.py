@@ -25,4 +25,6 @@ def test_effective_samples_in_the_time_of_a_gradient() -> None:
     size = min(map(ess_bulk, np.moveaxis(sample().draws, -1, 0)))
     rows = [[f"{size:.0f}", f"{nuts:.2f}", f"{1e6 * one:.0f}"]]
     header = ["effective samples", "CPU s", "gradient, µs"]
-    add_table("NUTS", header, rows, {"effective samples of NUTS in the time of a gradient": size * one / nuts})
+    add_table(
+        "NUTS", header, rows, {"effective samples of NUTS in the time of a gradient": size * one / nuts}
+    )
