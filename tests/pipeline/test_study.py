@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import subprocess
 import sys
@@ -10,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import xarray as xr
 
 from bayesdamp.pipeline.jobs import task_names
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store import Store, read_table
-from tests.studies import COMPARED, WEIGHED, signal_text, study_text, tables_of, write_study
+from tests.studies import COMPARED, SYSTEM, WEIGHED, signal_text, study_text, tables_of, write_study
 
 SIMULATE = "viscous = 0.05, duration = 10.0, samples = 400, noise_sd ="
 SMALL = study_text(
@@ -23,6 +25,7 @@ SMALL = study_text(
     "posterior = { warmup = 200, draws = 500 }",
     simulate=f"{SIMULATE} 0.003",
     name="noisy",
+    system=f"{SYSTEM}, inertia = 0.7",
 )
 BOTH = SMALL + signal_text("clean", f"{SIMULATE} 0.0")
 QUICK = BOTH.replace("posterior = { warmup = 200, draws = 500 }", WEIGHED)
@@ -56,6 +59,23 @@ def test_posteriors_contain_the_truth_and_the_right_model_is_first(run):
     verdicts = {r["model"]: r["verdict"] for r in rows_of(run, "fits.csv", signal="noisy")}
     assert verdicts["viscous"] == "fits"
     assert verdicts["quadratic"].startswith("does not fit")
+
+
+def test_a_posterior_has_derived_quantities(run):
+    rows = rows_of(run, "posteriors.csv", signal="noisy", model="viscous", sampler="nuts")
+    parameters = {r["parameter"]: r for r in rows}
+    zeta, coefficient = parameters["zeta"], parameters["viscous_coefficient"]
+    assert zeta["q2.5"] == pytest.approx(zeta["mean"] - 1.96 * zeta["sd"], abs=0.4 * zeta["sd"])
+    assert zeta["q97.5"] == pytest.approx(zeta["mean"] + 1.96 * zeta["sd"], abs=0.4 * zeta["sd"])
+    assert zeta["divergences"] == 0
+    assert abs(parameters["half_life"]["median"] - math.log(2) / zeta["median"]) < 1e-6
+    assert abs(coefficient["mean"] - 1.4 * zeta["mean"]) < 1e-12
+    assert (coefficient["unit"], parameters["energy_lost"]["unit"]) == ("N m s", "J")
+    with xr.open_datatree(run / "posterior" / "noisy.0.viscous.nuts.nc", engine="h5netcdf") as tree:
+        promised = {"posterior", "prior", "posterior_predictive", "log_likelihood", "observed_data"}
+        assert promised <= set(tree.children)
+        assert tree["posterior"]["zeta"].mean() == pytest.approx(zeta["mean"])
+        assert tree["posterior"]["zeta"].attrs["units"] == "1/s"
 
 
 def test_draws_have_the_damping_ratios_of_the_answer(run):
