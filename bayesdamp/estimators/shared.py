@@ -58,11 +58,8 @@ class SmoothedMotion:
     smoothed values at t (m,). An equation of motion still holds when both its sides are projected.
     everywhere: theta, omega, alpha at all samples that are used, each (n,).
     bandwidth: the highest angular frequency that the spline follows, in rad/s.
-    noise: standard deviation of the record's noise, in the record's unit.
     theta0, omega0: displacement and velocity at the start of the record.
     integrated: number of constants of integration that had to be guessed for the displacement; 0 for a recorded angle.
-    response: maps noise (n, r) in the samples to the errors of displacement, velocity and acceleration at all samples,
-    each (n, r), to first order. None if the record was integrated.
     """
 
     t: np.ndarray
@@ -73,11 +70,9 @@ class SmoothedMotion:
     project: Curve
     everywhere: tuple[np.ndarray, np.ndarray, np.ndarray]
     bandwidth: float
-    noise: float
     theta0: float
     omega0: float
     integrated: int
-    response: Callable[[np.ndarray], tuple[np.ndarray, ...]] | None
 
 
 def oscillator(problem: Problem) -> Oscillator:
@@ -326,11 +321,6 @@ def motion(
     def project(x: np.ndarray) -> np.ndarray:
         return np.concatenate([part.project(piece) for part, piece in zip(parts, np.split(x, ends))])
 
-    def response(x: np.ndarray) -> tuple[np.ndarray, ...]:
-        split = zip(parts, np.split(x, ends))
-        responses = [part.response(piece) for part, piece in split if part.response is not None]
-        return tuple(map(np.concatenate, zip(*responses)))
-
     joined = {
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in ("t", "theta", "omega", "alpha")
@@ -340,7 +330,6 @@ def motion(
         **joined,
         project=project,
         everywhere=tuple(map(np.concatenate, zip(*(part.everywhere for part in parts)))),
-        response=response,
     )
 
 
@@ -376,9 +365,8 @@ def _motion_without_gap(
             "record that begins after the gap"
         )
     gap = (t[-1] - t[0]) / (t.size - 1)
-    order = DERIVATIVES[signal.quantity]
     size = float(np.abs(features.turning_amplitudes).max())
-    highest = 2 - order
+    highest = 2 - DERIVATIVES[signal.quantity]
     amplified = noise * (2.5 / gap) ** highest / features.frequency**highest
     clean = bool(amplified < 1e-3 * size and t.size >= 4 * DEGREE)
     knots = np.zeros(0)
@@ -414,11 +402,9 @@ def _motion_without_gap(
         project=lambda x: x[rows] if clean else smooth(x)(t[rows]),
         everywhere=(theta, omega, alpha),
         bandwidth=float(bandwidth),
-        noise=noise,
         theta0=float(curves[0](t[:1])[0]),
         omega0=float(curves[1](t[:1])[0]),
         integrated=guessed,
-        response=None if order else lambda x: tuple(smooth(x)(t, j) for j in range(3)),
     )
 
 

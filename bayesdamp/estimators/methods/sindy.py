@@ -70,8 +70,7 @@ class Derivatives:
     t, y (n,): times in s, and samples. theta, omega, alpha (n,): the motion at all samples, in rad, rad/s, rad/s² (or m
     for rad). rows (m,): indices of the samples that the regression uses. project: smooths values (n,) at all samples as
     the record is smoothed, and returns them at the rows, (m,). integrated: number of constants of integration that were
-    guessed. freedom: effective number of independent rows. spline: the smoothing spline of a recorded angle; None for
-    other quantities, and for a record without noise.
+    guessed. freedom: effective number of independent rows.
     """
 
     rows: np.ndarray
@@ -83,7 +82,6 @@ class Derivatives:
     project: Callable[[np.ndarray], np.ndarray]
     integrated: int
     freedom: float
-    spline: OscillationSpline | None = None
 
 
 @dataclass(frozen=True)
@@ -124,7 +122,7 @@ class Sindy(Estimator[SindyOptions]):
     ) -> Estimate:
         """Return the coefficients of a sparse regression of the acceleration (Brunton, Proctor and Kutz 2016).
 
-        Damping coefficients have standard errors. The outcome says if the selected solution has other terms.
+        The outcome says if the selected solution has other terms.
         """
         optional_package("pysindy")
         features = checked_features(signal)
@@ -158,8 +156,7 @@ class Sindy(Estimator[SindyOptions]):
         read = min(of_model, key=lambda model: (not model.sound, model.score))
         unknown = len(known) < len(law.parameters)
 
-        spread = standard_errors(state, library, columns, target, read, force)
-        values, stderr = damping_values(problem, library, read.x, spread)
+        values = damping_values(problem, library, read.x)
         if unknown:
             values |= restoring_values(problem, state.theta, functions[:, of_theta] @ read.x[of_theta])
         values |= free_start(problem, state.theta[0], state.omega[0])
@@ -168,7 +165,7 @@ class Sindy(Estimator[SindyOptions]):
             "coefficients": best.x[best.support].tolist(),
         }
         outcome = compare_selection(library, best.support, own | (of_theta & unknown))
-        return Estimate(self.name, "initial", values, stderr, details, evaluations=len(path), outcome=outcome)
+        return Estimate(self.name, "initial", values, details=details, evaluations=len(path), outcome=outcome)
 
 
 def _differentiate(signal: Signal, problem: Problem, features: Features) -> Derivatives:
@@ -198,7 +195,6 @@ def _differentiate(signal: Signal, problem: Problem, features: Features) -> Deri
         project=lambda x: spline.smooth(x)[rows],
         integrated=constants,
         freedom=max(spline.freedom, 4.0),
-        spline=None if DERIVATIVES[signal.quantity] else spline,
     )
 
 
@@ -287,51 +283,6 @@ def score_models(
         score = n * float(np.log(square / n)) + k * float(np.log(n)) + 2 * sets
         scored.append(replace(model, score=score))
     return scored
-
-
-def standard_errors(
-    state: Derivatives,
-    library: list[CandidateTerm],
-    columns: np.ndarray,
-    target: np.ndarray,
-    model: SparseModel,
-    force: Callable[[np.ndarray], np.ndarray],
-) -> np.ndarray:
-    """Return standard errors (p,) of the coefficients of the solution `model`; 0 for terms that it does not use.
-
-    For a smoothed angle the noise of the samples is propagated to first order through θ̈, θ and θ̇ into the regression.
-    Otherwise they follow from the residual, with the effective number of independent rows. columns (m, p), target (m,):
-    those of the regression. force: the known part of the restoring force as a function of the displacement.
-    """
-    a, spread = columns[:, model.support], np.zeros(model.support.size)
-    scale = np.linalg.norm(a, axis=0)
-    inverse = np.linalg.pinv(a / scale, rcond=1e-12) / scale[:, None]
-    if state.spline is None:
-        left = target - columns @ model.x
-        sd = np.sqrt(left @ left / max(min(state.freedom, left.size) - model.support.sum(), 1.0))
-        spread[model.support] = sd * np.sqrt(np.sum(inverse**2, axis=1))
-        return spread
-    left = state.y - state.spline(0)
-    good = np.abs(left) <= 6 * 1.4826 * np.median(np.abs(left))
-    sd = np.sqrt(np.sum(left[good] ** 2) / max(good.sum() - state.freedom, 1.0))
-    theta, omega = state.theta, state.omega
-    d, e = 1e-4 * float(np.ptp(theta)), 1e-4 * float(np.ptp(omega))
-    used = [(c, f.function) for c, f in zip(model.x, library) if c != 0.0]
-    by_theta = (force(theta + d) - force(theta - d)) / (2 * d)
-    by_theta = by_theta + sum(c * (f(theta + d, omega) - f(theta - d, omega)) / (2 * d) for c, f in used)
-    by_omega = sum((c * (f(theta, omega + e) - f(theta, omega - e)) / (2 * e) for c, f in used), 0 * omega)
-    noise = []
-    for row in inverse:
-        weights = np.zeros(theta.size)
-        weights[state.rows] = row
-        through = state.spline.adjoint(weights, 0)
-        noise.append(
-            state.spline.adjoint(weights, 2)
-            + state.spline.adjoint(through * by_theta, 0)
-            + state.spline.adjoint(through * by_omega, 1)
-        )
-    spread[model.support] = sd * np.linalg.norm(np.array(noise), axis=1)
-    return spread
 
 
 PLUGIN = Sindy()

@@ -129,7 +129,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
             fit = solve_support(white, support, sigma)
             white = whiten(rows, fit.x, sigma, support)
 
-        values, stderr = damping_values(problem, library, fit.x, fit.stderr)
+        values, stderr = (damping_values(problem, library, x) for x in (fit.x, fit.stderr))
         if not all_known:
             theta = np.concatenate([stretch.theta for stretch in stretches])
             omega = np.concatenate([stretch.omega for stretch in stretches])

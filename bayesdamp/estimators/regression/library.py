@@ -103,17 +103,10 @@ def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> 
     return form.decode(solve(form.columns, force, 1e-12))
 
 
-def damping_values(
-    problem: Problem, library: list[CandidateTerm], x: np.ndarray, stderr: np.ndarray
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the problem's damping coefficients and their standard errors, by name.
-
-    x, stderr (p,): the coefficients of all terms of the library, and their standard errors.
-    """
+def damping_values(problem: Problem, library: list[CandidateTerm], x: np.ndarray) -> dict[str, float]:
+    """Return the problem's damping coefficients, by name, of the coefficients x (p,) of all terms of the library."""
     index = {candidate.damping: i for i, candidate in enumerate(library) if candidate.damping}
-    terms = oscillator(problem).terms
-    values, errors = ({t.parameter: float(each[index[t.name]]) for t in terms} for each in (x, stderr))
-    return values, errors
+    return {term.parameter: float(x[index[term.name]]) for term in oscillator(problem).terms}
 
 
 def compare_selection(library: list[CandidateTerm], selected: np.ndarray, model: np.ndarray) -> str:

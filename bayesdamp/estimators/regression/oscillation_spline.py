@@ -78,13 +78,6 @@ class OscillationSpline:
         """Return other values x (n,) at the same samples, smoothed in the same way, (n,)."""
         return self._designs[0] @ self._solve(self._designs[0].T @ (self._weight * x))
 
-    def adjoint(self, weights: np.ndarray, order: int) -> np.ndarray:
-        """Return g (n,) such that g·y = weights·(derivative of the smoothed y), for any y (n,).
-
-        weights: one for each sample, (n,). order: of the derivative, 0 to 2.
-        """
-        return self._weight * (self._designs[0] @ self._solve(self._designs[order].T @ weights))
-
     def _solve(self, right: np.ndarray) -> np.ndarray:
         return cho_solve_banded((self._factor, True), right)
 
