@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pyoperon
 import sympy
+from pyoperon.sklearn import SymbolicRegressor
 
 op: Any = pyoperon  # compiled, and without stubs
 
@@ -34,12 +35,6 @@ def without_the_negligible(expression: Any, v: np.ndarray, share: float) -> Any:
     return sympy.Add(*(term for term, size in terms if size > share * whole))
 
 
-def widths_of(expression: Any) -> list[float]:
-    """Return the width 1/w, in the unit of v, of every factor tanh(w·v), also inside other functions."""
-    arguments = (function.args[0].as_coeff_Mul() for function in expression.atoms(sympy.tanh))
-    return [1 / float(w) for w, rest in arguments if rest == V]
-
-
 def text_of(expression: Any) -> str:
     """Return an expression as text, with constants of six digits, such as 0.1·v − 0.05·|v|·v."""
     rounded = expression.xreplace({c: sympy.Float(c, 6) for c in expression.atoms(sympy.Float)})
@@ -47,8 +42,12 @@ def text_of(expression: Any) -> str:
     return sympy.sstr(named, full_prec=False).replace("**", "^").replace("*", "·").replace("-", "−")
 
 
-FUNCTIONS = ("Add", "Sub", "Mul", "Tanh", "Abs", "Constant", "Variable")
-"""Names of the kinds of nodes, in Operon's terms, of which the search may build an expression's tree."""
+MUTATIONS = ("onepoint", "changefunc", "replacesubtree", "insertsubtree", "removesubtree")
+"""Mutations of expressions, in Operon's terms, all with the same probability."""
+DEVIATION = 0.4
+"""Standard deviation σ of the Gaussian likelihood that measures the error of an expression. Its order of expressions is
+that of the mean square error for any σ; with this σ its constant, ln(2πσ²)/2 per sample, is about 0, so that single
+precision resolves small errors."""
 DEPTH = 8
 """Largest depth of an expression's tree that the search builds (conventional)."""
 
@@ -81,72 +80,29 @@ def front(
     list of ScoredExpression, int
         The front (not sorted; errors are in units of y²), and the number of models that were evaluated.
     """
-    data = op.Dataset(np.asfortranarray(np.column_stack([x, y])))
-    columns = sorted(data.Variables, key=lambda column: column.Index)
-    rows = op.Range(0, x.size)
-    problem = op.Problem(data)
-    problem.TrainingRange, problem.TestRange = rows, op.Range(x.size - 1, x.size)
-    problem.Target, problem.InputHashes = columns[1], [columns[0].Hash]
-    problem.ConfigurePrimitiveSet(sum(int(getattr(op.NodeType, name)) for name in FUNCTIONS))
-    budget = 4 * population * generations * (polish + 1)
-
-    # Operon stores pointers to these objects, so each must have a name until the search ends.
-    primitives, inputs = problem.PrimitiveSet, problem.InputHashes
-    table = op.DispatchTable()
-    optimizer = op.LMOptimizer(table, problem, polish, 0)
-    coefficient_optimizer = op.CoefficientOptimizer(optimizer)
-    error, size = op.Evaluator(problem, table, op.MSE(), False), op.LengthEvaluator(problem)
-    both = op.MultiEvaluator(problem)
-    for part in (error, size, both):
-        part.Budget = budget
-    both.Add(error)
-    both.Add(size)
-    creator = op.BalancedTreeCreator(primitives, inputs, 0.0)
-    initial = op.NormalCoefficientInitializer()
-    initial.ParameterizeDistribution(0, 1)
-    trees = op.UniformLengthTreeInitializer(creator)
-    trees.ParameterizeDistribution(2, min(8, length))
-    trees.MinDepth, trees.MaxDepth = 1, 1000
-    point = op.NormalOnePointMutation()
-    point.ParameterizeDistribution(0, 1)
-    mutations = [
-        point,
-        op.ChangeFunctionMutation(primitives),
-        op.ReplaceSubtreeMutation(creator, initial, DEPTH, length),
-        op.InsertSubtreeMutation(creator, initial, DEPTH, length),
-        op.RemoveSubtreeMutation(primitives),
-    ]
-    mutation = op.MultiMutation()
-    for part in mutations:
-        mutation.Add(part, 1.0)
-    crossover = op.SubtreeCrossover(0.9, DEPTH, length)
-    comparison = op.CrowdedComparison()
-    mother, father = op.TournamentSelector(comparison), op.TournamentSelector(comparison)
-    mother.TournamentSize = father.TournamentSize = 5
-    generator = op.BasicOffspringGenerator(both, crossover, mutation, mother, father, coefficient_optimizer)
-    reinserter, sorter = op.KeepBestReinserter(comparison), op.RankSorter()
-    config = op.GeneticAlgorithmConfig(
-        generations=generations,
-        max_evaluations=budget,
-        local_iterations=polish,
+    search = SymbolicRegressor(
+        allowed_symbols="add,sub,mul,tanh,abs,constant,variable",
+        mutation=dict.fromkeys(MUTATIONS, 1.0),
+        objectives=["gauss", "length"],
+        uncertainty=[DEVIATION],
         population_size=population,
-        pool_size=population,
-        p_crossover=1.0,
-        p_mutation=0.25,
+        generations=generations,
+        max_evaluations=4 * population * generations * (polish + 1),
+        max_length=length,
+        max_depth=DEPTH,
+        initialization_max_length=8,
+        optimizer_iterations=polish,
         epsilon=1e-6,
-        seed=seed,
-    )
-    search = op.NSGA2Algorithm(config, problem, trees, initial, generator, reinserter, sorter)
-    search.Run(op.RandomGenerator(np.uint64(seed)), None, 1, False)
-
-    candidates: list[ScoredExpression] = []
+        add_model_scale_term=False,
+        add_model_intercept_term=False,
+        random_state=seed,
+    ).fit(x[:, None], y)
     largest = float(np.abs(x).max())
-    for person in search.BestFront:
-        tree = person.Genotype
-        misfit = np.asarray(op.Evaluate(table, tree, data, rows), float) - y
-        expression = _from_postfix(tree.Nodes, largest)
-        candidates.append(ScoredExpression(expression, int(tree.Length), float(np.mean(misfit**2))))
-    return candidates, int(population * (search.Generation + 1))
+    members = [
+        ScoredExpression(_from_postfix(m["tree"].Nodes, largest), m["length"], m["mean_squared_error"])
+        for m in search.pareto_front_
+    ]
+    return members, int(population * (search.stats_["generations"] + 1))
 
 
 def _from_postfix(nodes: list, largest: float) -> Any:

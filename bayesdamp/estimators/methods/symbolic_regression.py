@@ -14,15 +14,12 @@ from scipy.optimize import least_squares
 from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.shared import (
     checked_features,
-    epsilon_of,
-    free_names,
-    further_priors,
+    free_start,
     further_values,
     known_restoring,
     motion,
     noise_level,
     oscillator,
-    search_further,
     solve,
 )
 from bayesdamp.records.oscillation.features import Features
@@ -41,11 +38,6 @@ HATS = 25
 FLOOR = 1e-11
 """Smallest mean square error, as a fraction of the variance of the force, that the search in single precision
 resolves."""
-MOST_DIFFERENCE = 1e-3
-"""The damping law counts as equal to the expression if the rms of their difference is at most this fraction of the
-expression's rms."""
-MOST_WIDTH_DIFFERENCE = 0.03
-"""The width of a tanh counts as the known ε if they differ by at most this fraction of the peak velocity."""
 NEGLIGIBLE = 1e-4
 """Products whose root mean square is below this fraction of that of the expression are dropped."""
 
@@ -75,13 +67,13 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
 
     Genetic programming combines +, −, ×, tanh and |·| and returns the Pareto front of error and length. The constants
     of each expression are fitted again in double precision, with both sides smoothed like the record, and the
-    expression with the smallest n ln(error) + penalty · length · ln(n) is chosen. If it has the form of the damping
-    law, with a width in tanh(θ̇/ε) near the known ε, its constants are the coefficients. Otherwise a single term gets
-    the coefficient with which it dissipates the same energy, and a sum those that fit the expression best. The force of
-    unknown restoring parameters is removed first, by a regression together with an arbitrary function of θ̇.
+    expression with the smallest n ln(error) + penalty · length · ln(n) is chosen. A single damping term gets the
+    coefficient with which it dissipates the same energy as the expression, and a sum those that fit it best. The force
+    of unknown restoring parameters is removed first, by a regression together with an arbitrary function of θ̇.
     """
 
     by_position = "its expressions depend only on the velocity"
+    with_parameters = "its expressions give only the coefficients of a force"
     options = SymbolicRegressionOptions
 
     def initial(
@@ -123,11 +115,10 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
         scores = n * np.log(errors + FLOOR) + options.penalty * np.log(n) * np.array(lengths)
         chosen = int(np.argmin(np.where(np.isfinite(scores), scores, np.inf)))
         expression = without_the_negligible(expressions[chosen], force.omega, NEGLIGIBLE)
-        values, how = _read(force, expression, problem, features)
-        start = {"theta0": force.motion.theta0, "omega0": force.motion.omega0}
-        free = {**force.restoring(values_of(expression, force.omega)), **start}
-        values |= {name: free[name] for name in free_names(problem)}
-        details = {"chosen": f"f(v) = {text_of(expression)}", "read": how}
+        f = values_of(expression, force.omega)
+        values = _read(force, f, problem, features) | force.restoring(f)
+        values |= free_start(problem, force.motion.theta0, force.motion.omega0)
+        details = {"chosen": f"f(v) = {text_of(expression)}"}
         return Estimate(self.name, "initial", values, details=details, evaluations=models)
 
 
@@ -247,52 +238,17 @@ def _polish(force: Force, expression: Any) -> Any:
     return form.xreplace(fitted) if is_better else expression
 
 
-def _read(
-    force: Force, expression: Any, problem: Problem, features: Features
-) -> tuple[dict[str, float], str]:
-    """Return the damping parameters by name, and a clause on how they were obtained.
+def _read(force: Force, values: np.ndarray, problem: Problem, features: Features) -> dict[str, float]:
+    """Return the damping coefficients, by name, that describe a force with the values (n,) at `Force.omega`.
 
-    The width of a tanh in the damping law is ε (the known value, or 2 % of the peak velocity), or the width in the
-    expression that is nearest to ε.
+    A single term has the coefficient with which it dissipates the same energy; a sum has those that fit best.
     """
-    from bayesdamp.estimators.expressions import values_of, widths_of
-
-    osc = oscillator(problem)
-    f, epsilon = values_of(expression, force.omega), epsilon_of(problem, features)
-    arguments = further_values(problem, features)
-
-    def shapes(width: float) -> np.ndarray:
-        still = np.zeros_like(force.omega)
-        forces = [t.force(still, force.omega, width, *(arguments[n] for n in t.further)) for t in osc.terms]
-        return np.column_stack([np.asarray(force) for force in forces])
-
-    def left(further: dict[str, float]) -> float:
-        arguments.update(further)
-        columns = shapes(epsilon)
-        return float(np.sum((f - columns @ solve(columns, f)) ** 2))
-
-    further = search_further(further_priors(problem, features), left)
-    arguments.update(further)
-
-    def values(c: np.ndarray) -> dict[str, float]:
-        return {**dict(zip(osc.coefficients, map(float, c))), **further}
-
-    fastest = float(np.abs(force.omega).max())
-    own = [abs(width) for width in widths_of(expression)] if osc.switches else []
-    own = sorted((w for w in own if w > 0), key=lambda width: abs(width - epsilon))
-    near = [width for width in own if abs(width - epsilon) <= MOST_WIDTH_DIFFERENCE * fastest]
-    for width in [*near[:1], epsilon]:
-        columns = shapes(width)
-        c = solve(columns, f)
-        if np.sqrt(np.mean((f - columns @ c) ** 2)) <= MOST_DIFFERENCE * np.sqrt(np.mean(f**2)):
-            return values(c), "constants of the expression, which has the form of the damping law"
-    smooth = np.column_stack([force.motion.project(column) for column in shapes(epsilon).T])
-    projected, omega = force.motion.project(f), force.motion.omega
-    if len(osc.terms) == 1:
-        c = np.atleast_1d(projected @ omega / (smooth[:, 0] @ omega))
-        return values(c), "coefficient with which the term dissipates as much energy as the expression"
-    fitted = values(solve(smooth, projected))
-    return fitted, "coefficients with which the sum of terms fits the expression best"
+    osc, project = oscillator(problem), force.motion.project
+    shapes = osc.shapes(np.zeros_like(force.omega), force.omega, further_values(problem, features))
+    columns, f = np.column_stack([*map(project, shapes)]), project(values)
+    if len(shapes) == 1:
+        return {osc.coefficients[0]: float(f @ force.motion.omega / (columns[:, 0] @ force.motion.omega))}
+    return dict(zip(osc.coefficients, solve(columns, f).tolist()))
 
 
 PLUGIN = SymbolicRegression()

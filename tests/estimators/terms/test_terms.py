@@ -51,7 +51,7 @@ SAMPLES = {"least_squares": 6000}
 """In 15 s; 1500 for the others. The regression smooths a record, which would hide a narrow feature of the force."""
 LIMIT = 0.02
 """Largest relative error of an initial estimate."""
-WIDER = {("symbolic_regression", "stribeck"): 0.1, ("topological", "coulomb"): 0.05}
+WIDER = {("topological", "coulomb"): 0.05}
 POSITION, FURTHER = {"displacement", "structural", "dry_position"}, {"dry_position", "power", "stribeck"}
 OTHERS = set(TRUTHS) - {"viscous", "coulomb", "quadratic"}
 REFUSED = {
@@ -63,7 +63,7 @@ REFUSED = {
     "pinn": POSITION | FURTHER,
     "neural_ode": POSITION | FURTHER,
     "rnn": FURTHER,
-    "symbolic_regression": POSITION,
+    "symbolic_regression": POSITION | FURTHER,
     "envelope": {"dry_position"},
     "genetic": set(),
 }
