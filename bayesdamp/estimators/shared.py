@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -304,66 +304,12 @@ def motion(
     If the noise in the acceleration of an interpolating spline (about 6σ/Δt² for an angle) is below a thousandth of the
     acceleration, a spline of degree 7 interpolates the record. Otherwise a spline of degree 7 with `knots_per_period`
     knots in a period is fitted by least squares, without samples that deviate from it by more than six robust standard
-    deviations. In both cases
-    the ends are left out. A recorded velocity or acceleration is integrated; the constants follow from a known theta0
-    and omega0, or from the midline of the turning points. Each of the record's `pieces` is fitted separately; clean,
-    bandwidth, theta0 and omega0 of the result are those of the first.
+    deviations. In both cases the ends are left out. A recorded velocity or acceleration is integrated; the constants
+    follow from a known theta0 and omega0, or from the midline of the turning points. Only the part of the record before
+    its first gap is used.
     """
-    noise = noise_level(signal)
-    parts = [
-        _motion_without_gap(piece, problem, features, noise, knots_per_period)
-        for piece in pieces(signal, features.period)
-    ]
-    if len(parts) == 1:
-        return parts[0]
-    ends = np.cumsum([part.everywhere[0].size for part in parts])[:-1]
-
-    def project(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([part.project(piece) for part, piece in zip(parts, np.split(x, ends))])
-
-    joined = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("t", "theta", "omega", "alpha")
-    }
-    return replace(
-        parts[0],
-        **joined,
-        project=project,
-        everywhere=tuple(map(np.concatenate, zip(*(part.everywhere for part in parts)))),
-    )
-
-
-def pieces(signal: Signal, period: float) -> list[Signal]:
-    """Split a record at its gaps, and return the first piece and all pieces that last at least a period (s).
-
-    A gap is longer than three sampling intervals and a tenth of the period. Only the first piece of a velocity or an
-    acceleration is kept, because it cannot be integrated across a gap.
-    """
-    t = signal.t
-    steps = np.diff(t)
-    breaks = np.flatnonzero(steps > max(3 * float(np.median(steps)), 0.1 * period)) + 1
-    bounds = [slice(a, b) for a, b in pairwise([0, *breaks.tolist(), t.size])]
-    if signal.quantity != "angle":
-        bounds = bounds[:1]
-    long = [piece for i, piece in enumerate(bounds) if i == 0 or t[piece][-1] - t[piece][0] >= period]
-    return [replace(signal, t=t[piece], y=signal.y[piece]) for piece in long]
-
-
-def _motion_without_gap(
-    signal: Signal, problem: Problem, features: Features, noise: float, knots_per_period: float
-) -> SmoothedMotion:
-    """Compute displacement, velocity and acceleration of one piece of a record that has no gap.
-
-    The method is described in the docstring of `motion`. noise: standard deviation of the samples' noise, in the unit
-    of the record. knots_per_period: number of knots in a period, if the piece is smoothed and not interpolated. Raises
-    Refusal if the piece has fewer than `LEAST_SAMPLES` samples.
-    """
+    noise, signal = noise_level(signal), before_gap(signal, features.period)
     t, y = signal.t, signal.y
-    if t.size < LEAST_SAMPLES:
-        raise Refusal(
-            f"the record has {t.size} samples before its first gap, and at least {LEAST_SAMPLES} are needed; choose a "
-            "record that begins after the gap"
-        )
     gap = (t[-1] - t[0]) / (t.size - 1)
     size = float(np.abs(features.turning_amplitudes).max())
     highest = 2 - DERIVATIVES[signal.quantity]
@@ -406,6 +352,23 @@ def _motion_without_gap(
         omega0=float(curves[1](t[:1])[0]),
         integrated=guessed,
     )
+
+
+def before_gap(signal: Signal, period: float) -> Signal:
+    """Return the part of a record before its first gap, or the whole record if it has none.
+
+    A gap is longer than three sampling intervals and a tenth of the period (s). Raises Refusal if fewer than
+    `LEAST_SAMPLES` samples are before it.
+    """
+    steps = np.diff(signal.t)
+    gaps = np.flatnonzero(steps > max(3 * float(np.median(steps)), 0.1 * period))
+    end = gaps[0] + 1 if gaps.size else signal.t.size
+    if end < LEAST_SAMPLES:
+        raise Refusal(
+            f"the record has {end} samples before its first gap, and at least {LEAST_SAMPLES} are needed; choose a "
+            "record that begins after the gap"
+        )
+    return replace(signal, t=signal.t[:end], y=signal.y[:end])
 
 
 def _knots(t: np.ndarray, spacing: float) -> np.ndarray:

@@ -84,7 +84,7 @@ def test_the_noise_of_a_weak_column_includes_that_of_the_position(damping):
     signal, problem = pendulum({"zeta": 0.05}, samples=1000)
     problem, features = replace(problem, damping=(damping,)), checked_features(signal)
     (term,) = (c for c in candidates(problem, features, "rad") if c.damping == damping)
-    (stretch,) = _prepare(signal, problem, features, 1e-3)
+    stretch = _prepare(signal, problem, features, 1e-3)
     width = 2 * features.period
     phi = weights_of(stretch.y.size, stretch.h, width, 0)
     change = 1e-4 * np.sin(3.0 * signal.t)

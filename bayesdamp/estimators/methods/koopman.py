@@ -14,12 +14,12 @@ from bayesdamp.estimators.regression.library import CandidateTerm, candidates
 from bayesdamp.estimators.regression.weak import derivatives, to_even_clock
 from bayesdamp.estimators.shared import (
     SmoothedMotion,
+    before_gap,
     checked_features,
     free_start,
     known_restoring,
     motion,
     oscillator,
-    pieces,
     solve,
 )
 from bayesdamp.records.oscillation.features import Features
@@ -112,43 +112,33 @@ def observe(
         at the m times as a linear form offset + columns @ coefficients of its c unknown coefficients (`LinearForm`),
         with the same filter: columns (m, c) and offset (m,); and the lag in s.
     """
-    parts = pieces(signal, features.period)
-    law, known = oscillator(problem).law, known_restoring(problem)
-    form = law.linear_form(smoothed.everywhere[0], known)  # the same expansion for all pieces
-    ends = np.cumsum([part.t.size for part in parts])[:-1]
-    curves = np.column_stack([*smoothed.everywhere[:2], form.columns, form.offset])
-    before, after, forms, p = [], [], [], len(library)
-    h = float(np.diff(parts[0].t).mean())  # the same interval, and so the same lag, for all pieces
+    signal, p = before_gap(signal, features.period), len(library)
+    form = oscillator(problem).law.linear_form(smoothed.everywhere[0], known_restoring(problem))
+    h = float(np.diff(signal.t).mean())
     step = max(1, round((lag or (STEP if smoothed.clean else NOISY_STEP)) * features.period / h))
-    for part, piece in zip(parts, np.split(curves, ends)):
-        t, y, theta, omega, *of_law = to_even_clock(part.t, h, part.y, *piece.T)
-        g = np.column_stack([*(candidate.function(theta, omega) for candidate in library), *of_law])
-        if smoothed.clean:
-            edge = min(20, t.size // 10)
-            g = g[edge : t.size - edge]
-        else:
-            half = max(int(FILTER * features.period / h) // 2, 3)
-            s = np.arange(-half, half + 1) / half
-            kernel = derivatives(s, 0)
-            total = kernel.sum()
-            g = np.column_stack([np.convolve(column, kernel / total, "valid") for column in g.T])
-            slope = derivatives(s, 1) / (h * half) / total
-            for i, candidate in enumerate(library if signal.quantity == "angle" else ()):
-                if candidate.damping == "viscous":
-                    g[:, i] = 2.0 * np.convolve(y, slope, "valid")
-                elif candidate.name == "θ":
-                    g[:, i] = np.convolve(y, kernel / total, "valid")
-        if g.shape[0] <= step + 4 * len(library):
-            continue
-        before.append(g[:-step, :p])
-        after.append(g[step:, :p])
-        forms.append(g[:-step, p:])
-    if not before:
+    curves = (signal.y, *smoothed.everywhere[:2], *form.columns.T, form.offset)
+    t, y, theta, omega, *of_law = to_even_clock(signal.t, h, *curves)
+    g = np.column_stack([*(candidate.function(theta, omega) for candidate in library), *of_law])
+    if smoothed.clean:
+        edge = min(20, t.size // 10)
+        g = g[edge : t.size - edge]
+    else:
+        half = max(int(FILTER * features.period / h) // 2, 3)
+        s = np.arange(-half, half + 1) / half
+        kernel = derivatives(s, 0)
+        total = kernel.sum()
+        g = np.column_stack([np.convolve(column, kernel / total, "valid") for column in g.T])
+        slope = derivatives(s, 1) / (h * half) / total
+        for i, candidate in enumerate(library if signal.quantity == "angle" else ()):
+            if candidate.damping == "viscous":
+                g[:, i] = 2.0 * np.convolve(y, slope, "valid")
+            elif candidate.name == "θ":
+                g[:, i] = np.convolve(y, kernel / total, "valid")
+    if g.shape[0] <= step + 4 * p:
         raise Refusal(
             f"the record is too short: it has too few pairs of states that are {step * h:.3g} s (one lag) apart"
         )
-    laws = np.vstack(forms)
-    return np.vstack(before), np.vstack(after), laws[:, :-1], laws[:, -1], step * h
+    return g[:-step, :p], g[step:, :p], g[:-step, p:-1], g[:-step, -1], step * h
 
 
 def decompose(

@@ -26,13 +26,13 @@ from bayesdamp.estimators.regression.library import (
 )
 from bayesdamp.estimators.regression.oscillation_spline import OscillationSpline
 from bayesdamp.estimators.shared import (
+    before_gap,
     checked_features,
     free_start,
     integrate,
     known_restoring,
     motion,
     oscillator,
-    pieces,
 )
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
@@ -46,7 +46,7 @@ compared with the record."""
 FLOOR = 1e-4
 """Smallest root mean square error of a prediction that is distinguished from zero, as a fraction of the amplitude."""
 END = 0.5
-"""Length at each end of a smoothed piece, in periods, that the regression leaves out, because splines are inaccurate
+"""Length at each end of a smoothed record, in periods, that the regression leaves out, because splines are inaccurate
 there."""
 MOST_CANCELLATION = 10.0
 """Largest sum of the rms of all terms (coefficient times column), as a multiple of the rms of the regression's target.
@@ -170,22 +170,18 @@ class Sindy(Estimator[SindyOptions]):
 
 def _differentiate(signal: Signal, problem: Problem, features: Features) -> Derivatives:
     """Compute state and acceleration, by interpolation if the record has no noise, else by an oscillation spline."""
-    parts = pieces(signal, features.period)
-    t, y = np.concatenate([part.t for part in parts]), np.concatenate([part.y for part in parts])
-    plain = motion(signal, problem, features)
+    plain, signal = motion(signal, problem, features), before_gap(signal, features.period)
+    t, y = signal.t, signal.y
     if plain.clean:
         rows = np.flatnonzero(np.isin(t, plain.t))
         freedom = float(rows.size)
         return Derivatives(rows, t, y, *plain.everywhere, plain.project, plain.integrated, freedom)
-    spline = OscillationSpline([part.t for part in parts], y, features.period)
-    inside = []
-    for part in parts:
-        end = min(END * features.period, 0.15 * float(part.t[-1] - part.t[0]))
-        inside.append((part.t >= part.t[0] + end) & (part.t <= part.t[-1] - end))
-    rows = np.flatnonzero(np.concatenate(inside))
+    spline = OscillationSpline(t, y, features.period)
+    end = min(END * features.period, 0.15 * float(t[-1] - t[0]))
+    rows = np.flatnonzero((t >= t[0] + end) & (t <= t[-1] - end))
     curves, constants = (spline(0), spline(1), spline(2)), 0
     if DERIVATIVES[signal.quantity]:
-        functions, constants = integrate(spline.curve(), parts[0], problem, features)
+        functions, constants = integrate(spline.curve(), signal, problem, features)
         curves = tuple(np.asarray(function(t)) for function in functions)
     return Derivatives(
         rows,

@@ -19,6 +19,7 @@ from scipy.special import erfcinv, erfinv, log_ndtr
 
 from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.shared import (
+    before_gap,
     checked_features,
     free_names,
     known_restoring,
@@ -54,7 +55,7 @@ class Pairs:
     """The components of sublevel sets that are not noise, in time order.
 
     v, p (k,): values at birth (a minimum) and death (a maximum), relative to the midline; the lifetime is p − v. cycle
-    (k,): number of periods from the birth of the first component to the birth of this component, also across gaps.
+    (k,): number of periods from the birth of the first component to the birth of this component.
     floor: noise floor of the lifetimes, in the unit of the record; for the variant "published" v and p are already
     corrected for it.
     """
@@ -136,8 +137,7 @@ def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndar
 
     They are the values of y at birth (a minimum), at death (a maximum), and the times of birth. t, period: in s.
 
-    Components that are born within a tenth of a period of an end of the record or of a gap, or die so near a gap, are
-    incomplete and left out.
+    Components that are born within a tenth of a period of an end of the record are incomplete and left out.
     """
     cells = optional_package("gudhi").CubicalComplex(top_dimensional_cells=y)
     cells.persistence(homology_coeff_field=2, min_persistence=0)
@@ -145,13 +145,8 @@ def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndar
     if len(regular) == 0 or np.asarray(regular[0]).size == 0:
         return np.empty(0), np.empty(0), np.empty(0)
     births, deaths = np.asarray(regular[0]).T
-    between = np.diff(t)
-    gaps = np.flatnonzero(between > max(3 * float(np.median(between)), 0.1 * period))
-    edges = t[np.unique(np.r_[0, gaps, gaps + 1, t.size - 1])]
-    cut = np.min(np.abs(t[births, None] - edges), axis=1) < 0.1 * period
-    if gaps.size:
-        cut |= np.min(np.abs(t[deaths, None] - edges[1:-1]), axis=1) < 0.1 * period
-    births, deaths = births[~cut], deaths[~cut]
+    whole = np.minimum(t[births] - t[0], t[-1] - t[births]) >= 0.1 * period
+    births, deaths = births[whole], deaths[whole]
     order = np.argsort(births, kind="stable")
     births, deaths = births[order], deaths[order]
     return y[births], y[deaths], t[births]
@@ -170,7 +165,8 @@ def significant_pairs(
     samples at a turning point. Variant "as_printed": the cutoff of equation (7) and the floor of equation (8) of the
     paper that `bayesdamp.estimators` cites, with erfc⁻¹(2α/N) for N lifetimes.
     """
-    y, sigma = signal.y - features.rest, noise_level(signal)
+    sigma, signal = noise_level(signal), before_gap(signal, features.period)
+    y = signal.y - features.rest
     v, p, born = sublevel_pairs(signal.t, y, features.period)
     lifetimes, floor = p - v, 0.0
     if options.variant == "as_printed":

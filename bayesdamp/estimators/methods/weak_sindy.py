@@ -31,6 +31,7 @@ from bayesdamp.estimators.regression.weak import (
     whiten,
 )
 from bayesdamp.estimators.shared import (
+    before_gap,
     checked_features,
     free_names,
     free_start,
@@ -38,7 +39,6 @@ from bayesdamp.estimators.shared import (
     motion,
     noise_level,
     oscillator,
-    pieces,
     ratios_per_unit,
 )
 from bayesdamp.records.oscillation.features import Features
@@ -86,7 +86,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         features = checked_features(signal)
         sigma, osc, known = noise_level(signal), oscillator(problem), known_restoring(problem)
         library = candidates(problem, features, signal.unit)
-        stretches = _prepare(signal, problem, features, sigma)
+        stretch = _prepare(signal, problem, features, sigma)
         own = np.array([candidate.damping in problem.damping for candidate in library])
         dissipates = np.array([candidate.damping is not None for candidate in library])
         of_theta = np.array([candidate.restoring for candidate in library])
@@ -100,7 +100,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         ratio = dict(zip(problem.damping, ratios_per_unit(problem, features)))
         tried = []
         for width in (options.width,) if options.width else WIDTHS:
-            rows = _assemble(stretches, few, problem, features, width * features.period)
+            rows = _assemble(stretch, few, problem, features, width * features.period)
             if rows is None or rows.inertia.size < len(library) + 4:
                 continue
             guess = solve_support(whiten(rows, first, sigma, every), every, sigma)
@@ -110,7 +110,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         if not tried:
             raise Refusal("the record is too short: too few test functions fit into it")
         _, width, near = min(tried, key=lambda trial: trial[0])
-        rows = _assemble(stretches, library, problem, features, width * features.period)
+        rows = _assemble(stretch, library, problem, features, width * features.period)
         assert rows is not None
         x = np.zeros(len(library))
         x[base] = near
@@ -131,10 +131,9 @@ class WeakSindy(Estimator[WeakSindyOptions]):
 
         values, stderr = (damping_values(problem, library, x) for x in (fit.x, fit.stderr))
         if not all_known:
-            theta = np.concatenate([stretch.theta for stretch in stretches])
-            omega = np.concatenate([stretch.omega for stretch in stretches])
-            parts = [c * term.function(theta, omega) for term, c in zip(library, fit.x) if term.restoring]
-            values |= restoring_values(problem, theta, np.sum(parts, axis=0))
+            state = stretch.theta, stretch.omega
+            parts = [c * term.function(*state) for term, c in zip(library, fit.x) if term.restoring]
+            values |= restoring_values(problem, stretch.theta, np.sum(parts, axis=0))
         if free_names(problem):
             smoothed = motion(signal, problem, features)
             values |= free_start(problem, smoothed.theta0, smoothed.omega0)
@@ -148,54 +147,41 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         )
 
 
-def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float) -> list[Stretch]:
-    """Return the record's pieces between gaps, interpolated to uniform times, with displacement and velocity.
+def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float) -> Stretch:
+    """Return the record before its first gap, interpolated to uniform times, with displacement and velocity.
 
-    For a recorded velocity or acceleration, only the first piece is returned, because the motion cannot be integrated
-    across a gap. sigma: standard deviation of the noise, in the unit of the record.
+    sigma: standard deviation of the noise, in the unit of the record.
     """
-    parts, order = pieces(signal, features.period), DERIVATIVES[signal.quantity]
+    part, order = before_gap(signal, features.period), DERIVATIVES[signal.quantity]
+    h = float(np.diff(part.t).mean())
     if order:
         smoothed = motion(signal, problem, features)
-        first, h = parts[0], float(np.diff(parts[0].t).mean())
-        t, y, theta, omega = to_even_clock(first.t, h, first.y, *smoothed.everywhere[:2])
-        return [Stretch(h, y, theta, omega, sparse.csr_matrix((t.size, t.size)), order)]
-    stretches = []
-    for part in parts:
-        h = float(np.diff(part.t).mean())
-        t, y = to_even_clock(part.t, h, part.y)
-        most, speed = int(0.5 * features.period / h), features.amplitude * features.frequency
-        velocity = velocity_map(t.size, h, kernel_half_width(h, features.frequency, speed, sigma, most))
-        stretches.append(Stretch(h, y, y, velocity @ y, velocity, 0))
-    return stretches
+        t, y, theta, omega = to_even_clock(part.t, h, part.y, *smoothed.everywhere[:2])
+        return Stretch(h, y, theta, omega, sparse.csr_matrix((t.size, t.size)), order)
+    t, y = to_even_clock(part.t, h, part.y)
+    most, speed = int(0.5 * features.period / h), features.amplitude * features.frequency
+    velocity = velocity_map(t.size, h, kernel_half_width(h, features.frequency, speed, sigma, most))
+    return Stretch(h, y, y, velocity @ y, velocity, 0)
 
 
 def _assemble(
-    stretches: list[Stretch], library: list[CandidateTerm], problem: Problem, features: Features, width: float
+    stretch: Stretch, library: list[CandidateTerm], problem: Problem, features: Features, width: float
 ) -> Rows | None:
-    """Return the weak form of the library on test functions `width` s wide; None if none fits into a stretch.
-
-    stretches: the pieces of the record, whose rows are joined in this order.
-    """
-    law, known = oscillator(problem).law, known_restoring(problem)
-    inertia, columns, noise = [], [], []
+    """Return the weak form of the library on test functions `width` s wide; None if none fits into the stretch."""
+    law, known, n = oscillator(problem).law, known_restoring(problem), stretch.y.size
+    if n * stretch.h <= width:
+        return None
     nudge = 1e-4 * features.amplitude
-    for stretch in stretches:
-        n = stretch.y.size
-        if n * stretch.h <= width:
-            continue
-        phi = test_function_weights(n, stretch.h, width, 0)
-        first = test_function_weights(n, stretch.h, width, 2 - stretch.order)
-        offset = law.linear_form(stretch.theta, known).offset
-        through = first
-        if stretch.order == 0:
-            up, down = (law.linear_form(stretch.theta + d, known).offset for d in (nudge, -nudge))
-            through = first + phi @ sparse.diags((up - down) / (2 * nudge))
-        values, maps = zip(*(_column(candidate, stretch, phi, width, features) for candidate in library))
-        inertia.append(first @ stretch.y + phi @ offset)
-        columns.append(np.column_stack(values))
-        noise.append((sparse.csr_matrix(through), maps))
-    return Rows(np.concatenate(inertia), np.vstack(columns), noise) if inertia else None
+    phi = test_function_weights(n, stretch.h, width, 0)
+    first = test_function_weights(n, stretch.h, width, 2 - stretch.order)
+    offset = law.linear_form(stretch.theta, known).offset
+    through = first
+    if stretch.order == 0:
+        up, down = (law.linear_form(stretch.theta + d, known).offset for d in (nudge, -nudge))
+        through = first + phi @ sparse.diags((up - down) / (2 * nudge))
+    values, maps = zip(*(_column(candidate, stretch, phi, width, features) for candidate in library))
+    inertia = first @ stretch.y + phi @ offset
+    return Rows(inertia, np.column_stack(values), sparse.csr_matrix(through), list(maps))
 
 
 def _column(
@@ -203,7 +189,7 @@ def _column(
 ) -> tuple[np.ndarray, sparse.csr_matrix]:
     """Return the integrals ∫φ f of one candidate term f, (m,), and their derivatives by the samples, (m, n).
 
-    The derivatives propagate the noise of the samples. stretch: the piece of the record, with n samples. phi: weights
+    The derivatives propagate the noise of the samples. stretch: the record, with n samples. phi: weights
     (m, n) of the m test functions φ on these samples. width: their width in s. The derivatives are 0 for a recorded
     velocity or acceleration, except where the integral is linear in the record.
     """

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy import sparse
 from scipy.interpolate import BSpline
@@ -27,31 +25,23 @@ OUTLIER = 6.0
 class OscillationSpline:
     """The spline x that minimises Σ(y − x)² + λ (n/T) ∫(Lx)² dt, with λ chosen by generalised cross-validation.
 
-    L = D(D² + ω²)²/ω⁵ with D = d/dt, so that λ has no unit; T is the summed duration of the pieces. Lx is zero for a
+    L = D(D² + ω²)²/ω⁵ with D = d/dt, so that λ has no unit; T is the duration. Lx is zero for a
     constant and for oscillations at ω whose amplitude and phase are linear in time (Heckman and Ramsay, Canadian
     Journal of Statistics 28, 2000, 241). Samples that deviate by more than `OUTLIER` robust standard deviations are
-    left out of the sum, and the spline is fitted again. The record may have gaps and uneven times; all pieces have the
-    same λ.
+    left out of the sum, and the spline is fitted again. The times may be uneven.
 
-    Arguments: the times of each piece between gaps (s); y (n,), the recorded quantity at all of them; the period (s).
-    Attributes: coefficients, those of the B-splines of all pieces; log_penalty, log₁₀ λ; freedom, trace of the
-    smoothing matrix, which is the effective number of parameters.
+    Arguments: the times (s) and samples of the record, (n,) each; the period (s). Attributes: coefficients, those of
+    the B-splines; log_penalty, log₁₀ λ; freedom, trace of the smoothing matrix, which is the effective number of
+    parameters.
     """
 
-    def __init__(self, pieces: Sequence[np.ndarray], y: np.ndarray, period: float) -> None:
-        self.knots = []
-        for t in pieces:  # uniform knots, at most one for two samples
-            duration = float(t[-1] - t[0])
-            spacing = max(period / KNOTS_PER_PERIOD, 2.2 * duration / (t.size - 1))
-            inner = np.linspace(t[0], t[-1], max(2, round(duration / spacing)) + 1)
-            self.knots.append(np.r_[(t[0],) * DEGREE, inner, (t[-1],) * DEGREE])
-        self._designs = [
-            sparse.csr_matrix(sparse.block_diag([_design(k, t, d) for k, t in zip(self.knots, pieces)]))
-            for d in range(3)
-        ]
-        penalty = sparse.block_diag([_penalty(k, 2 * np.pi / period) for k in self.knots])
-        duration = sum(float(t[-1] - t[0]) for t in pieces)
-        self._penalty = _band(sparse.csr_matrix(penalty) * (y.size / duration))
+    def __init__(self, t: np.ndarray, y: np.ndarray, period: float) -> None:
+        duration = float(t[-1] - t[0])  # uniform knots, at most one for two samples
+        spacing = max(period / KNOTS_PER_PERIOD, 2.2 * duration / (t.size - 1))
+        inner = np.linspace(t[0], t[-1], max(2, round(duration / spacing)) + 1)
+        self.knots = np.r_[(t[0],) * DEGREE, inner, (t[-1],) * DEGREE]
+        self._designs = [_design(self.knots, t, d).sorted_indices() for d in range(3)]
+        self._penalty = _band(_penalty(self.knots, 2 * np.pi / period) * (y.size / duration))
         self.coefficients, self.freedom, self.log_penalty = np.zeros(0), 0.0, 0.0
         self._weight, self._factor = np.ones(y.size), np.zeros((0, 0))
         self._probes = np.random.default_rng(0).choice([-1.0, 1.0], (y.size, PROBES))
@@ -68,11 +58,9 @@ class OscillationSpline:
         """Return the derivative of an order (0 to 2) of the smoothed record at all samples, (n,)."""
         return self._designs[order] @ self.coefficients
 
-    def curve(self, i: int = 0) -> BSpline:
-        """Return the spline of piece i, as a function of time in s."""
-        start = sum(k.size - DEGREE - 1 for k in self.knots[:i])
-        knots = self.knots[i]
-        return BSpline(knots, self.coefficients[start : start + knots.size - DEGREE - 1], DEGREE)
+    def curve(self) -> BSpline:
+        """Return the spline as a function of time in s."""
+        return BSpline(self.knots, self.coefficients, DEGREE)
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
         """Return other values x (n,) at the same samples, smoothed in the same way, (n,)."""

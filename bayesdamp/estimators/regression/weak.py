@@ -30,7 +30,7 @@ causes is not computed."""
 
 @dataclass(frozen=True)
 class Stretch:
-    """A piece of the record with uniformly spaced samples.
+    """The record before its first gap, with uniformly spaced samples.
 
     h: sampling interval in s. y (n,): the recorded quantity. theta, omega (n,): the state, at which functions of the
     library are evaluated. velocity (n, n): the matrix from samples to omega; zero for a recorded velocity or
@@ -147,14 +147,14 @@ def velocity_map(n: int, h: float, half: int) -> sparse.csr_matrix:
 class Rows:
     """The weak form, inertia + columns · x = 0 apart from noise, for m test functions φ and p terms f, coefficients x.
 
-    inertia (m,): ∫φ θ̈ dt plus the integral of the known force. columns (m, p): ∫φ f dt for each term f. noise: for
-    each piece i of the record, the derivatives of the inertia by its n_i samples, and those of each column, (m_i, n_i)
-    each.
+    inertia (m,): ∫φ θ̈ dt plus the integral of the known force. columns (m, p): ∫φ f dt for each term f.
+    inertia_slopes, columns_slopes: the derivatives by the n samples of the inertia and of each column, (m, n) each.
     """
 
     inertia: np.ndarray
     columns: np.ndarray
-    noise: list[tuple[sparse.csr_matrix, list[sparse.csr_matrix]]]
+    inertia_slopes: sparse.csr_matrix
+    columns_slopes: list[sparse.csr_matrix]
 
 
 @dataclass(frozen=True)
@@ -179,21 +179,19 @@ def whiten(rows: Rows, x: np.ndarray, sigma: float, wanted: np.ndarray) -> White
     sigma: standard deviation of the samples' noise, in the unit of the record. wanted (p,) of bool: the columns whose
     moments are computed; the others are 0, and all are 0 if the noise is negligible (`NOISELESS`).
     """
-    maps = [sum((c * b for c, b in zip(x, columns) if c != 0.0), first) for first, columns in rows.noise]
-    values, vectors = np.linalg.eigh(sparse.block_diag([a @ a.T for a in maps]).toarray())
+    slopes = [*rows.columns_slopes, rows.inertia_slopes]
+    of_rows = sum((c * b for c, b in zip(x, slopes) if c != 0.0), rows.inertia_slopes)
+    values, vectors = np.linalg.eigh((of_rows @ of_rows.T).toarray())
     sound = values > LEAST_EIGENVALUE * values[-1]
     turn = (vectors[:, sound] / np.sqrt(values[sound])).T
-    metric, start = turn.T @ turn, 0
+    metric = turn.T @ turn
     moments = np.zeros((x.size + 1, x.size + 1))
     if sigma > NOISELESS * float(np.linalg.norm(rows.inertia) / np.sqrt(max(np.trace(metric), 1e-300))):
         of = np.r_[np.flatnonzero(wanted), x.size]
-        for first, columns in rows.noise:
-            part = slice(start, start := start + first.indptr.size - 1)
-            every = [*columns, first]
-            for place, i in enumerate(of):
-                image = every[i].T @ metric[part, part]
-                for j in of[: place + 1]:
-                    moments[i, j] += every[j].T.multiply(image).sum()
+        for place, i in enumerate(of):
+            image = slopes[i].T @ metric
+            for j in of[: place + 1]:
+                moments[i, j] = slopes[j].T.multiply(image).sum()
     moments = np.tril(moments) + np.tril(moments, -1).T
     small = np.asarray(np.linalg.qr(np.column_stack([turn @ rows.columns, turn @ rows.inertia]), mode="r"))
     return WhiteRows(small[:, -1], small[:, :-1], turn.shape[0], moments)
