@@ -65,11 +65,10 @@ class WeakSindy(Estimator[WeakSindyOptions]):
     """Sparse regression of ∫φ″θ + ∫φ F_rest(θ) + Σ ξ ∫φ f(θ, θ̇) = 0, without numerical derivatives of the record.
 
     φ is a test function, f a candidate term, and ξ its coefficient. The inertia ∫φθ̈ is integrated by parts twice, and
-    viscous damping once. For terms that are not linear in θ̇, the velocity
-    is the convolution of the record with −ψ′, where the width of the compact kernel ψ balances noise against bias. The
-    record's noise enters through φ″ + φ F′ and through the columns, so the rows have correlated errors: we use
-    generalised least squares, whose weights follow from the coefficients. Noise in the columns biases the normal
-    equations by a known amount, which is subtracted.
+    viscous damping once. For terms that are not linear in θ̇, the velocity comes from local polynomials (Savitzky and
+    Golay) over a width that balances noise against bias. The record's noise enters through φ″ + φ F′ and through the
+    columns, so the rows have correlated errors: we use generalised least squares, whose weights follow from the
+    coefficients. Noise in the columns biases the normal equations by a known amount, which is subtracted.
     Terms are removed by their t-value; their number is chosen by the Bayesian information criterion.
     """
 

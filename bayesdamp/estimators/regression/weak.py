@@ -8,15 +8,17 @@ integrals of the candidate terms. The rows have correlated errors, and their col
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import product
 
 import numpy as np
 from scipy import sparse
 from scipy.interpolate import make_interp_spline
+from scipy.signal import savgol_coeffs, savgol_filter
 
 POWER = 6
 """Power of the test function φ(s) = (1 − s²)^POWER on [−1, 1]; the trapezoidal rule is then exact to rounding."""
+DEGREE = 6
+"""Degree of the polynomials whose derivatives are the velocities."""
 OVERLAP = 8
 """Number of test functions that begin within the width of one of them."""
 LEAST_EIGENVALUE = 1e-7
@@ -81,21 +83,8 @@ def test_function_weights(n: int, h: float, width: float, order: int) -> sparse.
     return sparse.csr_matrix((np.tile(row, centres.size), columns.ravel(), starts), shape=(centres.size, n))
 
 
-@lru_cache(maxsize=256)
-def _kernel(half: int) -> np.ndarray:
-    """Return the weights (2 half + 1,) of −ψ′, the derivative of a compact smoothing kernel ψ, for unit spacing.
-
-    Applied to samples, they give the derivative in the middle, exactly for polynomials up to degree 6.
-    """
-    j = np.arange(-half, half + 1.0)
-    s = j / (half + 1.0)
-    basis = np.stack([s ** (2 * i + 1) * (1 - s**2) ** 3 for i in range(3)])
-    moments = np.stack([basis @ s, basis @ s**3, basis @ s**5], axis=0)
-    return np.linalg.solve(moments, [1.0 / (half + 1.0), 0.0, 0.0]) @ basis
-
-
 def kernel_half_width(h: float, frequency: float, size: float, noise: float, most: int) -> int:
-    """Return the half width (samples) of the kernel −ψ′ whose velocity has the smallest mean square error.
+    """Return the half width (samples) of the derivative kernel whose velocity has the smallest mean square error.
 
     The assumed velocity has amplitude `size` at `frequency` (rad/s) and a third harmonic of one hundredth of it, as dry
     friction causes; the displacement has white noise of standard deviation `noise`. size: in rad/s or m/s; noise: in
@@ -103,7 +92,8 @@ def kernel_half_width(h: float, frequency: float, size: float, noise: float, mos
     """
     best, least = 4, np.inf
     for half in range(4, max(most, 4) + 1, max(1, most // 60)):
-        kernel, j = _kernel(half) / h, np.arange(-half, half + 1)
+        j = np.arange(-half, half + 1)
+        kernel = savgol_coeffs(j.size, DEGREE, deriv=1, delta=h, use="dot")
         wrong = 0.0
         for factor, fraction in ((1, 1.0), (3, 0.01)):
             w = factor * frequency
@@ -115,32 +105,18 @@ def kernel_half_width(h: float, frequency: float, size: float, noise: float, mos
 
 
 def velocity_map(n: int, h: float, half: int) -> sparse.csr_matrix:
-    """Return the matrix (n, n) that computes velocities from n displacements, h (s) apart, by convolution with −ψ′.
+    """Return the matrix (n, n) that computes velocities from n displacements, h (s) apart.
 
-    Near the ends the kernels are one-sided. half: half width of the kernel in samples.
+    Row i has the weights of Savitzky and Golay: the derivative at sample i of a polynomial of degree `DEGREE` (less if
+    n is small) that is fitted to the 2 half + 1 nearest samples.
     """
     half = min(half, (n - 1) // 2)
-    j = np.arange(-half, half + 1)
-    inside = np.arange(half, n - half)
-    data = [np.tile(_kernel(half) / h, inside.size)]
-    rows, columns = [np.repeat(inside, j.size)], [(inside[:, None] + j).ravel()]
-    s = j / half
-    power = np.vander(s, 7, increasing=True)
-    weight = np.sqrt((1 - (j / (half + 1.0)) ** 2) ** 3)
-    inverse = np.linalg.pinv(power * weight[:, None]) * weight
-    for i in range(half):
-        slope = np.arange(1, 7) * s[i] ** np.arange(6)
-        kernel = slope @ inverse[1:] / (half * h)
-        for row, column, values in (
-            (i, np.arange(j.size), kernel),
-            (n - 1 - i, n - 1 - np.arange(j.size), -kernel),
-        ):
-            rows.append(np.full(j.size, row))
-            columns.append(column)
-            data.append(values)
-    return sparse.csr_matrix(
-        (np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)
-    )
+    width = 2 * half + 1
+    window = savgol_filter(np.eye(width), width, min(DEGREE, 2 * half), deriv=1, delta=h, axis=0)
+    middle = np.tile(window[half], (n - 2 * half, 1))
+    columns = np.clip(np.arange(n) - half, 0, n - width)[:, None] + np.arange(width)
+    values = np.vstack([window[:half], middle, window[half + 1 :]])
+    return sparse.csr_matrix((values.ravel(), columns.ravel(), width * np.arange(n + 1)), shape=(n, n))
 
 
 @dataclass(frozen=True)
