@@ -55,9 +55,6 @@ class Estimator(ABC, Generic[OptionsType]):
     by_position: str = ""
     """The reason, as a clause, why the method cannot estimate a damping force that depends on the position; "" if it
     can."""
-    with_parameters: str = ""
-    """The reason, as a clause, why the method cannot estimate a damping term with parameters besides its coefficient;
-    "" if it can."""
 
     def __init_subclass__(cls) -> None:
         """Set the name of an estimator of this package to the name of its file."""
@@ -70,7 +67,8 @@ class Estimator(ABC, Generic[OptionsType]):
         """Return a reason of this method's own why it cannot estimate a sum of damping terms, or None (the default).
 
         damping: names of the terms. The reason is text for a message, without a capital letter and a full stop.
-        `reason_not_applicable` asks this first, then applies `by_position` and `with_parameters`.
+        `reason_not_applicable` asks this first, then applies `by_position`, and refuses terms that have parameters
+        besides their coefficient.
         """
         return None
 
@@ -115,11 +113,8 @@ def reason_not_applicable(estimator: Estimator[Any], damping: tuple[str, ...]) -
                 f"the method cannot estimate {term.name} damping, which depends on the position: "
                 f"{estimator.by_position}"
             )
-        if term.inferred and estimator.with_parameters:
-            return (
-                f"the method cannot estimate {term.name} damping, which has parameters besides its coefficient: "
-                f"{estimator.with_parameters}"
-            )
+        if term.inferred:
+            return f"{term.name} damping has parameters besides its coefficient, which estimators do not estimate"
     return None
 
 

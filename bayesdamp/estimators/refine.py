@@ -13,7 +13,6 @@ from bayesdamp.estimators.shared import (
     checked_features,
     decay_start,
     free_names,
-    further_priors,
     noise_level,
     oscillator,
     ratios_per_unit,
@@ -22,7 +21,6 @@ from bayesdamp.estimators.shared import (
 from bayesdamp.numerics.levenberg_marquardt import Expansion, Schedule, Step, levenberg_marquardt
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import Trajectories
-from bayesdamp.priors import Normal
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
 from bayesdamp.units import quantity_unit
@@ -111,8 +109,8 @@ class _TrajectoryFit:
 def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     """Fit the trajectory to the record by least squares, starting at `first`.
 
-    The unknowns are the damping coefficients (not negative), further parameters of damping terms, and every restoring
-    parameter, theta0 and omega0 that is not known; values that `first` does not have start from the record's features.
+    The unknowns are the damping coefficients (not negative), and every restoring parameter, theta0 and omega0 that is
+    not known; values that `first` does not have start from the record's features.
     If the fit loses the phase of the record (the rms residual is 0.3 of the record's sd or more), it starts again with
     the first two cycles and doubles this window until it covers the record, from the same start and, if this loses the
     phase too, from the coefficients of `decay_start`. The fit with the least sum of squares counts.
@@ -145,7 +143,6 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     features = checked_features(signal)
     osc = oscillator(problem)
     base = start_parameters(signal, problem, features)
-    priors = further_priors(problem, features)
     unknown = free_names(problem)
     shift = osc.law.shift
     held = {}
@@ -155,16 +152,11 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
         if {shift, "theta0"} <= set(first.values):
             start = first.values["theta0"] - first.values[shift] + base[shift]
             first = replace(first, values={**first.values, "theta0": start, shift: base[shift]})
-    names = (*osc.coefficients, *priors, *unknown)
+    names = (*osc.coefficients, *unknown)
     size = float(np.abs(features.turning_amplitudes).max())
     units = 1e-5 / ratios_per_unit(problem, features)
     fit = _TrajectoryFit(signal, osc, names, base, size)
-    lowest = [
-        -np.inf if isinstance(p, Normal) else float(p.value(np.asarray(0.0 if p.reflected else -8.0)))
-        for p in priors.values()
-    ]
-    free = len(names) - units.size - len(lowest)
-    floor = np.r_[np.zeros(units.size), lowest, np.full(free, -np.inf)]
+    floor = np.r_[np.zeros(units.size), np.full(len(unknown), -np.inf)]
     x = _start(fit, units, first, features)
 
     best = least_squares(fit.linearise, x, floor)

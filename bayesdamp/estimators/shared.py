@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +12,6 @@ from numpy.polynomial import Polynomial
 
 from bayesdamp.physics.damping import median
 from bayesdamp.physics.oscillator import Oscillator, reference_of
-from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features as measure
 from bayesdamp.records.oscillation.turning import midpoints, turning_points
 from bayesdamp.types import DERIVATIVES, Problem, Reference, Refusal, Signal
@@ -38,9 +36,6 @@ EDGE = 1.5
 there."""
 LEAST_SAMPLES_PER_CYCLE = 6.0
 """Least number of samples in a period (conventional). A record with fewer is refused."""
-SCORE = 3.5
-"""A parameter of a damping term other than its coefficient is searched between two quantiles of its prior, which have ±
-this standard normal score (0.02 % and 99.98 %)."""
 MEANS_PER_CYCLE = 40.0
 """Least number of blocks in a cycle when a record is thinned by averaging blocks of samples. The averaging then reduces
 the amplitude of a sinusoid by at most 0.1 %."""
@@ -133,17 +128,6 @@ def further_values(problem: Problem, features: Features) -> dict[str, float]:
     }
     known = {n: float(v) for n, v in problem.system.known.items() if n in medians}
     return {**epsilon, **{n: scales[n] for n in osc.scales}, **medians, **known}
-
-
-def further_priors(problem: Problem, features: Features) -> dict[str, Prior]:
-    """Return the priors of the unknown further parameters of damping terms (not the coefficients), by name."""
-    reference = reference_of(problem.system, features)
-    return {
-        p.name: p.prior(reference.amplitude, reference.frequency)
-        for term in oscillator(problem).terms
-        for p in term.inferred
-        if p.name not in problem.system.known
-    }
 
 
 def start_parameters(signal: Signal, problem: Problem, features: Features) -> dict[str, float]:
@@ -448,32 +432,3 @@ def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.nda
     if turns.times.size < 4:
         return np.r_[float(np.mean(y)), np.zeros(degree)]
     return np.polynomial.polynomial.polyfit(turns.times - t[0], midpoints(turns.values), degree)
-
-
-def search_further(
-    priors: Mapping[str, Prior], cost: Callable[[dict[str, float]], float]
-) -> dict[str, float]:
-    """Return the values, by name, of the parameters in `priors` that minimise `cost`; empty if `priors` is empty.
-
-    cost: maps values by name to the number to minimise. The method of Nelder and Mead varies the standard normal scores
-    of the parameters under their priors between ±`SCORE`; it starts from the best point of a grid. If the cost is the
-    sum of squares with the best damping coefficients, this is variable projection (Golub and Pereyra 1973).
-    """
-    if not priors:
-        return {}
-
-    def values(z: np.ndarray) -> dict[str, float]:
-        bounded = np.clip(z, -SCORE, SCORE)
-        return {
-            n: float(p.value(np.abs(x) if p.reflected else x)) for (n, p), x in zip(priors.items(), bounded)
-        }
-
-    def bounded_cost(z: np.ndarray) -> float:
-        return cost(values(z)) * (1.0 + float(np.sum(np.maximum(np.abs(z) - SCORE, 0.0))))
-
-    starts = [np.array(z) for z in product(*[(-1.0, 0.1, 1.0)] * len(priors))]
-    options = {"xatol": 1e-5, "fatol": 0.0, "maxfev": 400}
-    result = scipy.optimize.minimize(
-        bounded_cost, min(starts, key=bounded_cost), method="Nelder-Mead", options=options
-    )
-    return values(result.x)

@@ -12,11 +12,9 @@ from scipy.signal import hilbert, savgol_filter
 
 from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.shared import (
-    SCORE,
     checked_features,
     decay_start,
     free_names,
-    further_priors,
     noise_level,
     oscillator,
     ratios_per_unit,
@@ -47,21 +45,12 @@ class EnvelopeOptions(Options):
 class Envelope(Estimator[EnvelopeOptions]):
     """Find the damping coefficients that minimise Σ (ln A_observed − ln A_simulated)², with the Hilbert envelopes A.
 
-    Further parameters of damping terms are fitted too. Unknown restoring parameters follow from the record's frequency
+    Unknown restoring parameters follow from the record's frequency
     and midline, and an unknown start from the smoothed record; the amplitude of the start is then fitted together with
     the damping. Record and trajectories with uneven times are interpolated linearly to uniform times.
     """
 
     options = EnvelopeOptions
-
-    def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Return the reason why this method cannot estimate a sum with the term dry_position; None for other sums.
-
-        damping: names of the terms of the sum. The slope of this friction has no effect on an envelope.
-        """
-        if "dry_position" in damping:
-            return "the slope in dry_position friction dissipates no energy, so an envelope does not depend on it"
-        return None
 
     def initial(
         self, signal: Signal, problem: Problem, options: EnvelopeOptions, rng: np.random.Generator
@@ -86,24 +75,18 @@ class Envelope(Estimator[EnvelopeOptions]):
         parameters = match.parameters(x, scale)
         if not np.all(np.isfinite(match.trajectories.record(parameters))):
             raise Refusal("the trajectory is unbounded for every start that was tried")
-        values = {name: float(parameters[name]) for name in (*match.names, *free)}
+        values = {name: float(parameters[name]) for name in (*match.osc.coefficients, *free)}
         return Estimate(self.name, "initial", values, evaluations=match.evaluations)
 
 
 class _EnvelopeMatch:
-    """The log envelopes of the record and of trajectories, computed in the same way.
-
-    names: names of the unknowns: damping coefficients, then further parameters of damping terms, whose priors are
-    `priors`.
-    """
+    """The log envelopes of the record and of trajectories, computed in the same way."""
 
     def __init__(
         self, signal: Signal, problem: Problem, options: EnvelopeOptions, features: Features
     ) -> None:
         self.osc = oscillator(problem)
         self.base = start_parameters(signal, problem, features)
-        self.priors = further_priors(problem, features)
-        self.names = (*self.osc.coefficients, *self.priors)
         self.midline, self.rest = features.rest, rest_position(signal, problem, features)
         self.evaluations = 0
         self.record_times, period = signal.t, features.period
@@ -135,19 +118,19 @@ class _EnvelopeMatch:
         return np.maximum(np.asarray(savgol_filter(raw, width, 3)), 1e-300)
 
     def parameters(self, x: np.ndarray, scale: float = 1.0) -> dict[str, float]:
-        """Return all parameters of the trajectory, by name, for values x (k,) of the unknowns in the order of `names`.
+        """Return all parameters of the trajectory, by name, for values x (k,) of the damping coefficients.
 
         The initial velocity, and the initial displacement from the record's midline (from the equilibrium for a
         recorded velocity or acceleration), are multiplied by `scale`.
         """
-        p = {**self.base, **dict(zip(self.names, map(float, x)))}
+        p = {**self.base, **dict(zip(self.osc.coefficients, map(float, x)))}
         theta0 = self.rest + scale * (p["theta0"] - self.rest)
         return p | {"theta0": theta0, "omega0": scale * p["omega0"]}
 
     def log_difference(self, x: np.ndarray, scale: float = 1.0) -> np.ndarray:
         """Return ln A_simulated − ln A_observed at the used samples, (u,).
 
-        Every value is 10 if the trajectory is unbounded. x: the unknowns, in the order of `names`, (k,). scale: factor
+        Every value is 10 if the trajectory is unbounded. x: the damping coefficients, (k,). scale: factor
         of the initial velocity and of the initial displacement from the midline or equilibrium (see `parameters`).
         """
         self.evaluations += 1
@@ -157,31 +140,23 @@ class _EnvelopeMatch:
         return np.log(self._envelope(y)[self.used]) - self.observed_log
 
     def fit(self, coefficients: np.ndarray, scaled: bool) -> tuple[np.ndarray, float]:
-        """Fit all unknowns by bounded least squares, starting from these damping coefficients.
+        """Fit the damping coefficients by bounded least squares, starting from these.
 
-        The vector that is searched has the coefficients in units of their start, the standard normal scores of further
-        parameters under their priors, and, if `scaled`, the factor by which the start of the motion is multiplied.
-        Return the k coefficients and further parameters in natural units, (k,), and this factor (1.0 if not `scaled`).
+        The vector that is searched has the coefficients in units of their start, and, if `scaled`, the factor by which
+        the start of the motion is multiplied. Return the k coefficients in natural units, (k,), and this factor (1.0 if
+        not `scaled`).
         """
-        k, count, priors, scales = coefficients.size, len(self.names), self.priors, int(scaled)
+        k = coefficients.size
         units = np.maximum(coefficients, coefficients.max() * 1e-3 if k == 1 else 1e-12)
-        scores = [float(p.score(self.base[n])) for n, p in priors.items()]
-        low = np.r_[np.zeros(k), [0.0 if p.reflected else -SCORE for p in priors.values()], np.zeros(scales)]
-        high = np.r_[np.full(k, np.inf), np.full(len(priors), SCORE), np.full(scales, np.inf)]
-        start = np.r_[np.ones(k), np.clip(scores, -SCORE / 2, SCORE / 2), np.ones(scales)]
-
-        def physical(u: np.ndarray) -> np.ndarray:
-            further = [float(p.value(np.asarray(z))) for p, z in zip(priors.values(), u[k:count])]
-            return np.r_[u[:k] * units, further]
 
         def residuals(u: np.ndarray) -> np.ndarray:
-            difference = self.log_difference(physical(u), u[-1] if scaled else 1.0)
+            difference = self.log_difference(u[:k] * units, u[-1] if scaled else 1.0)
             return np.clip(np.nan_to_num(difference, nan=10.0), -10, 10)
 
         result = least_squares(
             residuals,
-            np.maximum(start, low),
-            bounds=(low, high),
+            np.ones(k + scaled),
+            bounds=(0.0, np.inf),
             x_scale="jac",
             diff_step=1e-5,
             xtol=1e-11,
@@ -189,7 +164,7 @@ class _EnvelopeMatch:
             gtol=1e-13,
             max_nfev=60,
         )
-        return physical(result.x), float(result.x[-1]) if scaled else 1.0
+        return result.x[:k] * units, float(result.x[-1]) if scaled else 1.0
 
 
 PLUGIN = Envelope()

@@ -14,7 +14,6 @@ from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.shared import (
     checked_features,
     free_names,
-    further_priors,
     oscillator,
     start_parameters,
     thin_record,
@@ -138,8 +137,7 @@ class Genes:
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
         self.osc = oscillator(problem)
         self.base = start_parameters(signal, problem, features)
-        self.further = further_priors(problem, features)
-        self.names = (*self.osc.coefficients, *self.further, *free_names(problem))
+        self.names = (*self.osc.coefficients, *free_names(problem))
         self.size = float(np.sqrt(features.amplitude * min(features.final_amplitude, features.amplitude)))
         self.balanced = [
             name
@@ -152,11 +150,6 @@ class Genes:
             if name in terms:
                 ranges.append((0.0, ALONE * coefficient_alone(terms[name], features)))
                 continue
-            if name in self.further:
-                prior = self.further[name]
-                lowest = 0.0 if prior.reflected else -2.5
-                ranges.append([float(prior.value(np.asarray(z))) for z in (lowest, 2.5)])
-                continue
             centre, half = self.base[name], {"theta0": 0.2 * a, "omega0": 0.2 * a * f}.get(name)
             if name == "stiffness":
                 centre, half = f, PHASE / (signal.t[-1] - signal.t[0]) + 0.005 * f
@@ -166,7 +159,7 @@ class Genes:
                 centre, half = features.rest, half if signal.quantity == "angle" else a
             ranges.append((centre - half, centre + half))
         self.low, self.high = np.array(ranges).T
-        self.positive = np.arange(len(self.names)) < len(self.osc.terms) + len(self.further)
+        self.positive = np.arange(len(self.names)) < len(self.osc.terms)
 
     def decode(self, u: np.ndarray) -> dict[str, np.ndarray]:
         """Return the values (m,) of every parameter of a trajectory, by name, for variables u (m, d)."""

@@ -57,7 +57,6 @@ class Koopman(Estimator[KoopmanOptions]):
     filter, which preserves linear relations between them, and the lag is many samples.
     """
 
-    with_parameters = "its library has only functions without parameters"
     options = KoopmanOptions
 
     def initial(

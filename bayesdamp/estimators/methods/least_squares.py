@@ -5,7 +5,6 @@ Section 3.10, equation 23, of the paper that `bayesdamp.estimators` cites.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
@@ -15,12 +14,10 @@ from bayesdamp.estimators.shared import (
     SmoothedMotion,
     checked_features,
     free_start,
-    further_priors,
     further_values,
     known_restoring,
     motion,
     oscillator,
-    search_further,
     solve,
 )
 from bayesdamp.physics.oscillator import Oscillator
@@ -58,6 +55,7 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
         theta, omega, _ = smoothed.everywhere
         start = osc.law.start(features.frequency, features.rest, known)
         arguments = start | further_values(problem, features)
+        shapes = osc.shapes(theta, omega, arguments)
 
         form = osc.law.linear_form(theta, known)
         others = [smoothed.project(x) for x in form.columns.T]
@@ -66,17 +64,7 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
         elapsed = smoothed.t - smoothed.t[0]
         drift = [elapsed**j for j in range(smoothed.integrated if len(known) else 0)]
 
-        def columns(further: Mapping[str, float]) -> np.ndarray:
-            shapes = osc.shapes(theta, omega, {**arguments, **further})
-            return np.column_stack([*map(smoothed.project, shapes), *others, *drift])
-
-        def left(further: dict[str, float]) -> float:
-            trial = columns(further)
-            return float(np.sum((target - trial @ solve(trial, target)) ** 2))
-
-        further = search_further(further_priors(problem, features), left)
-        arguments |= further
-        a = columns(further)
+        a = np.column_stack([*map(smoothed.project, shapes), *others, *drift])
         if np.linalg.matrix_rank(a / np.linalg.norm(a, axis=0)) < a.shape[1]:
             raise Refusal(
                 "the record determines only combinations of the unknown parameters, not each of them"
@@ -87,7 +75,7 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
             x = _solve_total(a, target, smoothed, osc, arguments, len(drift))
         else:
             x = _solve_variant(a, target, smoothed.t, features.period, options.variant)
-        values = {**dict(zip(osc.coefficients, map(float, x))), **further}
+        values = dict(zip(osc.coefficients, map(float, x)))
         if others:
             values |= form.decode(x[terms : terms + len(others)])
         values |= free_start(problem, smoothed.theta0, smoothed.omega0)

@@ -44,7 +44,6 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
     """
 
     by_position = "its network is a force of the velocity alone"
-    with_parameters = "its force is projected on functions with one coefficient each"
     options = NeuralOdeOptions
 
     def initial(

@@ -47,7 +47,6 @@ class Pinn(Estimator[PinnOptions]):
     """
 
     by_position = "the damping in its loss is a function of the velocity alone"
-    with_parameters = "its loss has one weight for each term"
     options = PinnOptions
 
     def initial(

@@ -86,7 +86,6 @@ class Rnn(Estimator[RnnOptions]):
     Unknown restoring parameters and an unknown start are not estimated by the network, but from the record's features.
     """
 
-    with_parameters = "its network is trained to give one coefficient"
     options = RnnOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:

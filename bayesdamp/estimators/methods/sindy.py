@@ -114,7 +114,6 @@ class Sindy(Estimator[SindyOptions]):
     damping terms of the model. If another solution is selected, the outcome says so.
     """
 
-    with_parameters = "its library has only functions without parameters"
     options = SindyOptions
 
     def initial(

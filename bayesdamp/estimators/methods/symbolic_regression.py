@@ -73,7 +73,6 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
     """
 
     by_position = "its expressions depend only on the velocity"
-    with_parameters = "its expressions give only the coefficients of a force"
     options = SymbolicRegressionOptions
 
     def initial(

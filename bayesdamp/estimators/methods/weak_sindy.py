@@ -72,7 +72,6 @@ class WeakSindy(Estimator[WeakSindyOptions]):
     Terms are removed by their t-value; their number is chosen by the Bayesian information criterion.
     """
 
-    with_parameters = "its library has only functions without parameters"
     options = WeakSindyOptions
 
     def initial(
