@@ -112,7 +112,8 @@ def velocity_map(n: int, h: float, half: int) -> sparse.csr_matrix:
     """
     half = min(half, (n - 1) // 2)
     width = 2 * half + 1
-    window = savgol_filter(np.eye(width), width, min(DEGREE, 2 * half), deriv=1, delta=h, axis=0)
+    degree = min(DEGREE, 2 * half)
+    window = np.asarray(savgol_filter(np.eye(width), width, degree, deriv=1, delta=h, axis=0))
     middle = np.tile(window[half], (n - 2 * half, 1))
     columns = np.clip(np.arange(n) - half, 0, n - width)[:, None] + np.arange(width)
     values = np.vstack([window[:half], middle, window[half + 1 :]])
