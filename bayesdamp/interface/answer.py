@@ -291,14 +291,11 @@ def answer(
 def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, np.ndarray]) -> Answer:
     """Return the answer that consists of a comparison, its verdict and the arrays of its figure."""
     further: dict[str, np.ndarray] = {}
-    terms = next(iter(comparison.solvers.values())).terms
-    priors, posteriors, laws, fits = [], [], [], {}
+    priors, posteriors, laws = [], [], []
     for r in comparison.results:
         name = damping, law = "+".join(r.candidate.damping), r.candidate.restoring
         described = {n: p.describe() for n, p in r.fit.parameters.priors.items()}
         priors.append(CandidatePriors(*name, described))
-        if set(r.candidate.damping) == set(terms):  # the fit of all terms under this restoring law
-            fits[law] = r.fit.parameters.named(r.fit.z)
         if r.sampled is not None and r.sampled.trusted:
             table, further[f"draws/{damping}@{law}"] = posterior_of(comparison, r, r.sampled)
             posteriors.append(SampledPosterior(*name, **table))
@@ -313,7 +310,6 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
     content = AnswerContent(
         verdict.to_dict(),
         candidates=(*compared, *refused),
-        fits=fits,
         priors=tuple(priors),
         posteriors=tuple(posteriors),
         laws=tuple(laws),
@@ -322,7 +318,6 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
         ),
         noise=comparison.noise.name,
         noises=tuple(NoiseEvidence(n.name, n.log_evidence) for n in comparison.noise.weighed),
-        terms=terms,
         epsilon=None if comparison.epsilon_known else comparison.epsilon,
     )
     return Answer(content, arrays, further)

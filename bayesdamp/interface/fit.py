@@ -427,18 +427,15 @@ class Fit(Result, Storable):
         )
 
 
-def fit(
-    signal: types.Signal, model: Model, *, start: Mapping[str, float] | None = None, seed: int = 0
-) -> Fit:
+def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None = None) -> Fit:
     """Fit a model to a record.
 
-    Searches start from the record's turning points, a regression, two draws from the prior, and `start`. If the model
-    has several noise models, the one with the highest evidence under this model is chosen; the fit that this choice
-    is based on is a further starting point.
+    The model is first fitted by least squares, as in `compare`, to windows that grow from the first two cycles to the
+    whole record. The search for the posterior mode starts from this fit and from `start`. If the model has several
+    noise models, the one with the highest evidence under this model is chosen.
 
-    If laws may hold approximately (model.deviation), the search is that of `compare`: it fits windows that grow from
-    the first two cycles to the whole record, and `start` cannot be given. The noise model, and the width of friction
-    if it is not known, are then chosen as in `compare`, with viscous, Coulomb and quadratic damping together.
+    If laws may hold approximately (model.deviation), `start` cannot be given. The noise model, and the width of
+    friction if it is not known, are then chosen as in `compare`, with viscous, Coulomb and quadratic damping together.
 
     Parameters
     ----------
@@ -448,8 +445,6 @@ def fit(
         The model.
     start
         A further starting point: parameter values in natural units by name, such as those of an estimate.
-    seed
-        Seed of the draws from the prior; without effect if laws may hold approximately.
 
     Returns
     -------
@@ -478,7 +473,7 @@ def fit(
     try:
         if model.approximate:
             return Fit.at_law(own, model, fit_approximate(own, model))
-        mode, notes = fit_exact(own, model, start, seed)
+        mode, notes = fit_exact(own, model, start)
     except Refusal as refusal:
         return Fit(own, model, outcome=str(refusal))
     return Fit.at_mode(own, model, mode, notes)

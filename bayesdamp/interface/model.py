@@ -16,8 +16,7 @@ from bayesdamp import types
 from bayesdamp.calls import checked_call
 from bayesdamp.config.checks import StudyError
 from bayesdamp.config.signals import canonical_model
-from bayesdamp.estimators import run as run_estimator
-from bayesdamp.estimators.shared import decay_start, has_noise, start_parameters
+from bayesdamp.estimators.shared import has_noise
 from bayesdamp.formatting import Table, data_frame
 from bayesdamp.inference.deviation.averaged import MOST_CYCLES
 from bayesdamp.inference.deviation.candidate import START, MotionCandidate
@@ -30,7 +29,7 @@ from bayesdamp.inference.deviation.single import Single, fit_single
 from bayesdamp.inference.mode import Mode, restore_mode
 from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.search import find_mode, prior_starts
+from bayesdamp.inference.search import find_mode
 from bayesdamp.interface.arguments import (
     POSITIVE,
     by_parameter,
@@ -45,7 +44,6 @@ from bayesdamp.interface.arguments import (
 from bayesdamp.interface.density import Density
 from bayesdamp.interface.result import Result, frame_table
 from bayesdamp.interface.signal import Signal
-from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator, reference_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
@@ -59,16 +57,12 @@ if TYPE_CHECKING:
 
 NOT_INFERRED = (*POSITIVE, "epsilon")
 """Parameters that are not inferred if laws may hold approximately; they are known, or estimated once for the record."""
-PRIOR_STARTS = 2
-"""Number of draws from the prior from which searches start, in addition to the starting points from the record."""
 NO_POSTERIOR = (
     "the record has no noise, so there is no posterior; use the unfiltered record, or simulate with noise_sd"
 )
 """Message of the Refusal of a record without noise."""
 Starts = list[Mapping[str, float]]
 """Starting points of a search: parameter values by name."""
-REGRESSION = "least_squares"
-"""The estimator from whose estimate searches start; in a study only if its own estimators gave no values."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -201,7 +195,7 @@ class Model(Result):
         """The name by which `priors` may contain each damping coefficient, by the coefficient's name."""
         return coefficients_of(self.terms, LAWS.get(self.restoring).parameters)
 
-    def bind(self, signal: types.Signal, *, seed: int = 0) -> Density:
+    def bind(self, signal: types.Signal) -> Density:
         """Return the posterior density on a record, as functions of the parameters in natural units.
 
         The model is fitted first, and the solver's step sizes are chosen at the best fit. If laws may hold
@@ -211,8 +205,6 @@ class Model(Result):
         ----------
         signal
             The record.
-        seed
-            Seed of the search for the best fit; without effect if laws may hold approximately.
 
         Raises
         ------
@@ -220,7 +212,7 @@ class Model(Result):
             If the model cannot be fitted to this record.
         """
         own = check_signal(signal, self)
-        mode = fit_approximate(own, self).mode if self.approximate else fit_exact(own, self, None, seed)[0]
+        mode = fit_approximate(own, self).mode if self.approximate else fit_exact(own, self, None)[0]
         return Density.at(own, self, mode)
 
     def summary(self) -> pd.DataFrame:
@@ -309,46 +301,64 @@ class Case:
         return build_target(self.signal, self.model.terms, system, self.features, self.reference, noise=noise)
 
     def mode(
-        self,
-        noise: str,
-        epsilon: float | None,
-        starts: Starts,
-        *,
-        draws: int = PRIOR_STARTS,
-        seed: int = 0,
-        thrifty: bool = False,
-    ) -> Mode:
-        """Search for posterior modes from several starting points, and return the highest one.
+        self, noises: Sequence[str], epsilon: float | None, starts: Starts
+    ) -> tuple[Mode, tuple[str, ...]]:
+        """Choose the noise model and the width ε of friction, and search for the highest posterior mode.
+
+        ε is the velocity within which Coulomb friction changes its sign. Both choices are based on a least-squares fit,
+        which is also the first starting point of the search.
 
         Parameters
         ----------
-        noise
-            The noise model.
+        noises
+            Names of the noise models, of which the evidence chooses one. Those without a parameter that the user
+            specified are left out.
         epsilon
-            Velocity in rad/s (m/s for a translation) within which Coulomb friction changes its sign, if it was chosen
-            for this record; None if the model states it or infers it, or has no friction.
+            ε in rad/s (m/s for a translation), if it was chosen before for this record; else None. It is chosen here if
+            it is neither known nor inferred.
         starts
-            The starting points.
-        draws
-            Number of further starting points, which are drawn from the prior.
-        seed
-            Seed of these draws.
-        thrifty
-            Whether to stop at the first mode whose motion stays in phase with the record.
+            Further starting points.
+
+        Returns
+        -------
+        mode
+            The highest mode.
+        notes
+            Sentences on the choices.
 
         Raises
         ------
         Refusal
-            If no starting point leads to a mode, or the record is not suited to the noise model.
+            If no starting point leads to a mode, or the record is not suited to the noise models.
         """
-        target = self.target(noise, epsilon)
-        return find_mode(
-            target,
-            [*starts, *prior_starts(target, draws, seed)],
-            noise_level=self.features.roughness,
-            period=self.features.period,
-            thrifty=thrifty,
-        )
+        model = self.model
+        own = {n: set(NOISES.get(n).parameters) for n in noises}
+        given = set.union(*own.values()) & {*model.known, *model.priors}
+        with threadpool_limits(1, "blas"):
+            comparison = compare_candidates(
+                prepare_data(self.signal, average=False),
+                [MotionCandidate(model.terms, model.restoring)],
+                known=model.system.known if epsilon is None else {**model.system.known, "epsilon": epsilon},
+                priors=model.parameter_priors,
+                reference=self.reference,
+                approximate=False,
+                noises=tuple(n for n in noises if given <= own[n]),
+            )
+        notes, fit = [], comparison.best.fit
+        if comparison.frictions and "epsilon" not in model.priors:
+            epsilon = comparison.epsilon
+            notes.append(
+                f"The width ε of friction was not given; {epsilon:.3g} {self.signal.unit}/s is used: "
+                f"{100 * types.FRICTION_WIDTH:g} % of the peak velocity, unless another width is clearly more probable."
+            )
+        order = sorted(comparison.noise.weighed, key=lambda noise: -noise.log_evidence)
+        if len(order) > 1:
+            ahead = order[0].log_evidence - order[1].log_evidence
+            text = f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name} in log evidence."
+            notes.append(text)
+        target = self.target(comparison.noise.likeliest, epsilon)
+        starts = [fit.parameters.named(fit.z), *starts]
+        return find_mode(target, starts, noise_level=self.features.roughness), tuple(notes)
 
 
 def check_signal(signal: object, model: object) -> Signal:
@@ -400,7 +410,7 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
 
 
 def fit_exact(
-    signal: Signal, model: Model, start: Mapping[str, float] | None, seed: int
+    signal: Signal, model: Model, start: Mapping[str, float] | None
 ) -> tuple[Mode, tuple[str, ...]]:
     """Fit a model whose laws hold exactly.
 
@@ -410,8 +420,6 @@ def fit_exact(
         The record and the model.
     start
         A further starting point: parameter values in natural units by name; or None.
-    seed
-        Seed of the starting points that are drawn from the prior.
 
     Returns
     -------
@@ -427,127 +435,12 @@ def fit_exact(
     Refusal
         If the model cannot be fitted to the record.
     """
-    case = Case.with_noise(signal, model)
-    given: Starts = [] if start is None else [dict(start)]
     for name in start or ():
         if name not in model.parameters:
             raise InputError(
                 f"fit: start has unknown parameter {name!r}{nearest(name, list(model.parameters))}"
             )
-    values, outcome = start_from_regression(signal, case.problem)
-    starts = [*given, *start_from_features(signal, case.features, case.problem), *values]
-    if not starts:
-        raise Refusal(outcome)
-    noise, epsilon, notes, chosen = _choose_noise_and_width(case, model)
-    mode = case.mode(noise, epsilon, [*chosen, *starts], seed=seed)
+    case = Case.with_noise(signal, model)
+    mode, notes = case.mode(model.noises, None, [] if start is None else [start])
     # Restore the mode as when a fit is read from a file, so that both give exactly the same numbers.
     return restore_mode(mode.likelihood.target, mode.stored), notes
-
-
-def _choose_noise_and_width(case: Case, model: Model) -> tuple[str, float | None, tuple[str, ...], Starts]:
-    """Choose the noise model by its evidence, and the width ε of friction if it is neither known nor inferred.
-
-    ε is the velocity within which Coulomb friction changes its sign. If there is nothing to choose, notes and starts
-    are empty.
-
-    Returns
-    -------
-    noise
-        The noise model.
-    epsilon
-        The chosen ε in rad/s (m/s for a translation); None if none was chosen.
-    notes
-        Sentences on both choices.
-    starts
-        The starting point from the fit on which the choices are based.
-
-    Raises
-    ------
-    Refusal
-        If the model cannot be fitted to the record.
-    """
-    names = model.noises
-    has_friction = any(TERMS.get(t).switches for t in model.terms)
-    width_is_given = "epsilon" in {*model.known, *model.priors}
-    if len(names) == 1 and (width_is_given or not has_friction):
-        return names[0], None, (), []
-    # Noise models without a parameter that the user specified are not compared.
-    own = {n: set(NOISES.get(n).parameters) for n in names}
-    given = set.union(*own.values()) & {*model.known, *model.priors}
-    candidate = MotionCandidate(model.terms, model.restoring)
-    with threadpool_limits(1, "blas"):
-        comparison = compare_candidates(
-            prepare_data(case.signal, average=False),
-            [candidate],
-            known=model.system.known,
-            priors=model.parameter_priors,
-            reference=case.reference,
-            approximate=False,
-            noises=tuple(n for n in names if given <= own[n]),
-        )
-    if not comparison.results:
-        raise Refusal(comparison.refused[candidate])
-    fit = comparison.results[0].fit
-    epsilon, notes = None, []
-    if comparison.frictions and "epsilon" not in model.priors:
-        epsilon = comparison.epsilon
-        notes.append(
-            f"The width ε of friction was not given; {epsilon:.3g} {case.signal.unit}/s is used: "
-            f"{100 * types.FRICTION_WIDTH:g} % of the peak velocity, unless another width is clearly more probable."
-        )
-    order = sorted(comparison.noise.weighed, key=lambda noise: -noise.log_evidence)
-    if len(order) > 1:
-        ahead = order[0].log_evidence - order[1].log_evidence
-        text = f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name} in log evidence."
-        notes.append(text)
-    return comparison.noise.likeliest, epsilon, tuple(notes), [fit.parameters.named(fit.z)]
-
-
-def start_from_regression(signal: types.Signal, problem: Problem) -> tuple[Starts, str]:
-    """Return the initial estimate of `least_squares` as a starting point, and its outcome ("ok" or the reason).
-
-    There is no starting point if the estimate has no values.
-    """
-    estimates = run_estimator(REGRESSION, signal, problem, stages=("initial",), seed=0)
-    return [e.values for e in estimates if e.values], estimates[0].outcome
-
-
-def start_from_features(signal: types.Signal, features: Features, problem: Problem) -> Starts:
-    """Return the starting point from the record's own features; empty if it cannot be computed.
-
-    The parameters of the restoring law follow from the frequency and the midline of the record, the initial conditions
-    from its smoothed first samples, and the damping from the decrease of its turning points. It is needed because a
-    regression on derivatives fails if noise dominates the derivatives, as in a record of the acceleration.
-    """
-    try:
-        values = start_parameters(signal, problem, features)
-    except Refusal:
-        return []
-    return [values | decay_start(problem, features)]
-
-
-def start_from_all_terms(
-    fit: Mapping[str, float], damping: Sequence[str], problem: Problem, decays: Starts
-) -> dict[str, float]:
-    """Return the starting point with the motion of a fit of all damping terms, which stays in phase with the record.
-
-    The restoring law and the initial conditions are those of the fit. The damping is the estimate from the decrease of
-    the turning points, because a model with fewer terms has to account for the whole decay. If there is no such
-    estimate, or the terms are the same, the damping is also that of the fit.
-
-    Parameters
-    ----------
-    fit
-        Parameters of the fit, by name.
-    damping
-        Damping terms of the fit.
-    problem
-        The damping terms and the system for which to return a starting point.
-    decays
-        Result of `start_from_features`.
-    """
-    oscillator = Oscillator(problem.damping, problem.system.restoring)
-    motion = {n: fit[n] for n in (*oscillator.law.parameters, "theta0", "omega0") if n in fit}
-    own = {n: v for n, v in fit.items() if n in oscillator.coefficients}
-    decay = {n: v for start in decays for n, v in start.items() if n in oscillator.coefficients}
-    return motion | own | ({} if tuple(damping) == problem.damping else decay)

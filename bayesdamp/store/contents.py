@@ -255,23 +255,20 @@ class AnswerContent(Content):
     """The answer on a record (`answer/NAME/REPEAT`, `sampled/NAME/REPEAT`).
 
     verdict: as `Verdict.to_dict` returns it. candidates: results of the compared damping sums. rivals: results of other
-    forms of damping, which the study does not compare. fits: parameters of the fit of the sum of all damping terms, by
-    restoring law. priors: descriptions of the priors. posteriors: of the sampled candidates. laws: fits of the
-    candidates with deviations from their laws. noise: the noise model of the answer. noises: all fitted noise models.
-    terms: all damping terms. epsilon: velocity (rad/s or m/s) within which Coulomb friction changes its sign, if it was
-    not known. envelope: further values for an envelope; the answer on an envelope has only these and the verdict.
+    forms of damping, which the study does not compare. priors: descriptions of the priors. posteriors: of the sampled
+    candidates. laws: fits of the candidates with deviations from their laws. noise: the noise model of the answer.
+    noises: all fitted noise models. epsilon: velocity (rad/s or m/s) within which Coulomb friction changes its sign,
+    if it was not known. envelope: further values for an envelope, whose answer has only these and the verdict.
     """
 
     verdict: Mapping[str, Any]
     candidates: tuple[ComparedCandidate, ...] = ()
-    fits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     priors: tuple[CandidatePriors, ...] = ()
     posteriors: tuple[SampledPosterior, ...] = ()
     laws: tuple[StoredFit, ...] = ()
     rivals: tuple[ComparedCandidate, ...] = ()
     noise: str = ""
     noises: tuple[NoiseEvidence, ...] = ()
-    terms: tuple[str, ...] = ()
     epsilon: float | None = None
     envelope: EnvelopeContent | None = None
 

@@ -124,12 +124,3 @@ class StudyCandidate:
         stored_mode = join(StoredMode, ModeContent.of(result).stored, result.arrays, "stored")
         mode = restore_mode(self.case.target(self.noise, self.epsilon), stored_mode)
         return Fit.at_mode(signal, self.case.model, mode)
-
-    @property
-    def has_many_rivals(self) -> bool:
-        """Whether the study prunes candidates (`models.prune` is set), as `compare` does for its many candidates.
-
-        Each search for a mode then has no starts from the prior, and stops at the first mode that stays in phase with
-        the record.
-        """
-        return self.study.models.prune is not None

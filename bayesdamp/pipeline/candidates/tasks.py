@@ -6,7 +6,6 @@ from bayesdamp.estimators import ESTIMATORS, run as run_estimator
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
-from bayesdamp.interface.model import REGRESSION
 from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.restoring import LAWS
@@ -75,7 +74,7 @@ def task_keys(candidate: StudyCandidate) -> dict[str, str]:
     priors = {t: str(study.models.prior.get(t)) for t in candidate.terms}
     # Noise model, width of friction and deviations come from the answer.
     answered = answer_key(candidate.record)
-    named = [*forces, *map(NOISES.source, study.noises), ESTIMATORS.source(REGRESSION)]
+    named = [*forces, *map(NOISES.source, study.noises)]
     parts = (model, answered, priors, use.stages, chosen, *other)
     mode_key = task_key("mode", record_key, list(keys.values()), named, *parts)
     keys[f"mode/{candidate.path}"] = mode_key

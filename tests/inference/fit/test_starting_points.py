@@ -1,4 +1,4 @@
-"""Searches for modes from several starting points."""
+"""Searches for modes: from several starting points, and steps that end at a bound."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.mode import Mode, maximise
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.search import find_mode, group_searches
 from bayesdamp.priors import LogNormal
@@ -31,9 +31,9 @@ def searched(jitter: float) -> tuple[Target, Mode]:
 
 
 def test_an_aliased_frequency_is_a_second_mode_of_the_same_likelihood():
-    """The modes differ in their prior only. From two equal starts there is one search."""
+    """The modes differ in their prior only. Two of the three searches start at the same point."""
     target, mode = searched(0.0)
-    assert len(mode.searches) == 2
+    assert len(mode.searches) == 3
     (top, share), (other, other_share) = group_searches(mode)
     stiffness = sorted(float(target.values(z)["stiffness"]) for z in (top, other))
     np.testing.assert_allclose(stiffness, [FREQUENCY**2 + RATE**2, ALIAS**2 + RATE**2], rtol=0.01)
@@ -46,3 +46,28 @@ def test_an_aliased_frequency_is_a_second_mode_of_the_same_likelihood():
 def test_without_aliasing_other_modes_have_no_probability():
     _, mode = searched(0.1)
     assert all(share < 1e-6 for _, share in group_searches(mode)[1:])
+
+
+def test_a_step_that_a_bound_shortens_is_not_convergence() -> None:
+    """The full step from (0.1, 4.9) leads to the maximum, where x is below zero; cut at x = 0 it ends lower than it
+    began. The maximum with x not below zero is known: x = 0, y = 3 + 0.95 · 2."""
+    information = np.array([[1.0, -0.95], [-0.95, 1.0]])
+    top = np.array([-2.0, 3.0])
+
+    def at(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        away = z - top
+        return np.array(-0.5 * away @ information @ away), -information @ away, information
+
+    for start in ([0.1, 4.9], [3.0, 1.0], [0.5, 6.0]):
+        result = maximise(at, np.array([True, False]), np.array(start))
+        assert result.converged
+        assert result.x == pytest.approx([0.0, 3.0 + 0.95 * 2.0], abs=1e-3)
+
+
+def test_a_search_without_a_shorter_step_that_succeeds_has_not_converged() -> None:
+    """The gradient is wrong: the density is lower everywhere else."""
+
+    def at(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return np.array(-float(z[0] != 1.0)), np.array([1e4]), np.eye(1)
+
+    assert not maximise(at, np.array([False]), np.array([1.0])).converged
