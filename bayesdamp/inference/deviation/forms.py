@@ -132,7 +132,7 @@ def _evaluate_rivals(
 
     def evaluate(damping: tuple[str, ...]) -> CandidateResult | None:
         c = MotionCandidate(damping, comparison.best.candidate.restoring)
-        fit = comparison.fit_rival(c, solver, comparison.reference, sums[damping], starts)
+        fit = comparison.fit_rival(c, solver, sums[damping], starts)
         return None if fit is None else comparison.evaluate(c, solver, fit)
 
     assert solver.kernel  # compiled before several threads ask for it

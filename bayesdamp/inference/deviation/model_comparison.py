@@ -215,7 +215,8 @@ class ModelComparison:
     forms : tuple of CandidateResult
         Results of the rivals, which have other forms of damping.
     exponents : tuple of float
-        Quantiles of the exponent of a power law, at the probabilities `exponent.LEVELS`; empty where none fits.
+        Quantiles of the exponent of a power law, at the probabilities `exponent.LEVELS`; empty without a result of a
+        power law alone.
     averaging : Averaging, optional
         Error of averaged motions, where the record is reduced to amplitudes and phases.
     """
@@ -289,7 +290,6 @@ class ModelComparison:
         self,
         candidate: MotionCandidate,
         solver: Solver,
-        reference: Reference,
         values: Mapping[str, float],
         starts: Sequence[Mapping[str, float]] = (),
     ) -> LeastSquaresFit | None:
@@ -303,8 +303,6 @@ class ModelComparison:
             The rival.
         solver : Solver
             Solver with the terms of the rival and of the sum with the parameters `values`.
-        reference : Reference
-            Amplitude and frequency with which the priors scale.
         values : mapping of str to float
             Parameters, by name, of another sum, near whose motion the fit starts.
         starts : sequence of mapping, optional
@@ -312,11 +310,11 @@ class ModelComparison:
             exponent, at which the fit may start; by default those of `start_values`.
         """
         data, best = self.data, self.best
-        scales = reference.scales(
+        scales = self.reference.scales(
             data.rest_under(candidate.restoring, best.fit.values[best.solver.law_places])
         )
         known = {**self.known_motion(), **scales}
-        parameters = parameters_of(candidate, solver, data, reference, {}, known)
+        parameters = parameters_of(candidate, solver, data, self.reference, {}, known)
         return search_near(solver, data, parameters, values, starts or start_values(candidate, parameters))
 
     def expected_evidence(self, candidate: MotionCandidate, whole: Linearisation) -> float:
