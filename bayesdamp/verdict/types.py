@@ -313,9 +313,14 @@ def load_verdicts(path: Path) -> list[Verdict]:
         Where the file cannot be read.
     AttributeError, KeyError, TypeError, ValueError
         Where the file does not contain verdicts.
+    InputError
+        Where another version of the package wrote the file.
     """
     content = json.loads(path.read_text(encoding="utf-8"))
-    return [Verdict.from_dict(v) for v in (content if isinstance(content, list) else [content])]
+    verdicts = content if isinstance(content, list) else [content]
+    if any(v["schema"] != VERDICT_SCHEMA for v in verdicts):
+        raise InputError(f"{path}: was written by another version of bayesdamp; compute it again")
+    return [Verdict.from_dict(v) for v in verdicts]
 
 
 def save_verdicts(folder: Path, verdicts: Sequence[Verdict], shown: Sequence[Verdict] | None = None) -> None:

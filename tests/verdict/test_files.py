@@ -16,6 +16,7 @@ import pytest
 
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import make_record
+from bayesdamp.types import VERDICT_SCHEMA, InputError
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.types import columns, load_verdicts, save_verdicts
 from tests.verdict.test_decide import HERTZ, verdict_of
@@ -83,3 +84,11 @@ def test_another_type_or_field_is_noticed(envelope: Verdict, change: dict[str, A
 def test_an_unknown_grade_is_refused(envelope: Verdict) -> None:
     with pytest.raises(ValueError, match="'good' is not a valid Grade"):
         Verdict.from_dict({**envelope.to_dict(), "grade": "good"})
+
+
+def test_a_verdict_of_another_version_is_refused(envelope: Verdict, tmp_path: Path) -> None:
+    path = envelope.save(tmp_path / "verdict.json")
+    assert Verdict.load(path) == envelope
+    path.write_text(path.read_text().replace(f'"schema": {VERDICT_SCHEMA}', '"schema": 1'))
+    with pytest.raises(InputError, match=r"verdict\.json: was written by another version"):
+        Verdict.load(path)
