@@ -3,15 +3,13 @@
 Averaged over a cycle (Krylov & Bogoliubov 1937; Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 3) the amplitude A of
 an oscillation of angular frequency ω obeys dA/dt = -(ζA + 2μ_c/(πω) + 4μ_q ω A²/(3π)). With x = ln(A/A_ref), for a
 reference amplitude A_ref, this is dx/dt = -Σ c_i exp((p_i - 1) x), where c_i is the decay rate -dx/dt (1/s) that term i
-causes at A_ref, and p_i = 1, 0 and 2. Sums of these three terms have closed solutions. For any other term the decay
-dA/dt = -W/(2πωA), with the work W in a cycle of a harmonic motion, is tabulated over ln A, and sums with such terms are
-integrated numerically.
+causes at A_ref, and p_i = 1, 0 and 2. For any other term the decay dA/dt = -W/(2πωA), with the work W in a cycle of a
+harmonic motion, is tabulated over ln A. Sums are integrated numerically.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import combinations, product
@@ -35,14 +33,14 @@ EXPONENT_RANGE = -1.0, 3.0
 NEAR_VISCOUS = 1e-4
 """If the exponent p of a power law differs from 1 by less than this, the derivative by p is computed from a series."""
 _NEAR_ONE = 1e-6  # if |p - 1| is smaller, p = 1 is used
-_SMALL_ANGLE = 1e-6  # if |kt| is smaller, tanh(kt)/k = t is used
-LAW_PANELS = 200
-"""Number of intervals in ln A over which the time of a decay is integrated numerically; its relative error is then 1e-8
-(measured)."""
+LAW_PANELS, TAIL_PANELS = 1000, 400
+"""Numbers of intervals in ln A over which a decay is integrated numerically: in the range of the readings, and below
+it. The errors of ln A and the relative errors of its derivatives are then less than 1e-6, also near rest (measured)."""
+LEAST_FALL = 1e-7
+"""If ln A decreases by less than about this during a decay, the derivatives for a decrease of about this are used."""
 MIN_RATE = 1e-30
 """Before something is divided by a decay rate (1/s), the rate is raised to at least this; an undamped amplitude then
 stays constant."""
-_GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)  # nodes of the two-point Gauss rule on [-1, 1]
 
 Shape = Callable[[np.ndarray], np.ndarray]
 """The shape of a damping term: a function s(x) of x = ln(A/A_ref) that returns the term's decay rate -dx/dt relative to
@@ -57,46 +55,6 @@ LOSS_TOLERANCE = 1e-6
 """Two decay rates count as equal if their relative difference is at most this."""
 _REFERENCES = ("reference_velocity", "reference_amplitude")
 """Those names in `damping.GIVEN` that are reference scales (all except the equilibrium)."""
-
-
-def decay(t: np.ndarray, x0: float, terms: Sequence[str], rates: np.ndarray) -> np.ndarray:
-    """Return x = ln(A/A_ref), (n,), at given times of a decay under a sum of viscous, Coulomb and quadratic damping.
-
-    After the oscillation has come to rest, x is `LOG_AT_REST`. dA/dt = -(c0 + c1 A + c2 A²) (A relative to A_ref) is a
-    Riccati equation with constant coefficients. With k² = |c1²/4 - c0 c2| its solution is A = (A_0 - T (c1/2 A_0 + c0))
-    / (1 + T (c1/2 + c2 A_0)), T = tanh(kt)/k, or tan(kt)/k if c1²/4 < c0 c2.
-
-    Parameters
-    ----------
-    t
-        Times in s since the start, shape (n,).
-    x0
-        Value of x at t = 0.
-    terms, rates
-        Names of the terms (keys of `POWERS`), and the decay rate -dx/dt in 1/s that each causes at A_ref.
-    """
-    by_term = dict(zip(terms, rates, strict=True))
-    c1, c0, c2 = (float(by_term.get(term, 0.0)) for term in POWERS)
-    start = np.exp(x0)
-    half = 0.5 * c1
-    discriminant = half * half - c0 * c2
-    k = np.sqrt(abs(discriminant))
-    kt = k * t
-    if discriminant < 0:
-        # The amplitude reaches zero before tan(kt) diverges, and then stays there.
-        late = kt >= 0.5 * np.pi
-        tangent = np.where(late, np.inf, np.tan(np.where(late, 0.0, kt)) / k)
-    else:
-        tangent = np.where(np.abs(kt) > _SMALL_ANGLE, np.tanh(kt) / max(k, 1e-300), t)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        amplitude = (start - tangent * (half * start + c0)) / (1.0 + tangent * (half + c2 * start))
-    if c0 == 0.0 and c2 == 0.0:
-        return np.maximum(x0 - c1 * t, LOG_AT_REST)
-    if c0 == 0.0 and c1 > 0.0:  # this form has no cancellation at late times
-        return np.maximum(x0 - c1 * t - np.log1p(-c2 * start * np.expm1(-c1 * t) / c1), LOG_AT_REST)
-    if c2 == 0.0 and c1 > 0.0:
-        amplitude = start * np.exp(-c1 * t) + c0 * np.expm1(-c1 * t) / c1
-    return np.log(np.where(amplitude > np.exp(LOG_AT_REST), amplitude, np.exp(LOG_AT_REST)))
 
 
 def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.ndarray:
@@ -162,115 +120,23 @@ def coefficient_from_rate(
     return "mu_q", rate / reference * 3 * np.pi / (4 * omega), "1/{}"
 
 
-class DecayLaw(ABC):
-    """A decay law dx/dt = -Σ c_i s_i(x) of x = ln(A/A_ref) under a sum of damping terms.
+@dataclass(frozen=True)
+class DecayLaw:
+    """The decay law dx/dt = -Σ c_i s_i(x) of x = ln(A/A_ref) under a sum of damping terms, integrated numerically.
 
     Term i has the decay rate c_i (1/s) at the reference amplitude A_ref and the shape s_i, with s_i(0) = 1. (For a term
     that has hardly any effect at A_ref, s_i(0) can be less than 1, and its rate there is c_i s_i(0); see `Sum.law` in
     `inference.envelope.sums`.)
-    """
 
-    terms: tuple[str, ...]
-
-    @abstractmethod
-    def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return the decay rates -dx/dt of the terms relative to those at A_ref, (terms, n), at x = ln(A/A_ref), (n,).
-
-        They are the shapes s_i(x) in the definition of the law.
-        """
-
-    @abstractmethod
-    def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x, (n,), at times t in s since the start, (n,), of a decay that starts from x0.
-
-        rates: the rates c_i (1/s) of the terms, which must not be negative, (terms,).
-        """
-
-    def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return the total decay rate -dx/dt = Σ c_i s_i(x) in 1/s, (n,), at values of x, (n,); rates: c_i (1/s)."""
-        return rates @ self.shapes(x)
-
-    def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
-        """Return the derivatives, (n, terms), of x at times t by the rates c_i, as difference quotients.
-
-        t: times in s since the start, (n,). x: values at these times, which only subclasses use. x0: value at the
-        start. rates: the rates c_i (1/s). step: change of a rate in 1/s.
-        """
-        columns = []
-        for i in range(len(rates)):
-            up, down = rates.copy(), rates.copy()
-            up[i] += step
-            down[i] = max(0.0, rates[i] - step)
-            columns.append((self.decay(t, x0, up) - self.decay(t, x0, down)) / (up[i] - down[i]))
-        return np.stack(columns, axis=1)
-
-
-@dataclass(frozen=True)
-class ClosedForm(DecayLaw):
-    """The decay law of sums of viscous, Coulomb and quadratic damping, in closed form."""
-
-    terms: tuple[str, ...]
-
-    def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return the decay rates of the terms relative to those at A_ref, exp((p_i - 1) x), (terms, n), at x, (n,).
-
-        Term i alone would cause the decay dA/dt ∝ -A^p_i.
-        """
-        return np.exp(np.array([[POWERS[term] - 1.0] for term in self.terms]) * x)
-
-    def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x = ln(A/A_ref), (n,), at times t in s since the start, (n,), of a decay that starts from x0.
-
-        rates: the decay rate at A_ref of each term in 1/s, (terms,). After the oscillation has come to rest, x is
-        `LOG_AT_REST`.
-        """
-        return decay(t, x0, self.terms, rates)
-
-
-@dataclass(frozen=True)
-class PowerLaw(DecayLaw):
-    """The decay law dA/dt ∝ -A^p, whose exponent p is a parameter.
-
-    The two parameters, which its methods take as `rates`, are ln of the decay rate (1/s) at A_ref, and p.
-    """
-
-    terms: tuple[str, ...] = ("log_rate", "exponent")
-
-    def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Raise NotImplementedError, because the shape of this law is not fixed: it depends on the exponent."""
-        raise NotImplementedError
-
-    def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x = ln(A/A_ref), (n,), at times t in s since the start, (n,), of a decay that starts from x0.
-
-        rates: ln of the decay rate (1/s) at A_ref, and the exponent p. After the oscillation has come to rest, x is
-        `LOG_AT_REST`.
-        """
-        return power_decay(t, x0, float(rates[0]), float(rates[1]))
-
-    def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return the decay rate -dx/dt in 1/s at values of x = ln(A/A_ref), (n,).
-
-        rates: ln of the decay rate (1/s) at A_ref, and the exponent p.
-        """
-        return np.exp(rates[0] + (rates[1] - 1.0) * x)
-
-    def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
-        """Return the derivatives of x, (n, 2), by ln of the decay rate at A_ref, and by the exponent.
-
-        They are exact; the arguments x and step are not used. t: times in s since the start, (n,). x0: value of x at
-        the start. rates: ln of the decay rate (1/s) at A_ref, and the exponent p.
-        """
-        # `power_slopes` has the rate at the start as a parameter; the chain rule converts to the rate at A_ref.
-        own = power_slopes(t, np.array([x0, rates[0] + (rates[1] - 1.0) * x0, rates[1]]))
-        return np.column_stack([own[:, 1], own[:, 2] + x0 * own[:, 1]])
-
-
-@dataclass(frozen=True)
-class TabulatedLaw(DecayLaw):
-    """The decay law of a sum of any terms, integrated numerically for x = ln(A/A_ref) between `low` and `high`.
-
-    Outside this range the total decay rate is extrapolated as a power of A. each: the shape function of each term.
+    Attributes
+    ----------
+    terms
+        Names of the terms.
+    each
+        The shape s_i of each term.
+    low, high
+        Values of x between which the integration has equal steps. Below `low` its steps increase, down to
+        `LOG_AT_REST`. Decays that start above `high` are computed as if they started there.
     """
 
     terms: tuple[str, ...]
@@ -279,102 +145,102 @@ class TabulatedLaw(DecayLaw):
     high: float
 
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return the decay rates -dx/dt of the terms relative to those at A_ref, (terms, n), at x = ln(A/A_ref), (n,).
+        """Return the shapes s_i(x) of the terms, (terms, n), at x = ln(A/A_ref), (n,).
 
-        They are the shapes s_i(x), which are evaluated at x itself: there is no interpolation between values in the
-        table, and no extrapolation outside of it.
+        They are the decay rates -dx/dt of the terms relative to those at A_ref.
         """
         return np.stack([shape(x) for shape in self.each])
+
+    def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Return the total decay rate -dx/dt = Σ c_i s_i(x) in 1/s, (n,), at values of x, (n,); rates: c_i (1/s)."""
+        return rates @ self.shapes(x)
 
     @cached_property
     def _nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the nodes of the integration over x, and the terms' shapes at them.
 
-        Returns x at the ends of the intervals, decreasing, (q,), with q = LAW_PANELS + 1; the shapes there, (terms, q);
-        and the shapes at the two Gauss points in each interval, (terms, 2 LAW_PANELS).
+        Returns -x at the ends of the intervals, increasing, (q,); the shapes there, (terms, q); and the shapes at the
+        first Gauss point in each interval, then those at the second, (terms, 2q - 2).
         """
-        x = np.linspace(self.high, self.low, LAW_PANELS + 1)
-        middle, half = 0.5 * (x[1:] + x[:-1]), 0.5 * (x[0] - x[1])
-        inside = (middle[:, None] + half * _GAUSS).ravel()
-        return x, self.shapes(x), self.shapes(inside)
+        below = (self.low - LOG_AT_REST) * np.linspace(0.0, 1.0, TAIL_PANELS + 1)[1:] ** 2
+        fallen = np.concatenate([np.linspace(-self.high, -self.low, LAW_PANELS + 1), below - self.low])
+        middle, off = 0.5 * (fallen[1:] + fallen[:-1]), 0.5 * np.diff(fallen) / np.sqrt(3.0)
+        return fallen, self.shapes(-fallen), self.shapes(-np.concatenate([middle - off, middle + off]))
 
-    def decay(self, t: np.ndarray, x0: float, rates: np.ndarray) -> np.ndarray:
-        """Return x, (n,), at times t in s since the start, (n,), of a decay that starts from x0.
+    def solve(self, t: np.ndarray, x0: float, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return x, (n,), at times t of a decay that starts from x0, and its derivatives by the rates, (n, terms).
 
-        The time t(x) = ∫ dx/rate is integrated numerically, and inverted by interpolation. rates: the rates c_i (1/s).
+        The time t(x) = ∫ dx/rate is integrated numerically, and inverted by interpolation. After the oscillation has
+        come to rest, x is `LOG_AT_REST`; the derivatives hold until then. If the rates hardly change x, they are
+        raised, because the integrals do not exist without damping.
+
+        t: increasing times in s since the start, (n,). rates: the rates c_i (1/s), which must not be negative,
+        (terms,).
         """
-        x, ends, inside = self._nodes
-        speed = np.maximum(rates @ ends, MIN_RATE)
-        slow = 1.0 / np.maximum(rates @ inside, MIN_RATE)
-        durations = 0.5 * (x[0] - x[1]) * slow.reshape(-1, 2).sum(axis=1)
-        passed = np.concatenate([[0.0], np.cumsum(durations)])
-        # Local power of A at the two ends, for the extrapolation.
-        power = [
-            float(np.diff(np.log(speed[side]))[0] / np.diff(x[side])[0])
-            for side in (slice(2), slice(-2, None))
-        ]
-        # `begun` is the time at which the tabulated decay, which starts at x[0], passes x0.
-        if x0 > x[0]:
-            begun = -_between(x0 - x[0], speed[0], power[0])
-        elif x0 < x[-1]:
-            begun = passed[-1] + _between(x[-1] - x0, speed[-1] * np.exp(power[1] * (x0 - x[-1])), power[1])
-        else:
-            begun = float(_cubic(np.array([x0]), x[::-1], passed[::-1], -1.0 / speed[::-1])[0])
-        at = begun + t
-        result = _cubic(np.clip(at, passed[0], passed[-1]), passed, x, -speed)
-        for outside, place, since in ((at < 0.0, 0, at), (at > passed[-1], -1, at - passed[-1])):
-            if outside.any():
-                q = power[place]
-                result[outside] = power_decay(
-                    since[outside], float(x[place]), float(np.log(speed[place]) - q * x[place]), q + 1.0
-                )
-        return result
-
-    def slopes(self, t: np.ndarray, x: np.ndarray, x0: float, rates: np.ndarray, step: float) -> np.ndarray:
-        """Return the derivatives, (n, terms), of x at times t by the rates c_i, by quadrature.
-
-        x: values at the times t, (n,). x0: value at the start. Integrals end at the ends of the table if x is outside
-        of it. If the sum of the rates is below `step` (1/s), each rate is raised to at least `step`, because the
-        integrals do not exist without damping.
-        """
-        # ∂x/∂c_i = -f ∫ s_i/f dt with f = -dx/dt.
-        if rates.sum() < step:  # f = 0 has no such integral; use a small rate
-            rates = np.maximum(rates, step)
-            x = self.decay(t, x0, rates)
-        nodes, ends, inside = self._nodes
-        speed = np.maximum(rates @ ends, MIN_RATE)
-        slow = inside / np.maximum(rates @ inside, MIN_RATE) ** 2
-        each = 0.5 * (nodes[0] - nodes[1]) * slow.reshape(len(rates), -1, 2).sum(axis=2)
-        passed = np.concatenate([np.zeros((len(rates), 1)), np.cumsum(each, axis=1)], axis=1)[:, ::-1]
-        at = np.clip(np.append(x0, x), nodes[-1], nodes[0])
-        integrals = [
-            _cubic(at, nodes[::-1], values, slope)
-            for values, slope in zip(passed, -(ends / speed**2)[:, ::-1], strict=True)
-        ]
-        since = np.stack([integral[1:] - integral[0] for integral in integrals], axis=1)
-        return -np.maximum(self.rate(x, rates), MIN_RATE)[:, None] * since
+        if rates.sum() * t[-1] < LEAST_FALL:
+            rates = np.maximum(rates, LEAST_FALL / t[-1])
+        fallen, ends, inside = self._nodes
+        speed, slow = np.maximum(rates @ ends, MIN_RATE), 1.0 / np.maximum(rates @ inside, MIN_RATE)
+        # ∂x/∂c_i = -f ∫ s_i/f dt with f = -dx/dt, and dt = -dx/f.
+        passed, *integrals = _integrals(fallen, np.vstack([slow, inside * slow**2]))
+        begun = _cubic(np.maximum(-x0, fallen[0]), fallen, passed, 1.0 / speed)
+        at = np.clip(begun + np.append(0.0, t), passed[0], passed[-1])
+        x, *since = _cubic(at, passed, np.vstack([-fallen, *integrals]), np.vstack([-speed, ends / speed]))
+        x, since = np.where(at < passed[-1], x, LOG_AT_REST)[1:], np.transpose(since)
+        return x, -self.rate(x, rates)[:, None] * (since[1:] - since[0])
 
 
-def _between(fall: float, speed: float, power: float) -> float:
-    """Return the time (s) in which x = ln A decreases by `fall`, if its decay rate is proportional to A^power.
+def _integrals(x: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Return the integrals, (..., n), of functions from x[0] to each x, (n,).
 
-    speed: the decay rate (1/s) at the end of this time.
+    inside: the functions at the first Gauss point in each interval, then at the second, (..., 2n - 2).
     """
-    return float(fall / speed if abs(power) < 1e-9 else -np.expm1(-power * fall) / (power * speed))
+    first, second = np.split(inside, 2, axis=-1)
+    integrals = np.zeros((*inside.shape[:-1], x.size))
+    np.cumsum(0.5 * np.diff(x) * (first + second), axis=-1, out=integrals[..., 1:])
+    return integrals
 
 
 def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Return values, (k,), at points `at`, (k,), by cubic Hermite interpolation.
+    """Return values, (..., k), at points `at`, (k,), by cubic Hermite interpolation.
 
-    x, y, slope: increasing nodes, and the values and derivatives at them, (n,) each.
+    x: nodes that do not decrease, (n,). y, slope: the values and derivatives at them, (..., n).
     """
-    i = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
+    i = np.clip(np.searchsorted(x, at) - 1, 0, x.size - 2)
     h = x[i + 1] - x[i]
     u = (at - x[i]) / h
     v = 1.0 - u
-    return v * v * ((1.0 + 2.0 * u) * y[i] + u * h * slope[i]) + u * u * (
-        (1.0 + 2.0 * v) * y[i + 1] - v * h * slope[i + 1]
+    return v * v * ((1.0 + 2.0 * u) * y[..., i] + u * h * slope[..., i]) + u * u * (
+        (1.0 + 2.0 * v) * y[..., i + 1] - v * h * slope[..., i + 1]
     )
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """The decay law dA/dt ∝ -A^p, whose exponent p is a parameter.
+
+    The two parameters, which its methods take as `rates`, are ln of the decay rate (1/s) at A_ref, and p.
+    """
+
+    terms: tuple[str, ...] = ("log_rate", "exponent")
+
+    def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Return the decay rate -dx/dt in 1/s at values of x = ln(A/A_ref), (n,).
+
+        rates: ln of the decay rate (1/s) at A_ref, and the exponent p.
+        """
+        return np.exp(rates[0] + (rates[1] - 1.0) * x)
+
+    def solve(self, t: np.ndarray, x0: float, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return x = ln(A/A_ref), (n,), of a decay that starts from x0, and its derivatives by the parameters, (n, 2).
+
+        After the oscillation has come to rest, x is `LOG_AT_REST`; the derivatives hold until then. t: times in s since
+        the start, (n,). rates: ln of the decay rate (1/s) at A_ref, and the exponent p.
+        """
+        x = power_decay(t, x0, float(rates[0]), float(rates[1]))
+        # `power_slopes` has the rate at the start as a parameter; the chain rule converts to the rate at A_ref.
+        own = power_slopes(t, np.array([x0, rates[0] + (rates[1] - 1.0) * x0, rates[1]]))
+        return x, np.column_stack([own[:, 1], own[:, 2] + x0 * own[:, 1]])
 
 
 @dataclass(frozen=True)
@@ -395,8 +261,6 @@ class AmplitudeSolver:
         the decay rate from the law, linear in time between the knots.
     knots
         Number of knots.
-    step
-        Change of a rate in 1/s for difference quotients.
     white
         Matrix (n, n) that whitens the noise of the readings; decays and derivatives are multiplied by it. None for
         white noise.
@@ -404,11 +268,10 @@ class AmplitudeSolver:
         Part of the interface of `Solver`; not used here.
     """
 
-    law: DecayLaw
+    law: DecayLaw | PowerLaw
     t: np.ndarray
     duration: float
     knots: int
-    step: float
     white: np.ndarray | None = None
     restoring: str = "linear"
 
@@ -437,13 +300,14 @@ class AmplitudeSolver:
         have no effect.
         """
         rates, start = p[:-1], float(p[-1])
-        x = self.law.decay(self.t, start, rates)
-        speed = np.where(x > LOG_AT_REST, self.law.rate(x, rates), 0.0)
+        x, by_rates = self.law.solve(self.t, start, rates)
+        moving = x > LOG_AT_REST
+        speed = np.where(moving, self.law.rate(x, rates), 0.0)
         slopes = np.empty((x.size, 0))
         if tangents:
             at_start = float(self.law.rate(np.array([start]), rates)[0])
             by_start = speed / at_start if at_start > 0 else np.ones_like(x)  # undamped
-            slopes = np.column_stack([self.law.slopes(self.t, x, start, rates, self.step), by_start])
+            slopes = np.column_stack([np.where(moving[:, None], by_rates, 0.0), by_start])
         if tangents == ALL:
             passed = basis_integrals(self.t / self.duration, self.knots) * self.duration
             slopes = np.column_stack([slopes, -speed[:, None] * passed])

@@ -225,13 +225,13 @@ class EnvelopeCandidate:
         return self.exact.log_evidence
 
 
-def solver_of(blocks: Blocks, law: DecayLaw, white: np.ndarray | None = None) -> AmplitudeSolver:
+def solver_of(blocks: Blocks, law: DecayLaw | PowerLaw, white: np.ndarray | None = None) -> AmplitudeSolver:
     """Return a solver of the decay law at the times of the blocks.
 
     white: matrix by which the solver multiplies decays and derivatives to whiten the noise of the blocks, (n, n); None
     to leave them as they are.
     """
-    return AmplitudeSolver(law, blocks.t, blocks.duration, KNOTS, 1e-4 * blocks.mean_rate, white)
+    return AmplitudeSolver(law, blocks.t, blocks.duration, KNOTS, white)
 
 
 def fit_rates(blocks: Blocks, law: DecayLaw, white: np.ndarray) -> LeastSquaresFit:
@@ -255,7 +255,7 @@ def fit_rates(blocks: Blocks, law: DecayLaw, white: np.ndarray) -> LeastSquaresF
     """
     rates = np.full(len(law.terms), blocks.mean_rate / len(law.terms))
     for _ in range(40):  # reduce the rates until the decay lasts to the end of the record
-        if law.decay(blocks.t[-1:], blocks.ends[0], rates)[0] > blocks.x.min() - 1.0:
+        if law.solve(blocks.t[-1:], blocks.ends[0], rates)[0][0] > blocks.x.min() - 1.0:
             break
         rates = 0.7 * rates
     prior = SharedHalfNormal(per_ratio=FIT_SCALE * blocks.mean_rate / SCORE_RATIO)
@@ -263,7 +263,11 @@ def fit_rates(blocks: Blocks, law: DecayLaw, white: np.ndarray) -> LeastSquaresF
 
 
 def _fit_with_priors(
-    blocks: Blocks, law: DecayLaw, white: np.ndarray, priors: Mapping[str, Prior], begin: np.ndarray
+    blocks: Blocks,
+    law: DecayLaw | PowerLaw,
+    white: np.ndarray,
+    priors: Mapping[str, Prior],
+    begin: np.ndarray,
 ) -> LeastSquaresFit:
     """Fit the parameters of a decay law, and ln(A/A_ref) at the start, by least squares with priors.
 
@@ -400,7 +404,7 @@ class FitPosteriors:
 
 
 def _posteriors_about(
-    blocks: Blocks, law: DecayLaw, p: np.ndarray, units: np.ndarray, rates: bool
+    blocks: Blocks, law: DecayLaw | PowerLaw, p: np.ndarray, units: np.ndarray, rates: bool
 ) -> tuple[Motion, FitPosteriors]:
     """Return the decay at parameters p, (d + 1,), with its derivatives, and the normal posteriors linearised about p.
 

@@ -11,7 +11,7 @@ from bayesdamp.inference.deviation.linear import smooth_root
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_power, fit_rates, solver_of
 from bayesdamp.inference.envelope.noise import DEVIATION_LENGTH, SLOW_FRACTIONS, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit
-from bayesdamp.physics.amplitude import SUMS, ClosedForm, Scale
+from bayesdamp.physics.amplitude import SUMS, Scale
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.records.envelope.record import EnvelopeRecord, scale_of
 from bayesdamp.records.envelope.window import (
@@ -248,12 +248,13 @@ def held_blocks(b: Blocks) -> int:
     if n < LEAST_BLOCKS_HELD:
         return 0
     visible = np.sqrt(b.floor.power) if b.floor is not None else 0.0
+    law = Sum(SUMS[-1], b.ends[0], float(b.x.min())).law()
     inverse = np.diag(1.0 / np.maximum(LEAST_SCATTER, np.exp(-b.x) * visible))
 
     def misfit(held_level: int) -> float:
         """Return the sum of squared residuals of a fit with a constant level up to the block with this index."""
         held = replace(b, t=np.maximum(b.t - b.t[held_level], 0.0))
-        return fit_rates(held, ClosedForm(SUMS[-1]), inverse).squares
+        return fit_rates(held, law, inverse).squares
 
     tried = range(FIRST_END, n // 2, END_STEP if n >= SPARSE_READINGS else 1)
     misfits = [misfit(end) for end in tried]
@@ -289,11 +290,11 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
     visible = np.sqrt(b.floor.power) if b.floor is not None else 1e-3
     rough = np.diag(1.0 / np.maximum(0.02, np.exp(-b.x) * visible))
     law, x0, rates = loosest_fit(b, sums, rough)
-    fit = law.decay(b.t, x0, rates)
+    fit = law.solve(b.t, x0, rates)[0]
     # The mean of the fitted ln A over a block minus its value in the middle, to second order.
     off = np.gradient(b.t) * np.sqrt(max(1.0 - b.each**-2, 0.0) / 12.0)
-    before = law.decay(b.t - off, x0, rates)
-    curvature = 0.5 * (before + law.decay(b.t + off, x0, rates)) - fit
+    before = law.solve(b.t - off, x0, rates)[0]
+    curvature = 0.5 * (before + law.solve(b.t + off, x0, rates)[0]) - fit
     b = replace(b, x=b.x - curvature)
     tangents = solver_of(b, law).solve(np.append(rates, x0), tangents=ALL).tangents
     columns, warp = tangents[:, :-KNOTS], tangents[:, -KNOTS:]

@@ -32,11 +32,9 @@ from bayesdamp.numerics.weights import effective_size, normalise
 from bayesdamp.physics.amplitude import (
     POWERS,
     SUMS,
-    ClosedForm,
     DecayLaw,
     Scale,
     Shape,
-    TabulatedLaw,
     are_proportional,
     log_loss,
 )
@@ -60,9 +58,9 @@ this is less than this fraction of its largest rate along the decay, the fractio
 instead."""
 STEEPEST_POWER = 3.0
 """Exponent p of the term of the package whose decay dA/dt ∝ -A^p is steepest (cubic damping)."""
-TABLE_MARGIN = 1.0
-"""A decay law that has no closed form is tabulated over the range of the readings, and beyond it by this difference of
-ln A (A is the amplitude) at both ends."""
+TABLE_MARGIN = 3.0
+"""Decay laws are integrated in small steps over the range of the readings, and beyond it by this difference of ln A (A
+is the amplitude) at both ends."""
 POINTS_PER_ROUND = 16
 """Number of points that are added in each round of importance sampling of the parameters that terms have besides their
 coefficients."""
@@ -129,8 +127,8 @@ class Sum:
 
     @cached_property
     def each(self) -> tuple[DampingTerm, ...]:
-        """The damping terms; () if all are viscous, Coulomb or quadratic, because their decay has a closed form."""
-        return () if set(self.terms) <= set(POWERS) else tuple(map(TERMS.get, self.terms))
+        """The damping terms."""
+        return tuple(map(TERMS.get, self.terms))
 
     @property
     def name(self) -> str:
@@ -144,7 +142,7 @@ class Sum:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Number of inferred parameters of each term besides its coefficient; () if the sum has a closed form."""
+        """Number of inferred parameters of each term besides its coefficient."""
         return tuple(len(term.inferred) for term in self.each)
 
     @property
@@ -163,19 +161,20 @@ class Sum:
     def law(self, scores: Sequence[float] = ()) -> DecayLaw:
         """Return the decay law at standard normal scores of the terms' parameters, except the coefficients.
 
-        If a term's rate at A_ref is below `LEAST_RELATIVE_RATE` of its largest rate along the decay, its shape s is
-        relative to this fraction of the largest rate, so that s(0) < 1.
+        The shapes of viscous, Coulomb and quadratic damping are 1 at A_ref. If any other term has a rate at A_ref below
+        `LEAST_RELATIVE_RATE` of its largest rate along the decay, its shape s is relative to this fraction of the
+        largest rate, so that s(0) < 1.
         """
-        if not self.each:
-            return ClosedForm(self.terms)
 
         def shape(term: int) -> Shape:
+            if self.terms[term] in POWERS:
+                return _power(POWERS[self.terms[term]])
             own = self.scores_of(scores, term)
             loss, unit = log_loss(self.each[term], own, self.scale), self.unit_rate(term, own)
             return lambda x: np.exp(loss(x - self.start) - unit)
 
-        shapes = tuple(map(shape, range(len(self.each))))
-        return TabulatedLaw(self.terms, shapes, self.low - TABLE_MARGIN, self.start + TABLE_MARGIN)
+        shapes = tuple(map(shape, range(len(self.terms))))
+        return DecayLaw(self.terms, shapes, self.low - TABLE_MARGIN, self.start + TABLE_MARGIN)
 
     def unit_rate(self, term: int, scores: tuple[float, ...], scale: Scale | None = None) -> float:
         """Return ln of the decay rate (1/s) at the reference amplitude for a coefficient of 1 of a term.
@@ -270,20 +269,15 @@ def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[De
     inverse: matrix that whitens the noise, (n, n). Returns the law, ln(A/A_ref) at the start, and the rates of its
     terms in 1/s at the reference amplitude.
     """
-    steep = TabulatedLaw(
-        ("steep",), (_power(STEEPEST_POWER),), float(b.x.min()) - TABLE_MARGIN, b.ends[0] + TABLE_MARGIN
-    )
-    fits = [(law, fit_rates(b, law, inverse)) for law in (ClosedForm(SUMS[-1]), steep)]
-    fits += [_fit_sum(b, s, inverse) for s in sums if s.each]
+    every = Sum(SUMS[-1], b.ends[0], float(b.x.min())).law()
+    steep = replace(every, terms=("steep",), each=(_power(STEEPEST_POWER),))
+    fits = [(law, fit_rates(b, law, inverse)) for law in (every, steep)]
+    fits += [_fit_sum(b, s, inverse) for s in sums if further_terms([s.terms])]
     law, fit = min(fits, key=lambda pair: pair[1].squares)
-    x0, rates = float(fit.values[-1]), fit.values[:-1]
-    if law.terms == SUMS[-1]:
-        return law, x0, rates
-    assert isinstance(law, TabulatedLaw)
     more = tuple(term for term in SUMS[-1] if term not in law.terms)
     shapes = tuple(_power(POWERS[term]) for term in more)
     law = replace(law, terms=law.terms + more, each=law.each + shapes)
-    return law, x0, np.append(rates, np.zeros(len(more)))
+    return law, float(fit.values[-1]), np.append(fit.values[:-1], np.zeros(len(more)))
 
 
 def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[DecayLaw, LeastSquaresFit]:

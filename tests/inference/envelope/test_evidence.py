@@ -11,8 +11,9 @@ from scipy.special import logsumexp
 from bayesdamp.inference.deviation import linear
 from bayesdamp.inference.envelope.candidates import Blocks, EnvelopeCandidate, fit_candidate
 from bayesdamp.inference.envelope.noise import Noise
+from bayesdamp.inference.envelope.sums import Sum
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.physics.amplitude import SUMS, ClosedForm, decay
+from bayesdamp.physics.amplitude import SUMS, DecayLaw
 from bayesdamp.priors import SCORE_RATIO
 from bayesdamp.records.envelope.record import make_record
 from validation.truth.ringdowns import Ringdown, simulate
@@ -24,16 +25,21 @@ STEP = (0.3 / 1e-8) ** (1 / 25)
 
 def blocks(slower: float = 1.0, noise: float = 0.05) -> Blocks:
     """Return 60 readings of viscous and Coulomb damping of 3e-4 at 50 Hz with white noise, slower by a factor."""
-    rates = np.array([0.065, 0.035]) / slower
     t = np.linspace(0.0, 15.0, 60) * slower
-    x = decay(t, 1.2, ("viscous", "coulomb"), rates) + noise * np.random.default_rng(4).standard_normal(60)
+    rest = 0.035 / 0.065
+    x = np.log((np.exp(1.2) + rest) * np.exp(-0.065 / slower * t) - rest)
+    x += noise * np.random.default_rng(4).standard_normal(60)
     noises = ((Noise(1e-4, 1.0, 1e-8, 1.0, noise), noise**2 * np.eye(60)),)
     rate = float(x[0] - x[-1]) / float(t[-1])
     return Blocks(t, x, float(t[-1]), rate, frequency=OMEGA, noises=noises, inverse=np.eye(60) / noise)
 
 
+def law(b: Blocks, terms: tuple[str, ...]) -> DecayLaw:
+    return Sum(terms, b.ends[0], float(b.x.min())).law()
+
+
 def all_candidates(b: Blocks) -> list[EnvelopeCandidate]:
-    return [fit_candidate(b, ClosedForm(terms)) for terms in SUMS]
+    return [fit_candidate(b, law(b, terms)) for terms in SUMS]
 
 
 def probabilities(candidates: Sequence[EnvelopeCandidate]) -> np.ndarray:
@@ -44,7 +50,7 @@ def probabilities(candidates: Sequence[EnvelopeCandidate]) -> np.ndarray:
 def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
     """Without deviations and with the given noise, on a fine grid of the solution of dA/dt = −vA − c."""
     b = blocks(noise=0.02)
-    candidate = fit_candidate(b, ClosedForm(("viscous", "coulomb")))
+    candidate = fit_candidate(b, law(b, ("viscous", "coulomb")))
     # Without a deviation, and with the second of three factors of the noise, exp(-0.25), 1 and exp(0.25).
     given = candidate.posterior.combos == np.flatnonzero(candidate.about.size == 0.0)[1]
     log_z = logsumexp(candidate.posterior.log_each[given]) - np.log(0.8) + np.log(3.0)
