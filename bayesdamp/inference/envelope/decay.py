@@ -11,7 +11,7 @@ from bayesdamp.inference.deviation.linear import smooth_root
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_power, fit_rates, solver_of
 from bayesdamp.inference.envelope.noise import DEVIATION_LENGTH, SLOW_FRACTIONS, infer_noise
 from bayesdamp.inference.envelope.sums import Sum, loosest_fit
-from bayesdamp.physics.amplitude import SUMS, Scale
+from bayesdamp.physics.amplitude import LOG_AT_REST, SUMS, Scale
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.records.envelope.record import EnvelopeRecord, scale_of
 from bayesdamp.records.envelope.window import (
@@ -293,8 +293,10 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
     fit = law.solve(b.t, x0, rates)[0]
     # The mean of the fitted ln A over a block minus its value in the middle, to second order.
     off = np.gradient(b.t) * np.sqrt(max(1.0 - b.each**-2, 0.0) / 12.0)
-    before = law.solve(b.t - off, x0, rates)[0]
-    curvature = 0.5 * (before + law.solve(b.t + off, x0, rates)[0]) - fit
+    before, after = (law.solve(b.t + shift, x0, rates)[0] for shift in (-off, off))
+    curvature = np.where(
+        after > LOG_AT_REST, 0.5 * (before + after) - fit, 0.0
+    )  # 0 in the block that comes to rest
     b = replace(b, x=b.x - curvature)
     tangents = solver_of(b, law).solve(np.append(rates, x0), tangents=ALL).tangents
     columns, warp = tangents[:, :-KNOTS], tangents[:, -KNOTS:]

@@ -35,3 +35,11 @@ def test_the_means_of_a_straight_decay_are_not_changed():
     x = 1.0 - 0.3 * t + noise
     b = Blocks(t, x, 10.0, 0.3, None, 20)
     assert infer_noises(b)[0].x == pytest.approx(x, abs=1e-4)
+
+
+def test_means_of_readings_at_rest_are_not_corrected():
+    """Friction stops the motion within the last block. Control: with ln A = -60 at rest, its mean changed by 26."""
+    t, noise = np.linspace(0.0, 10.0, 60), 0.01 * np.random.default_rng(3).standard_normal(60)
+    x = np.log1p(-t / 10.02) + noise
+    b = Blocks(t, x, 10.0, float(x[0] - x[-1]) / 10.0, None, 20)
+    assert infer_noises(b)[0].x == pytest.approx(x, abs=0.1)
