@@ -42,7 +42,7 @@ QUESTIONS = {
     ),
     "misfit": (
         "What if no law is right?",
-        "eighteen kinds: drift, beats, clipping, cubic damping, …",
+        "fifteen kinds: drift, beats, clipping, cubic damping, …",
     ),
     "laws": (
         "The exponent, and further terms?",

@@ -228,7 +228,7 @@ TABLES: Mapping[str, Mapping[str, str]] = {
     "deviation/rows.csv": {"group": "family"},
     "laws/laws.csv": {},
     "light/rows.csv": {},
-    "misfit/scored.csv": {"group": "clean"},
+    "contest/rows.csv": {"group": "family", "peer": "bayesdamp"},
 }
 """For each table with many records, its path below reports/ and the values of the rows that are compared, by column:
 those whose true law is among the compared ones."""

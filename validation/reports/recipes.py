@@ -70,7 +70,7 @@ RECIPES: tuple[Recipe, ...] = (
         "deviation", 10, f"{PAGES}.deviation", "--family 100 --discrepant 60 --dense 20",
         "validation/reports/deviation.py",
     ),
-    _page("misfit", 2, "validation.misfit.scoring", "--seed 21 --count 6", "validation/misfit"),
+    _page("misfit", 4, f"{PAGES}.misfit", "--seed 21 --count 6", "validation/reports/misfit.py"),
     _page("laws", 6, "validation.experiments.laws", "--exponents 50 --each 8", "validation/experiments/laws.py"),
     _calibration("calibration", 7),
     _calibration("model_recovery", 6, " --models"),

@@ -78,16 +78,18 @@ def power(rng: np.random.Generator, draw: Draw) -> Discrepancy:
     return Discrepancy("power_1.7", lambda x, v, turn: c * math.copysign(abs(v) ** POWER, v))
 
 
-def stribeck(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Return a further friction at low velocities v: μ/2 · exp(−(v/v_s)²), with Coulomb friction μ.
+def stribeck(
+    rng: np.random.Generator, draw: Draw, excess: float = STRIBECK_EXCESS, speed: float = STRIBECK_SPEED
+) -> Discrepancy:
+    """Return a further friction at low velocities v: e μ exp(−(v/v_s)²), with Coulomb friction μ.
 
-    v_s is 0.3 times the first peak velocity.
+    excess: the factor e. speed: v_s relative to the first peak velocity.
     """
-    more = STRIBECK_EXCESS * draw.oscillator.damping["coulomb"]
-    speed = STRIBECK_SPEED * draw.amplitude * draw.frequency
+    more = excess * draw.oscillator.damping["coulomb"]
+    slow = speed * draw.amplitude * draw.frequency
     return Discrepancy(
         "stribeck",
-        lambda x, v, turn: more * turn * math.exp(-((v / speed) ** 2)),
+        lambda x, v, turn: more * turn * math.exp(-((v / slow) ** 2)),
         static_friction=lambda x: more,
     )
 
