@@ -45,8 +45,8 @@ QUESTIONS = {
         "fifteen kinds: drift, beats, clipping, cubic damping, …",
     ),
     "laws": (
-        "The exponent, and further terms?",
-        "power laws and six terms by another solver",
+        "Which further terms are recognised?",
+        "six terms by another solver",
     ),
     "noise": (
         "Which estimator in noise?",

@@ -1,14 +1,19 @@
-"""Answer records whose truth is known, one row for each record and peer, and score the rows.
+"""Answer records whose truth is known, one row for each record and peer, score the rows, and write pages on them.
 
 A peer is a method that answers: bayesdamp with certain options, or another program.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import as_completed
+from contextlib import nullcontext
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,9 +21,9 @@ import pandas as pd
 from scipy.stats import norm
 
 from bayesdamp.formatting import markdown_table
-from bayesdamp.types import OK, Refusal, Signal
+from bayesdamp.machine import processes
+from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.verdict.types import Verdict
-from validation.rows import numbers, total, where
 from validation.truth.oscillator import SUMS
 from validation.truth.records import Case
 
@@ -26,17 +31,15 @@ Z = float(norm.ppf(0.975))
 """Quantile of the standard normal distribution for a two-sided 95 % interval."""
 AMPLITUDES = 3
 """Largest number of amplitudes of a record at which an answer is judged."""
-KEY = ("record", "peer")
-"""Columns that together identify a row."""
 COLUMNS = (
-    *KEY, "group", "damping", "outcome", "seconds", "grade", "named", "probability", "true_probability", "decided",
-    "right",
+    "record", "peer", "group", "damping", "outcome", "seconds", "grade", "named", "probability", "true_probability",
+    "decided", "right",
     *(f"{what}_{i + 1}" for i in range(AMPLITUDES) for what in ("amplitude", "true", "value", "low", "high")),
 )  # fmt: skip
-"""The columns of a row. `true_i`, `value_i`, `low_i` and `high_i` are the true damping ratio at the amplitude
-`amplitude_i`, the ratio in the answer, and its 95 % interval. `named`: the damping that the answer gives as the most
-probable. `decided`: whether the answer states this damping without reservation (named outright). `right`: whether it is
-the true one."""
+"""The columns of a row, which record and peer identify. `true_i`, `value_i`, `low_i` and `high_i` are the true damping
+ratio at the amplitude `amplitude_i`, the ratio in the answer, and its 95 % interval. `named`: the damping that the
+answer gives as the most probable. `decided`: whether the answer states this damping without reservation (named
+outright). `right`: whether it is the true one."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,9 @@ class Reply:
 Peer = Callable[[Signal, tuple[float, ...]], Reply]
 """A function that answers a record: it maps the record, and amplitudes in its unit, to a reply. Raises Refusal if the
 method has no answer."""
+Work = Callable[..., Mapping[str, Any]]
+"""A function that computes one row of a table, as a mapping from columns to values. It must be importable by its name,
+because other processes call it."""
 
 
 def reply_of(verdict: Verdict) -> Reply:
@@ -222,8 +228,8 @@ def named(rows: pd.DataFrame, right: int | None = None) -> int:
 
     right: 1 to count only those that state the true damping, 0 only those that state a wrong one; by default all.
     """
-    decided = where(rows, decided=1)
-    return len(decided if right is None else where(decided, right=right))
+    decided = rows[rows["decided"] == 1]
+    return len(decided if right is None else decided[decided["right"] == right])
 
 
 def digits(value: float) -> str:
@@ -238,18 +244,18 @@ def _percent(values: np.ndarray, level: float = 0.5) -> str:
 
 
 def _median_seconds(rows: pd.DataFrame) -> str:
-    seconds = numbers(rows, "seconds")
-    return f"{np.median(seconds):.2g}" if seconds.size else "–"
+    seconds = rows["seconds"].dropna()
+    return f"{seconds.median():.2g}" if len(seconds) else "–"
 
 
 def _true_probability(rows: pd.DataFrame) -> str:
-    p = numbers(rows, "true_probability")
-    return f"{p.mean():.3f} ± {p.std(ddof=1) / math.sqrt(p.size):.3f}" if p.size > 1 else "–"
+    p = rows["true_probability"].dropna()
+    return f"{p.mean():.3f} ± {p.sem():.3f}" if len(p) > 1 else "–"
 
 
 def answered(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of the records that were answered, without those that were refused."""
-    return where(rows, outcome=OK)
+    return rows[rows["outcome"] == OK]
 
 
 SCORES: Mapping[str, Callable[[pd.DataFrame], object]] = {
@@ -259,12 +265,12 @@ SCORES: Mapping[str, Callable[[pd.DataFrame], object]] = {
     "of these correctly": lambda rows: hits_of(named(rows, right=1), named(rows)),
     "named outright, correctly": lambda rows: hits_of(named(rows, right=1), len(rows)),
     "named outright, wrongly": lambda rows: hits_of(named(rows, right=0), len(rows)),
-    "true sum most probable": lambda rows: hits_of(total(rows, "right"), len(rows)),
+    "true sum most probable": lambda rows: hits_of(int(rows["right"].sum()), len(rows)),
     "coverage": coverage,
     "median error": lambda rows: _percent(errors(rows)),
     "90 % quantile": lambda rows: _percent(errors(rows), 0.9),
     "median half width": lambda rows: _percent(0.5 * (three(rows, "high") - three(rows, "low")) / three(rows, "true")),
-    "deviates": lambda rows: len(where(rows, grade="deviates")),
+    "deviates": lambda rows: int((rows["grade"] == "deviates").sum()),
     "mean P(truth)": _true_probability,
     "CPU seconds": _median_seconds,
 }  # fmt: skip
@@ -299,4 +305,118 @@ def groups_of(
     order: the values, in the order of the result (a group may then be empty); by default all values, in the order in
     which they occur.
     """
-    return {str(name): where(rows, **{column: name}) for name in (order or rows[column].unique())}
+    return {str(name): rows[rows[column] == name] for name in (order or rows[column].unique())}
+
+
+# --- tables and pages ---
+
+
+def read_rows(table: Path, columns: Sequence[str] = ()) -> pd.DataFrame:
+    """Return the rows of a CSV file, with NaN for empty fields; no rows if there is no file.
+
+    Raises InputError if `columns` are given and the file has others.
+    """
+    if not table.is_file():
+        return pd.DataFrame(columns=list(columns))
+    rows = pd.read_csv(table, keep_default_na=False, na_values=[""])
+    if columns and list(rows.columns) != list(columns):
+        raise InputError(f"{table}: the columns differ from those of this table; please give another file")
+    return rows
+
+
+def complete_rows(
+    table: Path,
+    todo: Mapping[str, tuple[Any, ...]],
+    work: Work,
+    columns: Sequence[str] = COLUMNS,
+    workers: int = 2,
+) -> pd.DataFrame:
+    """Compute and append the rows that a table lacks; return all requested rows in the requested order.
+
+    Each row is saved as soon as it is computed, so that an interrupted run resumes. Numbers have six digits.
+
+    Parameters
+    ----------
+    table : Path
+        The CSV file. It may not exist yet.
+    todo : mapping
+        The requested rows: the name of each, such as "family-1/bayesdamp" (record and peer), and its arguments of
+        `work`.
+    work : callable
+        Function that returns a row.
+    columns : sequence of str
+        The columns of the table.
+    workers : int
+        Number of processes; 1 computes in this process.
+
+    Raises
+    ------
+    InputError
+        The table has other columns.
+    """
+
+    def by_name() -> pd.DataFrame:
+        rows = read_rows(table, columns)
+        return rows.set_index(rows["record"] + "/" + rows["peer"])
+
+    done = set(by_name().index)
+    missing = [given for name, given in todo.items() if name not in done]
+    with processes(workers) if min(workers, len(missing)) > 1 else nullcontext() as pool:
+        results = (
+            (task.result() for task in as_completed([pool.submit(work, *given) for given in missing]))
+            if pool
+            else (work(*given) for given in missing)
+        )
+        for i, row in enumerate(results, 1):
+            assert row.keys() <= set(columns), (
+                f"columns without a name in the table: {row.keys() - set(columns)}"
+            )
+            line = pd.DataFrame([row], columns=list(columns))
+            line.to_csv(table, index=False, float_format="%.6g", mode="a", header=not table.is_file())
+            print(
+                f"{i}/{len(missing)} {row['record']} {row.get('named', row['outcome'])}",
+                file=sys.stderr,
+                flush=True,
+            )
+    return by_name().loc[list(todo)].reset_index(drop=True)
+
+
+def page_options(description: str | None, **numbers: int) -> argparse.ArgumentParser:
+    """Return the parser of a page's command line: its table of rows, its folder, the number of processes, and numbers.
+
+    numbers: names of further options whose values are whole numbers, and their defaults.
+    """
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("table", type=Path, help="CSV file of the rows; missing rows are added")
+    parser.add_argument("folder", type=Path, help="folder of the page")
+    for name, default in {"workers": 2, **numbers}.items():
+        parser.add_argument(f"--{name}", type=int, default=default)
+    return parser
+
+
+def make_page(
+    options: argparse.Namespace,
+    todo: Mapping[str, tuple[Any, ...]],
+    work: Work,
+    page: Callable[[pd.DataFrame], str],
+    columns: Sequence[str] = COLUMNS,
+    shipped: str = "rows.csv",
+) -> None:
+    """Compute the rows that the table lacks; write README.md and a copy of the requested rows into the folder.
+
+    Parameters
+    ----------
+    options : Namespace
+        The parsed options of `page_options`.
+    todo, work, columns
+        As in `complete_rows`.
+    page : callable
+        Function that returns the page in Markdown, from the rows.
+    shipped : str
+        Name of the file with the rows in the folder.
+    """
+    for folder in (options.table.parent, options.folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    rows = complete_rows(options.table, todo, work, columns, options.workers)
+    rows.to_csv(options.folder / shipped, index=False, float_format="%.6g")
+    (options.folder / "README.md").write_text(page(rows), encoding="utf-8")

@@ -19,7 +19,7 @@ from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store.contents import RecoveryContent
 from bayesdamp.types import InputError
 from tests.studies import study_text
-from validation.rows import read_rows, where
+from validation.scoring import read_rows
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 STUDY = study_text(
@@ -182,10 +182,10 @@ def test_both_samplers_are_calibrated_and_detect_a_wrong_likelihood(tmp_path, mi
     text = text.replace('"viscous", "coulomb", "quadratic", ', "")
     text = text if right else text.replace("[posterior]", f"[posterior]\n{misjudged}")
     assert run_calibration(load_study(write(tmp_path, text)), tmp_path / "out", workers=1, report=False) == 0
-    wrong = where(read_rows(tmp_path / "out" / "calibration.csv"), verdict="wrong")
+    wrong = read_rows(tmp_path / "out" / "calibration.csv").query("verdict == 'wrong'")
     assert wrong.empty is right
     if not right:
-        assert {"nuts", "emcee"} <= set(where(wrong, parameter="noise_sd")["method"])
+        assert {"nuts", "emcee"} <= set(wrong.query("parameter == 'noise_sd'")["method"])
 
 
 def simulated_chunks(sharper: float):

@@ -10,9 +10,8 @@ import pytest
 
 from bayesdamp.types import InputError, Refusal, Signal
 from tests.validation.answering import a_case, peer_of
-from validation.reports.deviation import page
-from validation.rows import complete_rows, make_page, page_options, read_rows
-from validation.scoring import COLUMNS, KEY, Reply, row_of
+from validation.reports.accuracy import page
+from validation.scoring import COLUMNS, Reply, complete_rows, make_page, page_options, read_rows, row_of
 from validation.truth.records import KINDS
 
 
@@ -40,16 +39,16 @@ def jobs(count: int, mode: str) -> dict[str, tuple[str, str]]:
 
 def test_a_run_scores_and_resumes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = tmp_path / "rows.csv"
-    first = complete_rows(table, COLUMNS, jobs(2, "none"), row, 1, KEY)
+    first = complete_rows(table, jobs(2, "none"), row, workers=1)
     assert list(first["record"]) == ["cubic_sensor-0", "drift-0"]
     capsys.readouterr()
-    second = complete_rows(table, COLUMNS, jobs(3, "none"), row, 1, KEY)
+    second = complete_rows(table, jobs(3, "none"), row, workers=1)
     pd.testing.assert_frame_equal(second.iloc[:2], first)
     assert list(second["record"][2:]) == ["power-0"]
     assert capsys.readouterr().err == "1/1 power-0 viscous\n"
     todo = jobs(3, "none") | jobs(3, "auto")
     options = page_options(None).parse_args([str(table), str(tmp_path / "page"), "--workers", "2"])
-    make_page(options, "rows.csv", COLUMNS, todo, row, page, KEY)
+    make_page(options, todo, row, page)
     shipped = read_rows(tmp_path / "page" / "rows.csv", COLUMNS)
     assert list(shipped["record"] + "/" + shipped["peer"]) == list(todo)
     assert len(read_rows(table)) == 6
@@ -61,17 +60,16 @@ def test_a_run_scores_and_resumes(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_numbers_read_back_with_six_digits(tmp_path: Path) -> None:
-    rows = complete_rows(
-        tmp_path / "t.csv", ("a", "b", "c"), {"x, y": ()}, lambda: {"a": "x, y", "b": np.pi}, 1
-    )
-    assert rows.to_dict("records") == [{"a": "x, y", "b": 3.14159, "c": pytest.approx(np.nan, nan_ok=True)}]
+    row = {"record": "x, y", "peer": "b", "outcome": "ok", "seconds": np.pi}
+    (read,) = complete_rows(tmp_path / "t.csv", {"x, y/b": ()}, lambda: row, workers=1).to_dict("records")
+    assert read == {name: pytest.approx(np.nan, nan_ok=True) for name in COLUMNS} | row | {"seconds": 3.14159}
 
 
 def test_a_refusal_is_a_row_and_an_exception_ends_the_run(tmp_path: Path) -> None:
     table = tmp_path / "rows.csv"
     todo = {f"family-{i}/bayesdamp": (i,) for i in range(2)}
     with pytest.raises(RuntimeError, match="a fault"):
-        complete_rows(table, COLUMNS, todo, refused_or_failed, 1, KEY)
+        complete_rows(table, todo, refused_or_failed, workers=1)
     assert list(read_rows(table)["outcome"]) == ["too many samples for this test"]
 
 

@@ -12,8 +12,7 @@ from validation import scoring
 from validation.contest.page import page
 from validation.contest.peers import ROSTER
 from validation.contest.records import simulate_record
-from validation.rows import make_page, page_options
-from validation.scoring import COLUMNS, KEY, Reply
+from validation.scoring import Reply, make_page, page_options
 from validation.truth.records import Case
 
 
@@ -46,7 +45,7 @@ def main() -> None:
     for name in ROSTER:  # import and compile before any record is timed
         row_of(records[0], name)
     todo = {f"{record.name}/{name}": (record, name) for record in records for name in ROSTER}
-    make_page(options, "rows.csv", COLUMNS, todo, row_of, page, KEY)
+    make_page(options, todo, row_of, page)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ from scipy.stats import t as student
 
 from validation.contest.peers import OURS, ROSTER
 from validation.contest.records import GROUPS
-from validation.rows import where
 from validation.scoring import digits, errors, groups_of, score_table
 
 INTRODUCTION = """# A contest
@@ -66,7 +65,6 @@ Seed {seeds}; `python -m validation.contest ROWS.csv FOLDER --seed 1` draws othe
 
 def _table(rows: pd.DataFrame) -> str:
     """Return the Markdown table of the scores of all methods on the records of these rows, a line for each method."""
-    ours = where(rows, peer=OURS)
     scores = (
         "records", "answered", "median error", "90 % quantile", "coverage", "named outright", "of these correctly",
         "CPU seconds",
@@ -74,7 +72,7 @@ def _table(rows: pd.DataFrame) -> str:
     return score_table(
         groups_of(rows, "peer", ROSTER),
         *scores,
-        more={"error over bayesdamp's": lambda part: paired(part, ours)},
+        more={"error over bayesdamp's": lambda part: paired(part, rows[rows["peer"] == OURS])},
     )
 
 

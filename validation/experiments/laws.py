@@ -1,8 +1,7 @@
 """Answer simulated records with damping terms that are not in the paper, and write the page on the results.
 
-`python -m validation.experiments.laws TABLE FOLDER [--seed 86000 --exponents 60 --each 6]`: the seed, to which each
-next term adds 1000, and the numbers of power laws with random exponents, for the coverage of the exponent's interval,
-and of records of each other term.
+`python -m validation.experiments.laws TABLE FOLDER [--seed 87000 --each 6]`: the seed, to which each next term adds
+1000, and the number of records of each term.
 """
 
 from __future__ import annotations
@@ -18,16 +17,15 @@ import pandas as pd
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.interface.answer import COMPARED, answer
 from bayesdamp.physics.damping import all_sums
-from bayesdamp.types import Refusal, Signal
-from validation.rows import make_page, page_options, total, where
+from bayesdamp.types import Signal
 from validation.scoring import (
     COLUMNS,
-    KEY,
     Reply,
-    coverage,
     groups_of,
     hits_of,
+    make_page,
     named,
+    page_options,
     reply_of,
     row_of,
     score_table,
@@ -38,8 +36,6 @@ from validation.truth.oscillator import Discrepancy, Oscillator
 from validation.truth.ratio import harmonic_ratio
 from validation.truth.records import Case
 
-EXPONENT = "exponent"
-"""Name of the group of records with a power law of random exponent, on which the exponent's interval is tested."""
 PARAMETERS = ("nats", "intervals", "held")
 """Further columns of the table: by how many nats the true sum is ahead, how many of its parameters have intervals, and
 how many of these contain the truth."""
@@ -80,7 +76,7 @@ class Truth:
 def truth_of(term: str, rng: np.random.Generator, size: float, speed: float) -> Truth:
     """Draw the parameters of a term, except its coefficient, for motions of this amplitude and peak velocity.
 
-    term: a name of `TERMS`, or "exponent". size, speed: amplitude (rad) and peak velocity (rad/s).
+    term: a name of `TERMS`. size, speed: amplitude (rad) and peak velocity (rad/s).
     """
     match term:
         case "cubic":
@@ -107,8 +103,6 @@ def truth_of(term: str, rng: np.random.Generator, size: float, speed: float) -> 
             )  # fmt: skip
         case "power":
             p = rng.choice([0.5, 1.5, 2.5]) + rng.uniform(-0.2, 0.2)
-        case "exponent":
-            p = rng.uniform(0.2, 2.5)
         case _:
             raise ValueError(term)
     return Truth("c_power", lambda x, v, turn: speed * abs(v / speed) ** p * turn, {"exponent": p})
@@ -138,7 +132,7 @@ def _simulate(term: str, rng: np.random.Generator, name: str) -> Case:
     size, frequency = float(np.exp(rng.uniform(np.log(0.02), np.log(0.4)))), float(rng.uniform(1.5, 12.0))
     speed, cycles, left = size * frequency, float(rng.uniform(15, 40)), float(rng.uniform(0.12, 0.4))
     truth = truth_of(term, rng, size, speed)
-    alone = term in ("power", EXPONENT) or rng.random() < 0.5
+    alone = term == "power" or rng.random() < 0.5
     share = 1.0 if alone else float(rng.uniform(0.3, 0.9))
 
     def ratio(a: float) -> float:
@@ -172,7 +166,7 @@ def _simulate(term: str, rng: np.random.Generator, name: str) -> Case:
     noise = float(rng.uniform(0.005, 0.02)) * size
     values = {truth.coefficient: coefficient, **truth.further} | ({} if alone else {"zeta": zeta})
     signal = Signal(times, y + noise * rng.standard_normal(times.size))
-    damping = "power" if term == EXPONENT else term if alone else f"viscous+{term}"
+    damping = term if alone else f"viscous+{term}"
     return Case(name, term, signal, damping, parameters=values, noise_sd=noise, shares={term: float(part)})
 
 
@@ -192,19 +186,13 @@ def nats_ahead(comparison: ModelComparison, c: Case) -> float:
 def row(term: str, seed: int) -> dict[str, Any]:
     """Simulate a record of a term and answer it; return the row of the table.
 
-    The sums that are compared are the paper's seven, the term alone, and the term with viscous damping. For the term
-    "exponent", the value of the row is not a damping ratio but the exponent of a power law.
+    The sums that are compared are the paper's seven, the term alone, and the term with viscous damping.
     """
     c = case(term, seed)
     results: dict[str, ModelComparison] = {}
     further: dict[str, float] = {"intervals": 0, "held": 0}
 
     def answer_record(signal: Signal, _: tuple[float, ...]) -> Reply:
-        if term == EXPONENT:
-            e = answer(signal, restoring=["linear"], sample=False).verdict.exponent
-            if e is None:
-                raise Refusal("the answer has no exponent")
-            return Reply([e.value], [e.low], [e.high])
         sums = [*all_sums(), term, f"viscous+{term}"]
         verdict = answer(signal, damping=sums, restoring=["linear"], comparisons=results).verdict
         inside = [
@@ -216,8 +204,6 @@ def row(term: str, seed: int) -> dict[str, Any]:
         return replace(reply_of(verdict), values=(), low=(), high=(), amplitudes=())
 
     row = row_of(c, answer_record)
-    if term == EXPONENT:
-        row["true_1"] = c.parameters["exponent"]
     if COMPARED in results:
         further["nats"] = nats_ahead(results[COMPARED], c)
     return row | further
@@ -225,30 +211,28 @@ def row(term: str, seed: int) -> dict[str, Any]:
 
 def page(rows: pd.DataFrame) -> str:
     """Return the page on these rows in Markdown."""
-    exponents, others = where(rows, group=EXPONENT), where(rows, rows["group"] != EXPONENT)
     more = {
         "named correctly, of the distinguishable": _of_distinguishable,
         "intervals of parameters with the truth": lambda part: (
-            f"{total(part, 'held')} of {total(part, 'intervals')}"
+            f"{part['held'].sum():.0f} of {part['intervals'].sum():.0f}"
         ),
     }
     scores = (
         "records", "true sum most probable", "named outright, correctly", "named outright, wrongly", "CPU seconds",
     )  # fmt: skip
-    return f"""# The exponent, and damping terms that are not in the paper
+    return f"""# Damping terms that are not in the paper
 
-The exponent's 95 % interval contains the truth in {coverage(exponents)} of {len(exponents)} power laws. Of \
-{len(others)} records of six further terms, {named(others)} are named outright, {named(others, right=1)} of these \
-correctly. Of the records whose true sum is distinguishable, {_of_distinguishable(others)} are named outright and \
+Of {len(rows)} records of six further terms, {named(rows)} are named outright, {named(rows, right=1)} of these \
+correctly. Of the records whose true sum is distinguishable, {_of_distinguishable(rows)} are named outright and \
 correctly.
 
 The records are simulated by SciPy's solver. Their amplitude falls by 60 % or more, with 0.5 to 2 % of noise. The term \
 dissipates at least 30 % of the energy, alone or together with viscous damping. It is compared with the paper's seven \
-sums, with sequential Monte Carlo. Exponents are between 0.2 and 2.5. The true sum is distinguishable if its best fit \
+sums, with sequential Monte Carlo. The true sum is distinguishable if its best fit \
 is {LEAST_NATS:g} nats ahead of that of every sum that lacks one of its terms. The brackets contain 95 % intervals of \
 the fractions.
 
-{score_table({f"`{term}`": part for term, part in groups_of(others, order=TERMS).items()}, *scores, more=more)}
+{score_table({f"`{term}`": part for term, part in groups_of(rows, order=TERMS).items()}, *scores, more=more)}
 
 laws.csv has every record. `make reports` makes this report again.
 """
@@ -256,19 +240,18 @@ laws.csv has every record. `make reports` makes this report again.
 
 def _of_distinguishable(rows: pd.DataFrame) -> str:
     """Return how many dampings are named outright and correctly, of those that the record can distinguish, as text."""
-    clear = where(rows, rows["nats"] >= LEAST_NATS)
+    clear = rows[rows["nats"] >= LEAST_NATS]
     return hits_of(named(clear, right=1), len(clear))
 
 
 def main() -> None:
     """Run the command line: answer the records that the table lacks, and write the page."""
-    given = page_options(__doc__, seed=86000, exponents=60, each=6).parse_args()
+    given = page_options(__doc__, seed=87000, each=6).parse_args()
     todo: dict[str, tuple[str, int]] = {}
-    for k, term in enumerate((EXPONENT, *TERMS)):
+    for k, term in enumerate(TERMS):
         first = given.seed + 1000 * k
-        count = given.exponents if term == EXPONENT else given.each
-        todo |= {f"{term}-{seed}/bayesdamp": (term, seed) for seed in range(first, first + count)}
-    make_page(given, "laws.csv", (*COLUMNS, *PARAMETERS), todo, row, page, KEY)
+        todo |= {f"{term}-{seed}/bayesdamp": (term, seed) for seed in range(first, first + given.each)}
+    make_page(given, todo, row, page, (*COLUMNS, *PARAMETERS), "laws.csv")
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ import pandas as pd
 
 from bayesdamp.calibrate.tables import FALSE_ALARM
 from bayesdamp.formatting import markdown_table as table
-from validation.rows import read_rows, where
+from validation.scoring import read_rows
 
 LEVEL = 0.95
 """Probability of the intervals on which the page reports."""
@@ -26,7 +26,7 @@ def calibration(run: dict[str, Any], rows: pd.DataFrame) -> str:
     posterior, classical = (result["families"][name] for name in ("posterior", "classical"))
     lines, total = [], sum(count["counted"] for count in result["counts"].values())
     for model, count in result["counts"].items():
-        own = where(rows, model=model, method="nuts", level=LEVEL)["value"]
+        own = rows.query("model == @model and method == 'nuts' and level == @LEVEL")["value"]
         shares = f"{own.min():.3f} to {own.max():.3f}" if len(own) else "–"
         lines.append([model, str(count["counted"]), str(count["tried"]), shares])
     coverage = "coverage of the 95 % intervals of NUTS, least to largest over parameters"

@@ -14,13 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from scipy.stats import binom, poisson
 
 from bayesdamp.types import OK
-from validation.rows import numbers, read_rows, where
-from validation.scoring import terms_of
+from validation.scoring import read_rows, terms_of
 from validation.truth.oscillator import COEFFICIENTS, LAWS, Oscillator
 from validation.truth.ratio import true_ratio
 
@@ -195,15 +193,15 @@ def names_of_many(rows: pd.DataFrame, name: str) -> list[str]:
 
     rows: the answered records, with columns of `validation.scoring`. name: of the report, for the sentences.
     """
-    decided = where(rows.dropna(subset=["named"]), decided=1)
-    wrong, expected = len(where(decided, right=0)), float(np.sum(1 - numbers(decided, "probability")))
+    decided = rows[rows["named"].notna() & (rows["decided"] == 1)]
+    wrong, expected = int((decided["right"] == 0).sum()), float((1 - decided["probability"]).sum())
     sentences = []
     if wrong and poisson.sf(wrong - 1, expected) < ALARM:
         sentences.append(
             f"{name}: {wrong} of {len(decided)} are named wrongly, but {expected:.2g} are expected"
         )
-    stated = numbers(rows, "true_probability")
-    excluded = int(np.sum(stated < EXCLUDED))
+    stated = rows["true_probability"].dropna()
+    excluded = int((stated < EXCLUDED).sum())
     if excluded and binom.sf(excluded - 1, len(stated), EXCLUDED) < ALARM:
         sentences.append(f"{name}: {excluded} of {len(stated)} exclude the true damping")
     return sentences
@@ -215,7 +213,7 @@ def intervals_of_many(rows: pd.DataFrame) -> list[Quoted]:
     rows: rows with the columns of `validation.scoring`. The interval is that at the middle one of three amplitudes, or
     at the only amplitude.
     """
-    at = 2 if numbers(rows, "low_2").size else 1
+    at = 2 if rows["low_2"].notna().any() else 1
     known = rows.dropna(subset=[f"low_{at}", f"true_{at}"])
     columns = (
         known["record"] + "/" + known["peer"],
@@ -224,23 +222,23 @@ def intervals_of_many(rows: pd.DataFrame) -> list[Quoted]:
     return [Quoted(record, "value", *numbers) for record, *numbers in zip(*columns, strict=True)]
 
 
-TABLES: Mapping[str, Mapping[str, str]] = {
-    "deviation/rows.csv": {"group": "family"},
-    "laws/laws.csv": {},
-    "light/rows.csv": {},
-    "contest/rows.csv": {"group": "family", "peer": "bayesdamp"},
+TABLES = {
+    "deviation/rows.csv": "group == 'family'",
+    "laws/laws.csv": "peer == 'bayesdamp'",
+    "light/rows.csv": "peer == peer",
+    "contest/rows.csv": "group == 'family' and peer == 'bayesdamp'",
 }
-"""For each table with many records, its path below reports/ and the values of the rows that are compared, by column:
-those whose true law is among the compared ones."""
+"""For each table with many records, its path below reports/ and a condition for the rows that are compared: those whose
+true law is among the compared ones."""
 
 
 def contradictions(page: Path) -> list[str]:
     """Return a sentence for each contradiction of a folder under reports/ with the truth of its records."""
     wrong = []
-    for place, chosen in TABLES.items():
+    for place, condition in TABLES.items():
         table = page.parent / place
         if table.parent == page and table.is_file():
-            rows = where(read_rows(table), outcome=OK, **chosen)
+            rows = read_rows(table).query(f"outcome == @OK and {condition}")
             wrong += names_of_many(rows, page.name) + misses(intervals_of_many(rows))
     run = page / "run.json"
     if run.is_file() and "kind" not in json.loads(run.read_text(encoding="utf-8")):

@@ -19,8 +19,17 @@ import pandas as pd
 from bayesdamp.cli.records import ReadingOptions, records_in
 from bayesdamp.interface.answer import answer
 from bayesdamp.types import InputError, Refusal, Signal
-from validation.rows import make_page, page_options, where
-from validation.scoring import COLUMNS, KEY, Reply, groups_of, hits_of, named, reply_of, row_of, score_table
+from validation.scoring import (
+    Reply,
+    groups_of,
+    hits_of,
+    make_page,
+    named,
+    page_options,
+    reply_of,
+    row_of,
+    score_table,
+)
 from validation.truth.discrepancies import stribeck
 from validation.truth.drawing import MIDDLE, Draw, draw_oscillator, log_uniform, middle_ratio
 from validation.truth.motion import NoMotionError, solve_motion
@@ -66,7 +75,7 @@ def _with_discrepancy(kind: str, rng: np.random.Generator, draw: Draw) -> Draw:
         growth = _sign(rng) * rng.uniform(1.0, 2.5)  # of its logarithm over the record
         odd = Discrepancy(scale=lambda t: math.exp(growth * ((t - draw.begin) / draw.duration - 0.5)))
     if kind == "stiction":
-        odd = stribeck(rng, draw, excess=rng.uniform(0.5, 2.0), speed=rng.uniform(0.03, 0.15))
+        odd = stribeck(rng, draw, excess=rng.uniform(0.5, 2.0), speed=rng.uniform(0.1, 0.3))
     if kind in POWERS:
 
         def unit(x: float, v: float, turn: float = 0.0) -> float:
@@ -138,7 +147,7 @@ def row(kind: str, number: int, seed: int) -> dict[str, Any]:
 
 def page(rows: pd.DataFrame) -> str:
     """Return the page in Markdown: the result, how it was computed, and the table."""
-    inside, outside = (where(rows, rows["group"].isin(kinds)) for kinds in (INSIDE, OUTSIDE))
+    inside, outside = (rows[rows["group"].isin(kinds)] for kinds in (INSIDE, OUTSIDE))
     parts = {
         **groups_of(inside, order=INSIDE), "**of the family**": inside,
         **groups_of(outside, order=OUTSIDE), "**outside**": outside,
@@ -171,7 +180,7 @@ def main() -> None:
         for number in range(given.count)
         for kind in (*INSIDE, *OUTSIDE)
     }
-    make_page(given, "scored.csv", COLUMNS, todo, row, page, KEY)
+    make_page(given, todo, row, page, shipped="scored.csv")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ ENGINE = tuple(
 """Paths of the code that computes answers, posteriors and evidence; sources of almost every report."""
 ESTIMATORS = (*ENGINE, "bayesdamp/estimators")
 """Sources of a report that contains estimates."""
-TRUTH = (*ENGINE, "validation/truth", "validation/rows.py", "validation/scoring.py")
+TRUTH = (*ENGINE, "validation/truth", "validation/scoring.py")
 """Sources of a report that compares answers with the truth of simulated records."""
 PYTHON = "{python} -m"
 """Beginning of a command that runs a Python module."""
@@ -66,16 +66,13 @@ def _page(name: str, cost: int, module: str, options: str, *sources: str) -> Rec
 
 RECIPES: tuple[Recipe, ...] = (
     _study("sign_or_tanh", 2),
-    _page(
-        "deviation", 10, f"{PAGES}.deviation", "--family 100 --discrepant 60 --dense 20",
-        "validation/reports/deviation.py",
-    ),
+    _page("deviation", 10, f"{PAGES}.accuracy", "deviation", "validation/reports/accuracy.py"),
     _page("misfit", 4, f"{PAGES}.misfit", "--seed 21 --count 6", "validation/reports/misfit.py"),
-    _page("laws", 6, "validation.experiments.laws", "--exponents 50 --each 8", "validation/experiments/laws.py"),
+    _page("laws", 6, "validation.experiments.laws", "--each 8", "validation/experiments/laws.py"),
     _calibration("calibration", 7),
     _calibration("model_recovery", 6, " --models"),
     _page("contest", 8, "validation.contest", "--seed 813", "validation/contest"),
-    _page("light", 14, f"{PAGES}.light", "--few 20", "validation/reports/light.py"),
+    _page("light", 14, f"{PAGES}.accuracy", "light", "validation/reports/accuracy.py"),
     Recipe(
         "measured", 6, (f"{PYTHON} validation.measured.run {{out}}",),
         (*ENGINE, "validation/measured", "validation/measured/records.toml"),

@@ -13,8 +13,7 @@ import pytest
 from scipy.stats import binom
 
 from validation.reports.misfit import INSIDE, draw_case, page
-from validation.rows import read_rows
-from validation.scoring import named
+from validation.scoring import named, read_rows
 
 TABLE = Path(__file__).resolve().parents[3] / "reports" / "misfit" / "scored.csv"
 BAR = 0.05
