@@ -8,9 +8,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,114 +32,31 @@ FAR = 1.0
 
 For a normal distribution the truth is then 5.9 standard deviations from the middle.
 """
-
+INTERVAL = ("record", "what", "low", "high", "truth")
+"""Columns of a table of 95 % intervals for values whose truth is known; `what` is the value in words."""
 RADIANS = {"rad": 1.0, "deg": math.pi / 180}
 """Size in rad of each unit in which a page gives an amplitude."""
 
 
-@dataclass(frozen=True)
-class Simulated:
-    """A simulated record of a study.
-
-    damping: the true terms. truth: the true values of the parameters, by name. oscillator: the true oscillator; None if
-    it has a term or law that `validation.truth` does not contain.
-    """
-
-    damping: frozenset[str]
-    truth: Mapping[str, float]
-    oscillator: Oscillator | None
-
-    @classmethod
-    def of(cls, signal: Mapping[str, Any]) -> Simulated:
-        """Return the simulated record that an entry `signal` of a study in run.json describes."""
-        source, restoring = signal["source"], signal["system"]["restoring"]
-        truth = {name: value for name, value in source["truth"].items() if isinstance(value, int | float)}
-        damping, oscillator = tuple(source["damping"]), None
-        if set(damping) <= set(COEFFICIENTS) and restoring in LAWS:
-            oscillator = Oscillator(
-                restoring,
-                {name: truth[name] for name in LAWS[restoring]},
-                {term: truth[COEFFICIENTS[term]] for term in damping},
-                truth.get("epsilon", 0.0),
-            )
-        return cls(frozenset(damping), truth, oscillator)
-
-
-@dataclass(frozen=True)
-class Quoted:
-    """A 95 % interval that a page gives for a value whose truth is known.
-
-    record: name of the record. what: the value, in words. low, high, truth: in the unit of the page.
-    """
-
-    record: str
-    what: str
-    low: float
-    high: float
-    truth: float
-
-    @property
-    def outside(self) -> float:
-        """Distance of the truth from the interval, in widths of the interval; 0 if it is inside."""
-        off = max(self.low - self.truth, self.truth - self.high, 0.0)
-        return off / max(self.high - self.low, 1e-300)
-
-    def __str__(self) -> str:
-        return f"{self.record}: {self.what} is {self.low:.4g} to {self.high:.4g}, but the truth is {self.truth:.4g}"
-
-
-def named_wrongly(
-    record: str, truth: frozenset[str], decided: bool, damping: str, probabilities: Mapping[str, float]
-) -> list[str]:
-    """Return a sentence on the contradiction between the damping that a page names and the true one; [] if none.
-
-    A page that names a damping outright (without reservation) contradicts the truth if this damping is wrong. Any other
-    page contradicts it if it gives the true damping a probability below `EXCLUDED`.
-
-    Parameters
-    ----------
-    record : str
-        Name of the record.
-    truth : frozenset of str
-        The true terms.
-    decided : bool
-        Whether the page names the damping outright.
-    damping : str
-        The damping that the page gives as the most probable one.
-    probabilities : mapping
-        Probability of each damping on the page.
-    """
-    if decided:
-        right = terms_of(damping) == truth
-        return [] if right else [f"{record}: {damping} is named, but the truth is {'+'.join(sorted(truth))}"]
-    own = sum(p for name, p in probabilities.items() if terms_of(name) == truth)
-    if own >= EXCLUDED:
-        return []
-    return [f"{record}: the true damping, {'+'.join(sorted(truth))}, has a probability of {own:.2g}"]
-
-
-def misses(intervals: Iterable[Quoted], rate: float = MISSED) -> list[str]:
+def misses(intervals: pd.DataFrame) -> list[str]:
     """Return contradictions of 95 % intervals: those that are far off, and all misses if there are too many for chance.
 
     Far off means more than `FAR` widths; too many is decided by a binomial test at 1 %. For the test only the middle
     interval of each record is counted, because the intervals of a record are not independent.
 
-    Parameters
-    ----------
-    intervals : iterable of Quoted
-        The intervals and their truths.
-    rate : float
-        Probability that an interval misses the truth.
+    intervals: the intervals, with the columns `INTERVAL`.
     """
-    by_record: dict[str, list[Quoted]] = defaultdict(list)
-    for interval in intervals:
-        by_record[interval.record].append(interval)
-    wrong = [f"{own}: far outside" for each in by_record.values() for own in each if own.outside > FAR]
-    middle = [each[len(each) // 2] for each in by_record.values()]
-    outside = [own for own in middle if own.outside > 0]
-    if outside and binom.sf(len(outside) - 1, len(middle), rate) < 10 * ALARM:
-        wrong += [f"{own}; {len(outside)} of {len(middle)} records miss the truth" for own in outside]
-    return wrong
+    below, above = intervals["low"] - intervals["truth"], intervals["truth"] - intervals["high"]
+    off = pd.concat([below, above], axis=1).max(axis=1) / (intervals["high"] - intervals["low"])
+    middle = [group.index[len(group) // 2] for _, group in intervals.groupby("record", sort=False)]
+    outside = [i for i in middle if off[i] > 0]
+    if not outside or binom.sf(len(outside) - 1, len(middle), MISSED) >= 10 * ALARM:
+        outside = []
+    wrong = intervals.loc[off.index[off > FAR].union(outside)]
+    return [
+        f"{record}: {what} is {low:.4g} to {high:.4g}, but the truth is {truth:.4g}"
+        for record, what, low, high, truth in wrong[list(INTERVAL)].itertuples(index=False)
+    ]
 
 
 def of_study(folder: Path) -> list[str]:
@@ -150,39 +65,74 @@ def of_study(folder: Path) -> list[str]:
     folder: the results of the study; only its simulated records are compared.
     """
     run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    signals = run.get("study", {}).get("signals", [])
-    truths = {s["name"]: Simulated.of(s) for s in signals if "truth" in (s.get("source") or {})}
+    signals = {
+        s["name"]: s for s in run.get("study", {}).get("signals", []) if "truth" in (s.get("source") or {})
+    }
     file = folder / "verdict.json"
     verdicts = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else []
-    wrong, intervals = [], []
+    wrong, ratios = [], []
     for verdict in verdicts:
         record, damping = verdict["record"], verdict["damping"]
         # Records that are repeats have a number after the name of their signal.
-        names = [n for n in truths if record == n or re.fullmatch(re.escape(n) + r"[^A-Za-z0-9].*", record)]
+        names = [n for n in signals if record == n or re.fullmatch(re.escape(n) + r"[^A-Za-z0-9].*", record)]
         if not names:
             continue
-        truth = truths[max(names, key=len)]
-        if damping:
-            rivals = {r["damping"]: r["probability"] for r in verdict["rivals"]}
-            probabilities = rivals | {damping: verdict["probability"]}
-            wrong += named_wrongly(record, truth.damping, verdict["decided"], damping, probabilities)
-        for r in verdict["damping_ratio"]:
-            if truth.oscillator is not None and r["unit"] in RADIANS:
+        signal = signals[max(names, key=len)]
+        true = frozenset(signal["source"]["damping"])
+        if verdict["decided"] and terms_of(damping) != true:
+            wrong.append(f"{record}: {damping} is named, but the truth is {'+'.join(sorted(true))}")
+        if damping and not verdict["decided"]:
+            listed = (verdict, *verdict["rivals"])
+            own = sum(r["probability"] for r in listed if terms_of(r["damping"]) == true)
+            if own < EXCLUDED:
+                wrong.append(
+                    f"{record}: the true damping, {'+'.join(sorted(true))}, has a probability of {own:.2g}"
+                )
+        oscillator = oscillator_of(signal)
+        for r in verdict["damping_ratio"] if oscillator else ():
+            if r["unit"] in RADIANS:
+                truth = true_ratio(oscillator, r["amplitude"] * RADIANS[r["unit"]])
                 what = f"damping ratio at {r['amplitude']:.3g} {r['unit']}"
-                true = true_ratio(truth.oscillator, r["amplitude"] * RADIANS[r["unit"]])
-                intervals.append(Quoted(record, what, r["low"], r["high"], true))
-    return wrong + misses(intervals) + misses(_posteriors(folder, truths))
+                ratios.append((record, what, r["low"], r["high"], truth))
+    tables = (
+        pd.DataFrame(ratios, columns=INTERVAL),
+        pd.DataFrame(_posteriors(folder, signals), columns=INTERVAL),
+    )
+    return [*wrong, *(sentence for table in tables for sentence in misses(table))]
 
 
-def _posteriors(folder: Path, truths: Mapping[str, Simulated]) -> Iterator[Quoted]:
+def oscillator_of(signal: Mapping[str, Any]) -> Oscillator | None:
+    """Return the true oscillator of a simulated record, an entry `signal` of a study in run.json.
+
+    None if it has a term or law that `validation.truth` does not contain.
+    """
+    truth, damping, law = (
+        signal["source"]["truth"],
+        signal["source"]["damping"],
+        signal["system"]["restoring"],
+    )
+    if not set(damping) <= set(COEFFICIENTS) or law not in LAWS:
+        return None
+    return Oscillator(
+        law,
+        {name: truth[name] for name in LAWS[law]},
+        {term: truth[COEFFICIENTS[term]] for term in damping},
+        truth.get("epsilon", 0.0),
+    )
+
+
+def _posteriors(
+    folder: Path, signals: Mapping[str, Mapping[str, Any]]
+) -> Iterator[tuple[str, str, float, float, float]]:
     """Yield the intervals of damping coefficients in posteriors.csv, for the posteriors under the true damping."""
     for row in read_rows(folder / "posteriors.csv").to_dict("records"):
-        truth, name = truths.get(row["signal"]), row["parameter"]
-        if truth is None or row["outcome"] != OK or math.isnan(row["q2.5"]):
+        source, name = signals.get(row["signal"], {}).get("source"), row["parameter"]
+        if source is None or row["outcome"] != OK or math.isnan(row["q2.5"]):
             continue
-        if terms_of(row["model"]) == truth.damping and name in {*COEFFICIENTS.values()} & {*truth.truth}:
-            record, what = f"{row['signal']}/{row['repeat']}", f"{name} by {row['sampler']}"
-            yield Quoted(record, what, row["q2.5"], row["q97.5"], truth.truth[name])
+        known = {*COEFFICIENTS.values()} & {*source["truth"]}
+        if terms_of(row["model"]) == frozenset(source["damping"]) and name in known:
+            what = f"{name} by {row['sampler']}"
+            yield f"{row['signal']}/{row['repeat']}", what, row["q2.5"], row["q97.5"], source["truth"][name]
 
 
 def names_of_many(rows: pd.DataFrame, name: str) -> list[str]:
@@ -195,31 +145,28 @@ def names_of_many(rows: pd.DataFrame, name: str) -> list[str]:
     """
     decided = rows[rows["named"].notna() & (rows["decided"] == 1)]
     wrong, expected = int((decided["right"] == 0).sum()), float((1 - decided["probability"]).sum())
+    stated = rows["true_probability"].dropna()
+    excluded = int((stated < EXCLUDED).sum())
     sentences = []
     if wrong and poisson.sf(wrong - 1, expected) < ALARM:
         sentences.append(
             f"{name}: {wrong} of {len(decided)} are named wrongly, but {expected:.2g} are expected"
         )
-    stated = rows["true_probability"].dropna()
-    excluded = int((stated < EXCLUDED).sum())
     if excluded and binom.sf(excluded - 1, len(stated), EXCLUDED) < ALARM:
         sentences.append(f"{name}: {excluded} of {len(stated)} exclude the true damping")
     return sentences
 
 
-def intervals_of_many(rows: pd.DataFrame) -> list[Quoted]:
-    """Return the intervals of damping ratios in a table, with their truths, one for each row that has both.
+def intervals_of_many(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the intervals of damping ratios in a table, (n, `INTERVAL`), one for each row that has a truth.
 
     rows: rows with the columns of `validation.scoring`. The interval is that at the middle one of three amplitudes, or
     at the only amplitude.
     """
     at = 2 if rows["low_2"].notna().any() else 1
-    known = rows.dropna(subset=[f"low_{at}", f"true_{at}"])
-    columns = (
-        known["record"] + "/" + known["peer"],
-        *(known[f"{what}_{at}"] for what in ("low", "high", "true")),
-    )
-    return [Quoted(record, "value", *numbers) for record, *numbers in zip(*columns, strict=True)]
+    columns = {f"low_{at}": "low", f"high_{at}": "high", f"true_{at}": "truth"}
+    table = rows.rename(columns=columns).assign(record=rows["record"] + "/" + rows["peer"], what="value")
+    return table[list(INTERVAL)].dropna().reset_index(drop=True)
 
 
 TABLES = {

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from validation.reports.contradictions import (
-    Quoted,
+    INTERVAL,
     contradictions,
     intervals_of_many,
     misses,
@@ -69,7 +69,7 @@ def page_of(folder: Path, **wrong: dict[str, Any]) -> Path:
         ({}, None),
         ({"verdict": {"damping": "quadratic"}}, "quadratic is named, but the truth is coulomb"),
         ({"verdict": EXCLUDING}, "the true damping, coulomb, has a probability of 0.001"),
-        ({"verdict": OUTSIDE}, "far outside"),
+        ({"verdict": OUTSIDE}, "but the truth is"),
         ({"posterior": {"q2.5": "0.0303", "q97.5": "0.0305"}}, "mu_c by nuts"),
     ],
 )
@@ -81,8 +81,9 @@ def test_only_a_wrong_page_is_reported(tmp_path: Path, fault: dict[str, Any], te
 def test_as_many_misses_as_chance_allows_are_not_reported() -> None:
     """Five of 100 intervals of 95 % are expected to miss; fifteen have a probability of 4e-5."""
 
-    def intervals(misses: int) -> list[Quoted]:
-        return [Quoted(str(i), "x", 1.0, 2.0, 2.1 if i < misses else 1.5) for i in range(100)]
+    def intervals(misses: int) -> pd.DataFrame:
+        rows = [(str(i), "x", 1.0, 2.0, 2.1 if i < misses else 1.5) for i in range(100)]
+        return pd.DataFrame(rows, columns=INTERVAL)
 
     assert misses(intervals(5)) == []
     assert len(misses(intervals(15))) == 15
