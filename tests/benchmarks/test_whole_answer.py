@@ -1,5 +1,5 @@
-"""The cost of a whole answer: `compare` from its start to the verdict and to its end, how the cost grows with samples,
-cycles, candidates and records, and the engineer's script on the same records."""
+"""The cost of a whole answer: `compare` from its start to the verdict and to its end, and how the cost grows with
+samples, cycles, candidates and records."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -19,9 +19,6 @@ import numpy as np
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from tests.benchmarks.page import add_table
-from tests.benchmarks.timing import in_turns
-from validation.contest.peers import ours, script
-from validation.contest.records import simulate_record
 
 SAMPLES, CYCLES = 5_000, 70
 """The largest record for which the bars below are promised."""
@@ -29,7 +26,6 @@ FRESH, USED, WHOLE, THREE = 25.0, 10.0, 60.0, 90.0
 """Seconds to the verdict of one record after an installation and later, to its end, and to the end of three repeats."""
 MILLION = 1_000_000
 STIFFNESS, NOISE = 20.0, 1e-3
-CONTEST_SEED, CONTEST_RECORDS = 2711, 10
 
 LAUNCHER = """
 import json, resource, subprocess, sys
@@ -135,19 +131,3 @@ def test_growth() -> None:
     }
     ratios = {"memory for 1,000,000 samples: 1 GiB / ours": 1024 / max(c.memory for c in costs.values())}
     add_costs("Growth of the cost with --quick, one change at a time", costs, ratios)
-
-
-def test_beside_a_script() -> None:
-    """`compare` without sampling and the script of 130 lines that an engineer would write, in one process."""
-    rows, ratios = [], []
-    for number in range(CONTEST_RECORDS):
-        simulated = simulate_record(CONTEST_SEED, number)
-        arguments = simulated.signal.t, simulated.signal.y, simulated.amplitudes
-        times = in_turns(*(partial(peer.answer, *arguments) for peer in (script, ours)), rounds=2)
-        ratios.append(times[0] / times[1])
-        rows.append([simulated.name, *(f"{seconds:.2f}" for seconds in times)])
-    name = "CPU seconds of an answer, {} of ten records: script / ours"
-    summary = {name.format("median"): float(np.median(ratios)), name.format("slowest"): min(ratios)}
-    add_table(
-        "CPU seconds of an answer beside an engineer's script", ["record", "script", "ours"], rows, summary
-    )
