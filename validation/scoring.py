@@ -108,35 +108,22 @@ def row_of(case: Case, peer: Peer, name: str = "bayesdamp") -> dict[str, Any]:
     name: of the peer. The column `seconds` is the CPU time of the answer. After a refusal, `outcome` is its text.
     """
     row: dict[str, Any] = {"record": case.name, "peer": name, "group": case.group, "damping": case.damping}
-    began = time.process_time()
+    row |= {"outcome": OK, "decided": 0, "right": 0}
+    began, at = time.process_time(), case.amplitudes
     try:
-        reply = peer(case.signal, case.amplitudes)
+        reply = peer(case.signal, at)
     except Refusal as refusal:
-        seconds = time.process_time() - began
-        return row | truth_of(case) | {"outcome": str(refusal), "seconds": seconds, "decided": 0, "right": 0}
-    row |= {
-        "outcome": OK, "seconds": time.process_time() - began, "grade": reply.grade, "named": reply.named,
-        "probability": reply.probability, "true_probability": probability_of(reply, case.damping),
-        "decided": int(reply.decided),
-        "right": int(bool(reply.named) and terms_of(reply.named) == terms_of(case.damping)),
-    }  # fmt: skip
-    return (
-        row
-        | truth_of(case, reply.amplitudes)
-        | in_columns(value=reply.values, low=reply.low, high=reply.high)
-    )
-
-
-def truth_of(case: Case, amplitudes: Sequence[float] = ()) -> dict[str, float]:
-    """Return the cells of a row with amplitudes and the true damping ratios there, by column.
-
-    amplitudes: in the unit of the record; by default those at which the record is to be judged. Return {} if the true
-    ratio of the record is unknown.
-    """
-    if case.ratio is None:
-        return {}
-    at = amplitudes or case.amplitudes
-    return in_columns(amplitude=at, true=map(case.ratio, at))
+        row["outcome"] = str(refusal)
+    else:
+        at = reply.amplitudes or at
+        row |= {
+            "grade": reply.grade, "named": reply.named, "probability": reply.probability,
+            "true_probability": probability_of(reply, case.damping), "decided": int(reply.decided),
+            "right": int(bool(reply.named) and terms_of(reply.named) == terms_of(case.damping)),
+            **in_columns(value=reply.values, low=reply.low, high=reply.high),
+        }  # fmt: skip
+    row["seconds"] = time.process_time() - began
+    return row if case.ratio is None else row | in_columns(amplitude=at, true=map(case.ratio, at))
 
 
 def in_columns(**quantities: Iterable[float]) -> dict[str, float]:
@@ -253,14 +240,9 @@ def _true_probability(rows: pd.DataFrame) -> str:
     return f"{p.mean():.3f} ± {p.sem():.3f}" if len(p) > 1 else "–"
 
 
-def answered(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of the records that were answered, without those that were refused."""
-    return rows[rows["outcome"] == OK]
-
-
 SCORES: Mapping[str, Callable[[pd.DataFrame], object]] = {
     "records": len,
-    "answered": lambda rows: len(answered(rows)),
+    "answered": lambda rows: int((rows["outcome"] == OK).sum()),
     "named outright": lambda rows: hits_of(named(rows), len(rows)),
     "of these correctly": lambda rows: hits_of(named(rows, right=1), named(rows)),
     "named outright, correctly": lambda rows: hits_of(named(rows, right=1), len(rows)),
@@ -368,9 +350,7 @@ def complete_rows(
             else (work(*given) for given in missing)
         )
         for i, row in enumerate(results, 1):
-            assert row.keys() <= set(columns), (
-                f"columns without a name in the table: {row.keys() - set(columns)}"
-            )
+            assert row.keys() <= set(columns), row
             line = pd.DataFrame([row], columns=list(columns))
             line.to_csv(table, index=False, float_format="%.6g", mode="a", header=not table.is_file())
             print(

@@ -11,9 +11,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from bayesdamp.store import write_json
 from validation.reports.contradictions import contradictions
 from validation.reports.recipes import RECIPES, Recipe
-from validation.reports.stamps import Stamp, digest, stale, stamps, write_stamp
+from validation.reports.stamps import FILE, digest, stale, stamps
 
 ROOT = Path(__file__).parents[2]
 """Folder of the project."""
@@ -50,7 +51,7 @@ def _check() -> int:
     stamp_of, old = stamps(ROOT / "reports"), stale(ROOT)
     for recipe in RECIPES:
         stamp, state = stamp_of.get(recipe.name), "stale" if recipe in old else "fresh"
-        origin = f"made {stamp.day} by {stamp.revision[:9]}" if stamp else "made by unknown code"
+        origin = f"made {stamp['day']} by {stamp['revision'][:9]}" if stamp else "made by unknown code"
         print(f"{recipe.name:<15} {state:<6} {origin}, about {recipe.cost} min")
     left = sum(recipe.cost for recipe in old)
     print(f"{len(old)} of {len(RECIPES)} are stale; making them takes about {left} minutes on two cores")
@@ -81,7 +82,9 @@ def _make(recipe: Recipe) -> bool:
         print("\n  ".join([head, *wrong]), file=sys.stderr)
         return False
     day = datetime.datetime.now(datetime.UTC).date().isoformat()
-    write_stamp(ROOT / "reports", recipe, Stamp(now, _git("rev-parse", "HEAD"), day))
+    stamp = {"digest": now, "revision": _git("rev-parse", "HEAD"), "day": day}
+    stamp_of = stamps(ROOT / "reports") | {recipe.name: stamp}
+    write_json(ROOT / "reports" / FILE, dict(sorted(stamp_of.items())))
     return True
 
 

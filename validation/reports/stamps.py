@@ -5,25 +5,13 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
-from bayesdamp.store import write_json
 from validation.reports.recipes import RECIPES, Recipe
 
 FILE = "made.json"
 """Name of the file with the stamps of all reports, in the folder reports/."""
-
-
-@dataclass(frozen=True)
-class Stamp:
-    """The origin of a report: digest of its sources, commit that made it (revision), and day (ISO 8601)."""
-
-    digest: str
-    revision: str
-    day: str
 
 
 def digest(recipe: Recipe, root: Path) -> str:
@@ -49,13 +37,13 @@ def digest(recipe: Recipe, root: Path) -> str:
     return total.hexdigest()
 
 
-def stamps(reports: Path) -> dict[str, Stamp]:
-    """Read the stamps of the reports in a folder; return none if there is no file."""
+def stamps(reports: Path) -> dict[str, dict[str, str]]:
+    """Read the stamps of the reports in a folder; return none if there is no file.
+
+    A stamp is the origin of a report: digest of its sources, commit that made it (revision), and day (ISO 8601).
+    """
     file = reports / FILE
-    if not file.is_file():
-        return {}
-    content: Mapping[str, Mapping[str, str]] = json.loads(file.read_text(encoding="utf-8"))
-    return {name: Stamp(**stamp) for name, stamp in content.items()}
+    return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
 
 
 def stale(root: Path) -> list[Recipe]:
@@ -64,13 +52,7 @@ def stale(root: Path) -> list[Recipe]:
     root: folder of the project.
     """
     stamp_of = stamps(root / "reports")
-    return [r for r in RECIPES if r.name not in stamp_of or stamp_of[r.name].digest != digest(r, root)]
-
-
-def write_stamp(reports: Path, recipe: Recipe, stamp: Stamp) -> None:
-    """Write the stamp of a report into `reports/made.json`; the stamps of other reports stay unchanged."""
-    stamp_of = stamps(reports) | {recipe.name: stamp}
-    write_json(reports / FILE, {name: asdict(stamp_of[name]) for name in sorted(stamp_of)})
+    return [r for r in RECIPES if stamp_of.get(r.name, {}).get("digest") != digest(r, root)]
 
 
 @cache
