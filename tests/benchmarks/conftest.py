@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from tests.benchmarks.page import LOSS, MEASURED, write_page
+from tests.benchmarks.page import MEASURED, write_page
 
 FOLDER = Path(__file__).parents[2] / "reports" / "benchmarks"
 
@@ -13,5 +13,4 @@ FOLDER = Path(__file__).parents[2] / "reports" / "benchmarks"
 def pytest_sessionfinish() -> None:
     folder = os.environ.get("BENCH_OUT", str(FOLDER))
     if folder and MEASURED:
-        for loss in write_page(MEASURED, Path(folder)):
-            print(f"\nlost more than {100 * LOSS:.0f} %: {loss}")
+        write_page(MEASURED, Path(folder))

@@ -10,8 +10,6 @@ from typing import Any
 from bayesdamp.formatting import markdown_table
 from bayesdamp.store import provenance, write_bytes, write_json
 
-LOSS = 0.2
-"""A ratio that falls by more than this share is reported as lost."""
 PACKAGES = ("bayesdamp", "jax", "numpy", "scipy", "numba", "numpyro")
 
 MEASURED: dict[str, dict[str, Any]] = {}
@@ -30,16 +28,15 @@ def add_table(
     print(f"\n{title}\n{markdown_table(header, rows)}")
 
 
-def write_page(measured: dict[str, Any], folder: Path) -> list[str]:
-    """Write page and data, and return the ratios that were lost. Tables of earlier runs that this run did not measure
-    remain."""
+def write_page(measured: dict[str, Any], folder: Path) -> None:
+    """Write page and data. Tables of earlier runs that this run did not measure remain."""
     folder.mkdir(parents=True, exist_ok=True)
     data = folder / "results.json"
     before = json.loads(data.read_text("utf-8")) if data.is_file() else {}
     about = provenance(packages=PACKAGES)
     write_json(data, tables := before | measured)
     write_json(folder / "machine.json", about)
-    ratios, lost = [], []
+    ratios = []
     for title, table in tables.items():
         for name, ratio in table["ratios"].items():
             earlier, bar = before.get(title, {"ratios": {}})["ratios"].get(name), table["bars"].get(name)
@@ -49,8 +46,6 @@ def write_page(measured: dict[str, Any], folder: Path) -> list[str]:
                 "" if earlier is None else f"{earlier:.3g}",
             )
             ratios.append([name, *numbers])
-            if earlier is not None and ratio < (1 - LOSS) * earlier:
-                lost.append(f"{name}: {ratio:.3g}, was {earlier:.3g}")
     machine = ", ".join(f"{name} {value}" for name, value in about["machine"].items())
     parts = [
         f"# Benchmarks\n\n`make bench` writes this page. The last run was on one machine ({machine}; versions are in "
@@ -63,4 +58,3 @@ def write_page(measured: dict[str, Any], folder: Path) -> list[str]:
         mark = "" if title in measured else "Measured in an earlier run.\n\n"
         parts.append(f"## {title}\n\n{mark}{markdown_table(table['header'], table['rows'])}")
     write_bytes(folder / "README.md", ("\n\n".join(parts) + "\n").encode())
-    return lost

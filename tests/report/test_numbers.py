@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-import bayesdamp.formatting as fmt
 from bayesdamp.report.render import render
 from bayesdamp.report.terminal import VerdictPrinter
 from bayesdamp.verdict.types import load_verdicts
@@ -155,15 +154,6 @@ CONTROLS: dict[str, tuple[tuple[str, ...], Change, str]] = {
     "noise and law exchanged": (
         (f"{REPORT}.sections.answer.answer_of",), lambda f: lambda *place: exchange_errors(f(*place)),
         r"(ratio|coefficient), sd from (noise|the law): "),
-    "probability of the rival": (
-        ("bayesdamp.verdict.words._answer",), lambda f: lambda v: f(replace(v, probability=v.rivals[0].probability)),
-        r".* answer: probability"),
-    "ends of Q exchanged": (
-        ("bayesdamp.verdict.parts.quality_of",),
-        lambda _: lambda r: fmt.with_interval(0.5 / r.value, 0.5 / r.low, 0.5 / r.high), r".*Q:? (low|high)"),
-    "amplitudes in rad": (
-        (f"{REPORT}.results.run.in_unit", f"{REPORT}.terminal.in_unit"), lambda _: lambda verdict, unit: verdict,
-        r"(?!.*frequency at).*amplitude(: )?"),
     "rows reversed on the terminal": (
         (f"{REPORT}.terminal.ratios_table",), lambda f: lambda ratios: f(ratios[::-1]),
         r"terminal ratio, (?!.*count).*"),
