@@ -215,8 +215,8 @@ def named(rows: pd.DataFrame, right: int | None = None) -> int:
 
     right: 1 to count only those that state the true damping, 0 only those that state a wrong one; by default all.
     """
-    decided = rows[rows["decided"] == 1]
-    return len(decided if right is None else decided[decided["right"] == right])
+    decided = rows.loc[rows["decided"] == 1]
+    return len(decided if right is None else decided.loc[decided["right"] == right])
 
 
 def digits(value: float) -> str:
@@ -242,17 +242,17 @@ def _true_probability(rows: pd.DataFrame) -> str:
 
 SCORES: Mapping[str, Callable[[pd.DataFrame], object]] = {
     "records": len,
-    "answered": lambda rows: int((rows["outcome"] == OK).sum()),
+    "answered": lambda rows: int(np.sum(rows["outcome"] == OK)),
     "named outright": lambda rows: hits_of(named(rows), len(rows)),
     "of these correctly": lambda rows: hits_of(named(rows, right=1), named(rows)),
     "named outright, correctly": lambda rows: hits_of(named(rows, right=1), len(rows)),
     "named outright, wrongly": lambda rows: hits_of(named(rows, right=0), len(rows)),
-    "true sum most probable": lambda rows: hits_of(int(rows["right"].sum()), len(rows)),
+    "true sum most probable": lambda rows: hits_of(int(np.sum(rows["right"])), len(rows)),
     "coverage": coverage,
     "median error": lambda rows: _percent(errors(rows)),
     "90 % quantile": lambda rows: _percent(errors(rows), 0.9),
     "median half width": lambda rows: _percent(0.5 * (three(rows, "high") - three(rows, "low")) / three(rows, "true")),
-    "deviates": lambda rows: int((rows["grade"] == "deviates").sum()),
+    "deviates": lambda rows: int(np.sum(rows["grade"] == "deviates")),
     "mean P(truth)": _true_probability,
     "CPU seconds": _median_seconds,
 }  # fmt: skip
@@ -287,7 +287,7 @@ def groups_of(
     order: the values, in the order of the result (a group may then be empty); by default all values, in the order in
     which they occur.
     """
-    return {str(name): rows[rows[column] == name] for name in (order or rows[column].unique())}
+    return {str(name): rows.loc[rows[column] == name] for name in (order or rows[column].unique())}
 
 
 # --- tables and pages ---

@@ -72,7 +72,7 @@ def _table(rows: pd.DataFrame) -> str:
     return score_table(
         groups_of(rows, "peer", ROSTER),
         *scores,
-        more={"error over bayesdamp's": lambda part: paired(part, rows[rows["peer"] == OURS])},
+        more={"error over bayesdamp's": lambda part: paired(part, rows.loc[rows["peer"] == OURS])},
     )
 
 

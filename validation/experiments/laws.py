@@ -240,7 +240,7 @@ laws.csv has every record. `make reports` makes this report again.
 
 def _of_distinguishable(rows: pd.DataFrame) -> str:
     """Return how many dampings are named outright and correctly, of those that the record can distinguish, as text."""
-    clear = rows[rows["nats"] >= LEAST_NATS]
+    clear = rows.loc[rows["nats"] >= LEAST_NATS]
     return hits_of(named(clear, right=1), len(clear))
 
 

@@ -171,15 +171,15 @@ def page(rows: pd.DataFrame) -> str:
 
     The column `peer` has the mode of the answer: "none" (the laws hold exactly) or "auto" (also approximate laws).
     """
-    if rows["group"].isin(KINDS).any():
+    if set(rows["group"]) & set(KINDS):
         title, text = "Laws that hold approximately: how accurate is the answer?", DEVIATION_TEXT
         dense = rows["record"].str.endswith(f"-x{DENSE}")
-        auto = rows[~dense & (rows["peer"] == "auto")]
+        auto = rows.loc[~dense & (rows["peer"] == "auto")]
         groups = {
-            "family, none": rows[rows["peer"] == "none"],
+            "family, none": rows.loc[rows["peer"] == "none"],
             **{f"{kind}, auto": part for kind, part in groups_of(auto, order=KINDS).items()},
-            ALL: auto[auto["group"] != FAMILY],
-            f"{ALL}, ×{DENSE}": rows[dense],
+            ALL: auto.loc[auto["group"] != FAMILY],
+            f"{ALL}, ×{DENSE}": rows.loc[dense],
         }
         conditions = {
             "If a law holds exactly": groups["family, auto"],

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from scipy.stats import binom, poisson
 
@@ -46,16 +47,16 @@ def misses(intervals: pd.DataFrame) -> list[str]:
 
     intervals: the intervals, with the columns `INTERVAL`.
     """
-    below, above = intervals["low"] - intervals["truth"], intervals["truth"] - intervals["high"]
-    off = pd.concat([below, above], axis=1).max(axis=1) / (intervals["high"] - intervals["low"])
-    middle = [group.index[len(group) // 2] for _, group in intervals.groupby("record", sort=False)]
+    low, high, truth = (intervals[column].to_numpy(float) for column in ("low", "high", "truth"))
+    off = np.maximum(low - truth, truth - high) / (high - low)
+    middle = [places[len(places) // 2] for places in intervals.groupby("record", sort=False).indices.values()]
     outside = [i for i in middle if off[i] > 0]
     if not outside or binom.sf(len(outside) - 1, len(middle), MISSED) >= 10 * ALARM:
         outside = []
-    wrong = intervals.loc[off.index[off > FAR].union(outside)]
+    wrong = intervals.iloc[sorted({*np.flatnonzero(off > FAR), *outside})]
     return [
         f"{record}: {what} is {low:.4g} to {high:.4g}, but the truth is {truth:.4g}"
-        for record, what, low, high, truth in wrong[list(INTERVAL)].itertuples(index=False)
+        for record, what, low, high, truth in wrong.loc[:, list(INTERVAL)].itertuples(index=False)
     ]
 
 
@@ -89,8 +90,8 @@ def of_study(folder: Path) -> list[str]:
                     f"{record}: the true damping, {'+'.join(sorted(true))}, has a probability of {own:.2g}"
                 )
         oscillator = oscillator_of(signal)
-        for r in verdict["damping_ratio"] if oscillator else ():
-            if r["unit"] in RADIANS:
+        for r in verdict["damping_ratio"]:
+            if oscillator and r["unit"] in RADIANS:
                 truth = true_ratio(oscillator, r["amplitude"] * RADIANS[r["unit"]])
                 what = f"damping ratio at {r['amplitude']:.3g} {r['unit']}"
                 ratios.append((record, what, r["low"], r["high"], truth))
@@ -143,10 +144,10 @@ def names_of_many(rows: pd.DataFrame, name: str) -> list[str]:
 
     rows: the answered records, with columns of `validation.scoring`. name: of the report, for the sentences.
     """
-    decided = rows[rows["named"].notna() & (rows["decided"] == 1)]
-    wrong, expected = int((decided["right"] == 0).sum()), float((1 - decided["probability"]).sum())
+    decided = rows.loc[rows["named"].notna() & (rows["decided"] == 1)]
+    wrong, expected = int(np.sum(decided["right"] == 0)), float(np.sum(1 - decided["probability"]))
     stated = rows["true_probability"].dropna()
-    excluded = int((stated < EXCLUDED).sum())
+    excluded = int(np.sum(stated < EXCLUDED))
     sentences = []
     if wrong and poisson.sf(wrong - 1, expected) < ALARM:
         sentences.append(
@@ -163,10 +164,10 @@ def intervals_of_many(rows: pd.DataFrame) -> pd.DataFrame:
     rows: rows with the columns of `validation.scoring`. The interval is that at the middle one of three amplitudes, or
     at the only amplitude.
     """
-    at = 2 if rows["low_2"].notna().any() else 1
+    at = 2 if np.isfinite(rows["low_2"].to_numpy(float)).any() else 1
     columns = {f"low_{at}": "low", f"high_{at}": "high", f"true_{at}": "truth"}
     table = rows.rename(columns=columns).assign(record=rows["record"] + "/" + rows["peer"], what="value")
-    return table[list(INTERVAL)].dropna().reset_index(drop=True)
+    return table.loc[:, list(INTERVAL)].dropna().reset_index(drop=True)
 
 
 TABLES = {

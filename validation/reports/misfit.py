@@ -147,7 +147,7 @@ def row(kind: str, number: int, seed: int) -> dict[str, Any]:
 
 def page(rows: pd.DataFrame) -> str:
     """Return the page in Markdown: the result, how it was computed, and the table."""
-    inside, outside = (rows[rows["group"].isin(kinds)] for kinds in (INSIDE, OUTSIDE))
+    inside, outside = (rows.loc[rows["group"].isin(kinds)] for kinds in (INSIDE, OUTSIDE))
     parts = {
         **groups_of(inside, order=INSIDE), "**of the family**": inside,
         **groups_of(outside, order=OUTSIDE), "**outside**": outside,
