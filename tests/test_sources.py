@@ -15,7 +15,7 @@ import pytest
 from bayesdamp.pipeline.tasks import CODE
 from bayesdamp.sources import ROOT, UNRELATED_MODULES, direct_imports, import_closure
 from tests.studies import COMPARED, study_text
-from tests.test_layers import MODULES as EVERY, imports
+from tests.test_layers import MODULES as EVERY, imported
 
 SCRIPT = """
 import json, sys
@@ -49,7 +49,7 @@ def by_parser(path: Path) -> set[str]:
     """Return the modules of the package that a module imports, except under TYPE_CHECKING, by Python's own parser."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     tree.body = [n for n in tree.body if not (isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test))]
-    return {name for base, below in imports(tree) for name in (base, f"{base}.{below}")} & set(MODULES)
+    return imported(ast.unparse(tree), "", MODULES)
 
 
 def test_direct_imports_are_those_of_the_parser():

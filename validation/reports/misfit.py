@@ -1,6 +1,6 @@
 """Test whether answers are right, or give a warning, on records that no law fits and on records of poor quality.
 
-`python -m validation.reports.misfit TABLE FOLDER --seed 21 [--count 6]` answers simulated records as
+`python -m validation.reports.misfit TABLE FOLDER --seed 22 [--count 6]` answers simulated records as
 `bayesdamp compare --quick` does, and writes the page. The family consists of the sums of viscous, Coulomb and quadratic
 damping with the restoring laws of bayesdamp.
 """
@@ -75,7 +75,7 @@ def _with_discrepancy(kind: str, rng: np.random.Generator, draw: Draw) -> Draw:
         growth = _sign(rng) * rng.uniform(1.0, 2.5)  # of its logarithm over the record
         odd = Discrepancy(scale=lambda t: math.exp(growth * ((t - draw.begin) / draw.duration - 0.5)))
     if kind == "stiction":
-        odd = stribeck(rng, draw, excess=rng.uniform(0.5, 2.0), speed=rng.uniform(0.1, 0.3))
+        odd = stribeck(rng, draw, excess=rng.uniform(0.5, 2.0), speed=rng.uniform(0.03, 0.15))
     if kind in POWERS:
 
         def unit(x: float, v: float, turn: float = 0.0) -> float:

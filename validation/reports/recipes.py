@@ -67,7 +67,7 @@ def _page(name: str, cost: int, module: str, options: str, *sources: str) -> Rec
 RECIPES: tuple[Recipe, ...] = (
     _study("sign_or_tanh", 2),
     _page("deviation", 10, f"{PAGES}.accuracy", "deviation", "validation/reports/accuracy.py"),
-    _page("misfit", 4, f"{PAGES}.misfit", "--seed 21 --count 6", "validation/reports/misfit.py"),
+    _page("misfit", 4, f"{PAGES}.misfit", "--seed 22 --count 6", "validation/reports/misfit.py"),
     _page("laws", 6, "validation.experiments.laws", "--each 8", "validation/experiments/laws.py"),
     _calibration("calibration", 7),
     _calibration("model_recovery", 6, " --models"),
