@@ -38,7 +38,7 @@ def test_the_page_loads_nothing(page):
 def test_the_page_has_every_section_in_order(page):
     ids = [i for i in Page(page).ids if i in SECTIONS.names()]
     assert ids == [
-        "answer", "asked", "record", "estimates", "posteriors", "evidence", "fit_quality", "priors", "provenance",
+        "answer", "study", "record", "estimates", "posteriors", "evidence", "fit_quality", "priors", "provenance",
     ]  # fmt: skip
 
 

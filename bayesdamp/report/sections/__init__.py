@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -16,22 +14,6 @@ from bayesdamp.plugins import Registry
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Row, RunFolder
 
-__all__ = [
-    "SECTIONS",
-    "TEMPLATES",
-    "Section",
-    "SignalSection",
-    "bullets",
-    "by_model",
-    "by_signal",
-    "collapsible",
-    "fill",
-    "heading",
-    "is_drawn",
-    "paragraph",
-    "repeat_column",
-    "stack",
-]  # fmt: skip
 TEMPLATES = Path(__file__).parents[1] / "templates"
 ENVIRONMENT = Environment(
     loader=FileSystemLoader(TEMPLATES),
@@ -41,16 +23,6 @@ ENVIRONMENT = Environment(
     lstrip_blocks=True,
 )
 ENVIRONMENT.filters["symbols"] = symbols
-SHIPPED = {
-    "answer": ("answer", "overview"),
-    "calibration": ("calibrated", "recovered"),
-    "estimates": ("estimates", "comparison", "sweeps"),
-    "evidence": ("evidence", "priors"),
-    "posteriors": ("posteriors",),
-    "record": ("record", "fit_quality"),
-    "study": ("asked", "provenance"),
-}
-"""Names of the package's sections, by the module that contains them."""
 _MOST = 4
 """Number of signals whose content is visible without unfolding it, and of models of a signal that are drawn. The tables
 also contain the less probable models."""
@@ -115,6 +87,9 @@ class Section(ABC):
         """Return the section's HTML, without its heading."""
 
 
+SECTIONS = Registry[Section]("bayesdamp.report.sections", "section")
+
+
 class SignalSection(Section):
     """A section with a part for each signal that it applies to."""
 
@@ -140,24 +115,6 @@ class SignalSection(Section):
         signals = [signal for signal in run.signals if self.shows(run, signal)]
         note = paragraph(ONE_MODEL, "small") if self.draws_models and len(run.signals) > _MOST else ""
         return stack(self.lead and paragraph(self.lead), note, by_signal(run, self.part, signals))
-
-
-class SectionRegistry(Registry[Section]):
-    """The sections by name: those in the `PLUGINS` of the package's modules, and those of a user."""
-
-    @cached_property
-    def _modules(self) -> dict[str, str]:
-        """Map the names of the package's sections to their modules."""
-        return {name: f"{self.package}.{file}" for file, names in SHIPPED.items() for name in names}
-
-    def get(self, name: str, where: str = "") -> Section:
-        """Return the section with a name. Raises InputError with the nearest valid name, after `where`."""
-        if not self.ships(name):
-            return super().get(name, where)
-        return next(s for s in import_module(self._modules[name]).PLUGINS if s.name == name)
-
-
-SECTIONS = SectionRegistry("bayesdamp.report.sections", "section")
 
 
 ONE_MODEL = (

@@ -1,9 +1,8 @@
-"""Show the answer on each record, and the overview of many records."""
+"""Show the answer on each record."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 
 from markupsafe import Markup
@@ -13,23 +12,16 @@ from bayesdamp.formatting import Table
 from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
-from bayesdamp.report.figures.answer import MOST_COLOURED, overview
 from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
 from bayesdamp.report.results.run import (
     ANCHOR,
     RecordAnswer,
-    Row,
     RunFolder,
     answer_of,
-    answers,
-    curve_of,
     models_by_rank,
-    overview_table,
     rank_models,
-    short_names,
-    specimens,
 )
-from bayesdamp.report.sections import Section, by_signal, collapsible, fill, heading, paragraph, stack
+from bayesdamp.report.sections import Section, by_signal, collapsible, fill, paragraph
 from bayesdamp.store.contents import ComparedCandidate
 from bayesdamp.types import OK
 from bayesdamp.units import level_unit
@@ -82,36 +74,8 @@ RATIOS = (
     f"in brackets. {PARTS_OF_SD}"
 )
 """`RATIOS` is the caption of the table of damping ratios; `PARTS_OF_SD` is also part of that of the coefficients."""
-SPECIMEN_RATIOS = (
-    "Equivalent viscous damping ratio and Q = 1/(2 × damping ratio) of the specimen, with 95 % intervals in brackets: "
-    "the mean over the records that reach the amplitude."
-)
 LEAST_SHOWN = 0.005
 """Smallest probability of a damping sum, or of a term, that is listed for an envelope."""
-COMMON = (
-    "Coefficients of {} damping that all records of the specimen have in common, with 95 % intervals in brackets. In "
-    "each record a factor multiplies all of them; its spread from record to record is inferred. Each record has its "
-    "own initial conditions, restoring parameters, noise and deviations from the laws."
-)
-"""Caption of the table of a specimen's coefficients; the name of the damping is inserted."""
-POPULATION = (
-    "Mean and spread (standard deviation) of each coefficient of {} damping over the {} specimens, with 95 % intervals "
-    "in brackets, and the interval of one more specimen. The specimens' coefficients are assumed to have a normal "
-    "distribution. Few specimens hardly limit its spread."
-)
-"""Caption of the table of several specimens; the name of the damping and the number of specimens are inserted."""
-FEWEST_RECORDS = 3
-"""Smallest number of records with an answer for which the report has an overview. If several are of one specimen, it
-always has one."""
-TABLE_CAPTION = (
-    "One row for each record; click on a header to sort. The row is grey if the record does not decide which damping "
-    "it has. The damping is the most probable model, and the next column is its probability. Damping ratios are "
-    "equivalent viscous damping ratios. "
-    "Deviation from the law: upper limit (95 %) of the relative deviation of the damping from its law, averaged over "
-    "the record. "
-    "Unexplained: the root mean square of the residual that neither the law nor the noise accounts for, in % of the "
-    "first amplitude."
-)
 
 
 class AnswerSection(Section):
@@ -222,7 +186,7 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
             f"Coefficients of {words.model(v.damping)} damping, and parameters of the {words.law(v.restoring)} "
             f"restoring law, with 95 % intervals in brackets. {PARTS_OF_SD}"
         )
-        parts.append(_coefficients_table(v.coefficients, caption, parts=True))
+        parts.append(coefficients_table(v.coefficients, caption, parts=True))
     rows = [r for r in answer.content.candidates if r.outcome == OK]
     log = {id(r): r.exact if r.log_evidence is None else r.log_evidence for r in rows}
     top, top_exact = max(log.values(), default=0.0), max((r.exact for r in rows), default=0.0)
@@ -251,7 +215,7 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     return [*parts, collapsible("All damping models that were compared", table)]
 
 
-def _coefficients_table(coefficients: Sequence[Coefficient], caption: str, parts: bool = False) -> Table:
+def coefficients_table(coefficients: Sequence[Coefficient], caption: str, parts: bool = False) -> Table:
     """Return a table of coefficients; `parts`: whether to add the parts of their standard deviations."""
     columns: dict[str, Callable[[Coefficient], str]] = {
         "parameter": lambda c: words.symbol(c.name).text,
@@ -264,64 +228,4 @@ def _coefficients_table(coefficients: Sequence[Coefficient], caption: str, parts
     return Table.of(coefficients, columns, (0, len(columns) - 1), caption)
 
 
-def _population_table(rows: Sequence[Row]) -> Table:
-    """Return a table of the rows of population.csv."""
-    columns: dict[str, Callable[[Row], str]] = {
-        "parameter": lambda r: words.symbol(r["parameter"]).text,
-        "mean (95 %)": lambda r: fmt.with_interval(r["mean"], r["mean_low"], r["mean_high"]),
-        "spread (95 %)": lambda r: fmt.with_interval(r["spread"], r["spread_low"], r["spread_high"]),
-        "one more specimen (95 %)": lambda r: fmt.interval(r["next_low"], r["next_high"]),
-        "unit": lambda r: words.unit(r["unit"]),
-    }
-    caption = POPULATION.format(words.model(rows[0]["model"]), rows[0]["specimens"])
-    return Table.of(rows, columns, (0, 4), caption)
-
-
-class OverviewSection(Section):
-    """The section with the verdicts on specimens, all damping curves, and a table of the records with links."""
-
-    order = 4
-    name = "overview"
-    title = "All records"
-
-    def applies(self, run: RunFolder) -> bool:
-        """Return whether at least three records have an answer, records are of one specimen, or there is a population.
-
-        A study with published errors has no such section.
-        """
-        several = len(answers(run)) >= FEWEST_RECORDS or bool(specimens(run) or run.population)
-        return several and not run.study.get("published")
-
-    def render(self, run: RunFolder) -> str:
-        """Return the verdicts on specimens and their population, a figure of damping curves, and a table of records."""
-        records, verdicts = answers(run), specimens(run)
-        parts: list[object] = []
-        for v in verdicts:
-            title = heading(v.record) if len(verdicts) > 1 else ""
-            more = Markup("").join(map(paragraph, (*energy_sentences(v), *v.remarks)))
-            block = Markup('<div class="verdict">{}<p class="claim">{}</p>{}</div>')
-            parts.append(block.format(title, v.sentence, more))
-            if v.decay_rate:
-                parts.append(decay_table(v.decay_rate, v.quality_factor_at))
-            elif v.damping_ratio:
-                parts.append(ratios_table(v.damping_ratio, SPECIMEN_RATIOS))
-            if v.coefficients:
-                parts.append(_coefficients_table(v.coefficients, COMMON.format(words.model(v.damping))))
-        if run.population:
-            parts += [heading("Population of the specimens"), _population_table(run.population)]
-        curves = {a.signal: curve for a in records if (curve := curve_of(a)) is not None}
-        if curves:
-            names = short_names(list(curves))
-            unit = next(a.verdict.damping_ratio[0].unit for a in records if a.signal in curves)
-            caption = (
-                "Equivalent viscous damping ratio of each record against amplitude (line), with its 95 % interval "
-                f"(band): {SHAPES}."
-            )
-            if len(curves) > MOST_COLOURED:
-                caption += " All records have the same colour."
-            draw = partial(overview, {names[signal]: curve for signal, curve in curves.items()}, unit)
-            parts.append(run.drawings.add("overview", caption, draw))
-        return stack(*parts, replace(overview_table(records), caption=TABLE_CAPTION))
-
-
-PLUGINS = (AnswerSection(), OverviewSection())
+PLUGIN = AnswerSection()

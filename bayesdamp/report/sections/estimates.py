@@ -1,4 +1,4 @@
-"""Show the result of each estimator, the comparison of all, and their errors against noise, sampling and length."""
+"""Show the result of each estimator."""
 
 from __future__ import annotations
 
@@ -13,20 +13,11 @@ from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures.estimators import (
-    LOWEST_ERROR,
     estimate_panels,
     force,
-    sweep,
 )
 from bayesdamp.report.results.estimators import (
-    FACTORS,
-    STAGES,
-    category_of,
-    compare_estimators,
-    error_series,
     estimates_of,
-    printed_error,
-    sort_by_category,
     true_models,
 )
 from bayesdamp.report.results.run import (
@@ -38,10 +29,8 @@ from bayesdamp.report.results.run import (
     truth,
 )
 from bayesdamp.report.sections import (
-    Section,
     SignalSection,
     by_model,
-    heading,
     is_drawn,
     stack,
 )
@@ -60,16 +49,6 @@ TABLE = (
     "Estimates by method and stage, with the standard error (±) if the method gives one. The error is absolute, in % "
     "of the true value. With several repeats, values and errors are ranges over them; the time and the number of "
     "evaluations of the method's objective are the largest."
-)
-ERRORS = (
-    "Absolute error of the damping coefficients that each method estimates on each signal, in % of the true values "
-    "(the root mean square over several coefficients or repeats); the mean of these errors over the signals; and the "
-    "published error if the study states it. *: the method reports that this value is unreliable; the tables of the "
-    "section on the estimators give the reason."
-)
-TIMES = (
-    "Computing time of each method for all signals of the table of errors together, including the compilation of its "
-    "code if that was necessary, and the published time if the study states it."
 )
 """Captions, or parts of them, that do not depend on the run."""
 
@@ -222,82 +201,4 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
     return [Markup("<h4>Further results of the methods</h4>"), stack(*parts)] if parts else []
 
 
-class ComparisonSection(Section):
-    """The section with errors and times of all methods under the model with which each record was simulated."""
-
-    order = 35
-    name = "comparison"
-    title = "Comparison of the estimators"
-
-    def applies(self, run: RunFolder) -> bool:
-        """Return whether several methods have errors on several signals, or published errors are given."""
-        comparison = compare_estimators(run)
-        several = len(comparison.signals) > 1 and len(comparison.methods) > 1
-        return comparison.errors.notna().any(axis=None) and (several or comparison.published.size > 0)
-
-    def render(self, run: RunFolder) -> str:
-        """Return tables of errors and times."""
-        comparison = compare_estimators(run)
-        published = comparison.published
-
-        def error_of(method: str, signal: str, stage: str) -> str:
-            error = comparison.errors.at[method, (signal, stage)]
-            doubted = (method, signal, stage) in comparison.doubted and math.isfinite(error)
-            return fmt.number(error, 2) + "*" * doubted
-
-        errors: dict[str, Callable[[str], str]] = {"method": words.method, "category": category_of}
-        for signal in comparison.signals:
-            for stage in STAGES:
-                errors[f"{signal}, {words.stage(stage)}"] = partial(error_of, signal=signal, stage=stage)
-            if published.size:
-                errors[f"{signal}, published"] = lambda m, s=signal: published.at[m, s] or fmt.NONE
-        times: dict[str, Callable[[str], str]] = {"method": words.method}
-        for stage in STAGES:
-            name, means = words.stage(stage), comparison.at_stage(stage).mean(axis=1)
-            errors[f"mean, {name}"] = lambda m, means=means: fmt.number(means[m], 2)
-            times[name] = lambda m, stage=stage: fmt.duration(comparison.seconds.at[m, stage])
-        if published.size:
-            printed = published.map(printed_error).mean(axis=1)
-            errors["mean, published"] = lambda m: fmt.number(printed[m], 2)
-            times["published"] = lambda m: comparison.times.get(m, fmt.NONE)
-        return stack(
-            Table.of(comparison.methods, errors, (0, 1), ERRORS),
-            Table.of(comparison.methods, times, (0,), TIMES),
-        )
-
-
-class SweepsSection(Section):
-    """The section with the errors against noise, sampling and length: a figure for each series."""
-
-    order = 37
-    name = "sweeps"
-    title = "Errors against noise, sampling and length"
-
-    def applies(self, run: RunFolder) -> bool:
-        """Return whether the run has a series of at least three signals."""
-        return len(run.signals) >= 3 and bool(error_series(run))
-
-    def render(self, run: RunFolder) -> str:
-        """Return a figure of the errors along each series."""
-        parts: list[object] = []
-        for along in error_series(run):
-            model, methods = words.model(along.model), sort_by_category(along.errors.index.unique(0))
-            counts = sorted(along.repeats.unique())
-            over = f", over {fmt.listing(map(str, counts), 'or')} repeats" if counts else ""
-            others = fmt.listing([factor for factor in FACTORS if factor != along.factor])
-            caption = (
-                f"Root mean square error of the coefficients of {model} damping, in % of the true values{over}, "
-                f"against the {along.factor} of simulated records; {others} are constant. Left: the methods' own "
-                "estimates; right: the trajectory fits that start there. Dashed: the Cramér–Rao bound, the smallest "
-                "standard error of an unbiased estimate. An error below it means that the method is biased, or that "
-                "it uses information from outside the record. The legend gives the number of repeats of each method. "
-                f"Errors below {fmt.number(LOWEST_ERROR, 2)} % are drawn at this value, and a noise of 0 at the left "
-                "edge."
-            )
-            draw = partial(sweep, along, methods)
-            figure = run.drawings.add(f"sweep-{along.model}-{along.factor}", caption, draw)
-            parts += [heading(f"{model}: errors against the {along.factor}"), figure]
-        return stack(*parts)
-
-
-PLUGINS = (EstimatesSection(), ComparisonSection(), SweepsSection())
+PLUGIN = EstimatesSection()

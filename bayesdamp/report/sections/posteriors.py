@@ -172,4 +172,4 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
     return parts
 
 
-PLUGINS = (PosteriorsSection(),)
+PLUGIN = PosteriorsSection()

@@ -1,23 +1,20 @@
-"""Show each record with its fits, and the quality of the fits."""
+"""Show each record with its fits."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures.record import ModelFit, draw_raw_record, record
 from bayesdamp.report.results.run import (
     Row,
     RunFolder,
     answer_of,
-    models_by_rank,
     models_not_pruned,
     only_answered,
     rows_of,
@@ -27,19 +24,11 @@ from bayesdamp.report.sections import (
     bullets,
     is_drawn,
     paragraph,
-    repeat_column,
     stack,
 )
 from bayesdamp.store.contents import RecordContent
 from bayesdamp.types import OK
 
-CHECKS = (
-    "Checks of the fit of each model at its posterior mode: root mean square (rms) residual; autocorrelation of the "
-    "residual at lag one; stability over sub-records (the largest change of a damping coefficient between a half of "
-    "the record and the whole record, in standard deviations that are expected by chance); predictive p (the fraction "
-    "of simulated white noise that is as strongly autocorrelated as the residual); and the verdict: whether the model "
-    "fits."
-)
 WHOLE = (
     "the whole record as it was read. Shaded, if only a part is used: that part and, in a lighter shade, other free "
     "decays."
@@ -53,10 +42,6 @@ FITTED = (
 WITHOUT_FITS = "the used part of the record. Time counts from its start."
 """Captions of the figures of a record, after its name."""
 NOT_STORED = "The samples of this record are not stored with the run; run the study again."
-_EXACT = (
-    "All these fits assume that the laws hold exactly. The chains and the evidence of this study allow deviations from "
-    "the laws, which account for systematic residuals of these fits."
-)
 
 
 class RecordSection(SignalSection):
@@ -120,7 +105,7 @@ class RecordSection(SignalSection):
                 missing.append(f"No fit of {words.model(model)}: {mode.outcome}")
             else:
                 rows = rows_of(run.fits, signal=signal, repeat=repeats[0], model=model)
-                rms = _rms(rows[0]) if rows else "not in fits.csv"
+                rms = rms_of(rows[0]) if rows else "not in fits.csv"
                 autocorrelation = np.asarray(mode.arrays.get("autocorrelation", []), float)
                 fit, residual = (mode.arrays[array] * factor for array in ("fit", "residual"))
                 fits.append(ModelFit(model, fit, residual, autocorrelation, rms))
@@ -134,49 +119,9 @@ class RecordSection(SignalSection):
         return stack(*parts, *(paragraph(sentence, "quiet") for sentence in missing))
 
 
-class FitQualitySection(SignalSection):
-    """The section with the checks of each fit, as in fits.csv."""
-
-    order = 70
-    name = "fit_quality"
-    title = "Quality of the fits"
-    lead = (
-        "The autocorrelation of the residual at lag one shows whether neighbouring samples are independent, as for "
-        "white noise (then it is near 0). The stability over sub-records is the largest change of a damping "
-        "coefficient when only half of the record is used, in units of the standard deviation that is expected by "
-        "chance. Up to about three it can be chance; above that, the accuracy is limited by this change and not by "
-        "the width of the posterior. The predictive p is the fraction of simulated white noise that is as strongly "
-        "autocorrelated as the residual, averaged over the posterior; a small value means that structure remains in "
-        "the residual."
-    )
-
-    def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether models were fitted."""
-        fitted = any(r["signal"] == signal for r in run.fits) or bool(run.task_results("mode", signal))
-        return fitted and not only_answered(run)
-
-    def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return the checks of each fit."""
-        repeats = run.repeats(signal)
-        ranked = models_by_rank(run, signal, repeats[0])
-        parts: list[object] = [paragraph(_EXACT)] if run.under_law else []
-        checks: dict[str, Callable[[Row], str]] = {
-            **repeat_column(repeats),
-            "model": lambda r: words.model(r["model"]),
-            "rms residual": _rms,
-            "autocorrelation": lambda r: fmt.fixed_decimals(r["residual_autocorrelation"], 2),
-            "stability over sub-records": lambda r: fmt.number(r["window_spread"], 2),
-            "predictive p": lambda r: fmt.number(r["predictive_p"], 2),
-            "verdict": lambda r: r["verdict"] or fmt.NONE,
-        }
-        fits = sorted(rows_of(run.fits, signal=signal), key=lambda r: (r["repeat"], ranked.index(r["model"])))
-        parts.append(Table.of(fits, checks, (len(checks) - 6, len(checks) - 1), CHECKS))
-        return stack(*parts)
-
-
-def _rms(row: Row) -> str:
+def rms_of(row: Row) -> str:
     """Return the root mean square residual in a row of fits.csv as text, with its unit."""
     return f"{fmt.number(row['rms'], 3)} {row['rms_unit']}"
 
 
-PLUGINS = (RecordSection(), FitQualitySection())
+PLUGIN = RecordSection()

@@ -1,4 +1,4 @@
-"""Show the settings of the study, and how the report was made."""
+"""Show the settings of the study."""
 
 from __future__ import annotations
 
@@ -9,20 +9,17 @@ from markupsafe import Markup, escape
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table, symbols
-from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.run import RunFolder, answer_of
 from bayesdamp.report.sections import Section, collapsible, paragraph, stack
-from bayesdamp.types import OK, candidate_parts
-
-FACTS = "Revision of the source code, the machine, the seed of the random numbers, and digests of the input files."
+from bayesdamp.types import candidate_parts
 
 
-class AskedSection(Section):
+class StudySection(Section):
     """The section with the damping models, the signals and the known parameters."""
 
     order = 20
-    name = "asked"
+    name = "study"
     title = "Settings of the study"
 
     def render(self, run: RunFolder) -> str:
@@ -115,42 +112,4 @@ def _signals(run: RunFolder) -> Table | str:
     return Table.of(run.signals, columns, (0, 1, 2), caption) if used else ""
 
 
-class ProvenanceSection(Section):
-    """The section with versions, revision, machine, inputs and failed tasks."""
-
-    order = 90
-    name = "provenance"
-    title = "How this report was made"
-
-    def render(self, run: RunFolder) -> str:
-        """Return tables of the inputs, software, machine and failed tasks."""
-        info, text = run.info, (0, 1)
-        facts = {
-            "source revision": info.get("revision"),
-            **(info.get("machine") or {}),
-            "seed": info.get("seed"),
-            **{f"SHA-256 of {name}": digest for name, digest in (info.get("inputs") or {}).items()},
-        }
-        lines = [[name, str(value)] for name, value in facts.items() if value is not None]
-        versions = list((info.get("versions") or {}).items())
-        parts: list[object] = [Table(["item", "value"], lines, text, FACTS)] if lines else []
-        if versions:
-            table = Table(["package", "version"], versions, text)
-            parts.append(collapsible(f"Versions of {len(versions)} packages", table))
-        tasks: dict[str, list[str]] = {}
-        for task_result in run.task_results():
-            # The section on the evidence shows pruned tasks.
-            if task_result.outcome != OK and status_of(task_result.outcome) is not Status.PRUNED:
-                tasks.setdefault(task_result.outcome, []).append(task_result.name)
-        if tasks:
-            count = sum(map(len, tasks.values()))
-            lines = [
-                [why, ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")]
-                for why, names in tasks.items()
-            ]
-            caption = f"{count} task{'s' if count > 1 else ''} ended without a result, by reason."
-            parts.append(Table(["reason", "tasks"], lines, text, caption))
-        return stack(*parts)
-
-
-PLUGINS = (AskedSection(), ProvenanceSection())
+PLUGIN = StudySection()

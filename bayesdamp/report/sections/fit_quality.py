@@ -1,0 +1,80 @@
+"""Show the quality of the fits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from markupsafe import Markup
+
+from bayesdamp import formatting as fmt
+from bayesdamp.formatting import Table
+from bayesdamp.report import words
+from bayesdamp.report.results.run import (
+    Row,
+    RunFolder,
+    models_by_rank,
+    only_answered,
+    rows_of,
+)
+from bayesdamp.report.sections import (
+    SignalSection,
+    paragraph,
+    repeat_column,
+    stack,
+)
+from bayesdamp.report.sections.record import rms_of
+
+CHECKS = (
+    "Checks of the fit of each model at its posterior mode: root mean square (rms) residual; autocorrelation of the "
+    "residual at lag one; stability over sub-records (the largest change of a damping coefficient between a half of "
+    "the record and the whole record, in standard deviations that are expected by chance); predictive p (the fraction "
+    "of simulated white noise that is as strongly autocorrelated as the residual); and the verdict: whether the model "
+    "fits."
+)
+_EXACT = (
+    "All these fits assume that the laws hold exactly. The chains and the evidence of this study allow deviations from "
+    "the laws, which account for systematic residuals of these fits."
+)
+
+
+class FitQualitySection(SignalSection):
+    """The section with the checks of each fit, as in fits.csv."""
+
+    order = 70
+    name = "fit_quality"
+    title = "Quality of the fits"
+    lead = (
+        "The autocorrelation of the residual at lag one shows whether neighbouring samples are independent, as for "
+        "white noise (then it is near 0). The stability over sub-records is the largest change of a damping "
+        "coefficient when only half of the record is used, in units of the standard deviation that is expected by "
+        "chance. Up to about three it can be chance; above that, the accuracy is limited by this change and not by "
+        "the width of the posterior. The predictive p is the fraction of simulated white noise that is as strongly "
+        "autocorrelated as the residual, averaged over the posterior; a small value means that structure remains in "
+        "the residual."
+    )
+
+    def shows(self, run: RunFolder, signal: str) -> bool:
+        """Return whether models were fitted."""
+        fitted = any(r["signal"] == signal for r in run.fits) or bool(run.task_results("mode", signal))
+        return fitted and not only_answered(run)
+
+    def part(self, run: RunFolder, signal: str) -> Markup:
+        """Return the checks of each fit."""
+        repeats = run.repeats(signal)
+        ranked = models_by_rank(run, signal, repeats[0])
+        parts: list[object] = [paragraph(_EXACT)] if run.under_law else []
+        checks: dict[str, Callable[[Row], str]] = {
+            **repeat_column(repeats),
+            "model": lambda r: words.model(r["model"]),
+            "rms residual": rms_of,
+            "autocorrelation": lambda r: fmt.fixed_decimals(r["residual_autocorrelation"], 2),
+            "stability over sub-records": lambda r: fmt.number(r["window_spread"], 2),
+            "predictive p": lambda r: fmt.number(r["predictive_p"], 2),
+            "verdict": lambda r: r["verdict"] or fmt.NONE,
+        }
+        fits = sorted(rows_of(run.fits, signal=signal), key=lambda r: (r["repeat"], ranked.index(r["model"])))
+        parts.append(Table.of(fits, checks, (len(checks) - 6, len(checks) - 1), CHECKS))
+        return stack(*parts)
+
+
+PLUGIN = FitQualitySection()
