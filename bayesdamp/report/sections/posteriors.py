@@ -114,20 +114,19 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
     true = {name: truth(run, signal, name) for own in draws.values() for name in own}
     samplers = fmt.listing(map(words.method, draws))
     caption = (
-        f"Marginal posterior density of each parameter of {words.model(model)} damping, from the record {signal}, by "
-        f"{samplers}. Each curve is scaled to a maximum of 1."
+        f"Histograms of the posterior draws of each parameter of {words.model(model)} damping, from the record "
+        f"{signal}, by {samplers}."
     )
     if any(math.isfinite(value) for value in true.values()):
         caption += " Dashed lines: the true values."
     damping = coefficients(run, model)
-    draw = partial(marginals, model, draws, units, true, damping)
+    draw = partial(marginals, model, draws, units, true)
     figures = [run.drawings.add(f"marginals-{signal}-{model}", caption, draw)]
     names = [n for n in damping if all(n in own for own in draws.values())]
     if len(names) > 1:
         caption = (
-            f"Joint posterior of each pair of coefficients of {words.model(model)} damping, from the record {signal}: "
-            "the contours contain 50 % and 90 % of the probability. On the diagonal: the marginal density of each "
-            "coefficient."
+            f"Posterior draws of each pair of coefficients of {words.model(model)} damping, from the record {signal}. "
+            "On the diagonal: a histogram of each coefficient."
         )
         draw = partial(pairs, model, names, draws, units, {n: true[n] for n in names})
         figures.append(run.drawings.add(f"pairs-{signal}-{model}", caption, draw))
