@@ -85,7 +85,7 @@ def pairs(
                 for i, own in enumerate(draws.values()):
                     x, y = np.ravel(own[across]), np.ravel(own[below])
                     few = np.linspace(0, x.size - 1, min(x.size, _MOST_POINTS)).astype(int)
-                    ax.plot(x[few], y[few], ".", ms=2, mew=0, alpha=0.5, color=_look(model, i)["color"])
+                    ax.plot(x[few], y[few], ".", ms=3, mew=0, alpha=0.5, color=_look(model, i)["color"])
                 _mark(ax.axhline, truth.get(below))
             _mark(ax.axvline, truth.get(across))
             ax.locator_params(nbins=4)
