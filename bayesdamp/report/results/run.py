@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -24,7 +23,7 @@ from bayesdamp.store.files import read_description
 from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, InputError, Provenance, candidate_name, candidate_parts, sum_probabilities
 from bayesdamp.units import Unit, unit_named
-from bayesdamp.verdict.parts import DampingRatio, number
+from bayesdamp.verdict.parts import number
 from bayesdamp.verdict.types import VERDICT_JSON, Verdict, load_verdicts
 from bayesdamp.verdict.units import in_unit, picture_in_unit
 from bayesdamp.verdict.words import deviation_limit
@@ -422,17 +421,6 @@ def only_answered(run: RunFolder) -> bool:
     return answered and not any(run.task_results("mode", signal) for signal in run.signals)
 
 
-def short_names(names: Sequence[str]) -> dict[str, str]:
-    """Return each name without the words at its beginning that all names have in common, by full name.
-
-    A word ends with _ or -: "run-01" and "run-02" become "01" and "02". The names stay whole if one would be empty.
-    """
-    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names))
-    common = "".join(letters[0] for letters in alike)
-    cut = max(common.rfind(mark) + 1 for mark in "_-")
-    return {name: name[cut:] if all(len(n) > cut for n in names) else name for name in names}
-
-
 def curve_of(answer: RecordAnswer) -> Curve | None:
     """Return the points of an answer's damping curve that are finite and have a positive amplitude.
 
@@ -446,46 +434,11 @@ def curve_of(answer: RecordAnswer) -> Curve | None:
     return (columns[0], columns[1], columns[2], columns[3]) if columns.shape[1] > 1 else None
 
 
-def common_amplitude(records: Sequence[RecordAnswer]) -> float | None:
-    """Return the geometric mean of the ends of the range of amplitudes that all damping curves have in common.
-
-    Records without a curve are ignored. The result is in the unit of the records. None if there is no such range, if no
-    record has a curve, or if the records have different units.
-    """
-    curves = [curve for answer in records if (curve := curve_of(answer)) is not None]
-    units = {a.verdict.damping_ratio[0].unit for a in records if a.verdict.damping_ratio}
-    if not curves or len(units) != 1:
-        return None
-    low, high = max(float(c[0].min()) for c in curves), min(float(c[0].max()) for c in curves)
-    return float(np.sqrt(low * high)) if low < high else None
-
-
-def ratio_of(answer: RecordAnswer, amplitude: float | None) -> DampingRatio | None:
-    """Return a record's damping ratio at an amplitude in the unit of its file; None if the record has none.
-
-    Its damping curve is interpolated linearly in the logarithm of the amplitude; beyond its ends, it has the value of
-    the nearer end. Without an amplitude or a curve, return the ratio at the middle one of the verdict's amplitudes.
-    An interpolated ratio has no `sd_noise` and `sd_law` (nan).
-    """
-    ratios = answer.verdict.damping_ratio
-    if not ratios:
-        return None
-    curve = curve_of(answer)
-    if amplitude is None or curve is None:
-        return ratios[len(ratios) // 2]
-    order = np.argsort(curve[0])
-    value, low, high = (
-        float(np.interp(np.log(amplitude), np.log(curve[0][order]), column[order])) for column in curve[1:]
-    )
-    parts = {"sd_noise": math.nan, "sd_law": math.nan}
-    return replace(ratios[0], amplitude=amplitude, value=value, low=low, high=high, **parts)
-
-
 def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Table:
     """Return a table with a row for each record.
 
-    The damping ratios are at the `common_amplitude` of the records if there is one, else in the middle of each record.
-    An envelope has Q or its decay rate instead.
+    A damping ratio is that at the middle one of the amplitudes of the record's verdict. An envelope has Q or its decay
+    rate instead.
 
     Parameters
     ----------
@@ -502,23 +455,20 @@ def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Tabl
     """
     envelopes = [a for a in records if a.verdict.quantity == "envelope"]
     quality = any(a.verdict.quality_factor for a in envelopes)
-    names, shared = short_names([a.signal for a in records]), common_amplitude(records)
-    ratios = {a.signal: ratio_of(a, shared) for a in records}
 
     def name(a: RecordAnswer) -> str:
-        link = Markup('<a href="#{}">{}</a>')
-        return names[a.signal] if brief else link.format(ANCHOR + a.signal, names[a.signal])
+        return a.signal if brief else Markup('<a href="#{}">{}</a>').format(ANCHOR + a.signal, a.signal)
 
     def damping(a: RecordAnswer) -> str:
         motion = f": {a.verdict.motion}" if a.verdict.motion else ""
         return words.model(a.verdict.damping) if a.verdict.damping else f"not a free decay{motion}"
 
     def size(a: RecordAnswer) -> str:
-        ratio = ratios[a.signal]
-        text = fmt.with_interval(ratio.value, ratio.low, ratio.high, " %", 100) if ratio else fmt.NONE
-        return (
-            f"{text}, {fmt.digits(ratio.amplitude, n=2)} {ratio.unit}" if ratio and shared is None else text
-        )
+        if not a.verdict.damping_ratio:
+            return fmt.NONE
+        ratio = a.verdict.damping_ratio[len(a.verdict.damping_ratio) // 2]
+        size = fmt.with_interval(ratio.value, ratio.low, ratio.high, " %", 100)
+        return f"{size}, {fmt.digits(ratio.amplitude, n=2)} {ratio.unit}"
 
     columns: dict[str, Callable[[RecordAnswer], str]] = {
         "record": name,
@@ -529,9 +479,7 @@ def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Tabl
         ),
     }
     if len(envelopes) < len(records):
-        unit = next((ratio.unit for ratio in ratios.values() if ratio), "")
-        at = "(95 %), amplitude" if shared is None else f"at {fmt.digits(shared, n=3)} {unit} (95 %)"
-        columns[f"damping ratio {at}"] = size
+        columns["damping ratio (95 %), amplitude"] = size
     if envelopes:
         columns["Q (95 %)" if quality else "rate / (1/s) (95 %)"] = lambda a: number(
             a.verdict.quality_factor if quality else a.verdict.rate

@@ -18,7 +18,6 @@ from bayesdamp.report.results.run import (
     answers,
     curve_of,
     overview_table,
-    short_names,
     specimens,
 )
 from bayesdamp.report.sections import Section, heading, paragraph, stack
@@ -106,7 +105,6 @@ class OverviewSection(Section):
             parts += [heading("Population of the specimens"), _population_table(run.population)]
         curves = {a.signal: curve for a in records if (curve := curve_of(a)) is not None}
         if curves:
-            names = short_names(list(curves))
             unit = next(a.verdict.damping_ratio[0].unit for a in records if a.signal in curves)
             caption = (
                 "Equivalent viscous damping ratio of each record against amplitude (line), with its 95 % interval "
@@ -114,7 +112,7 @@ class OverviewSection(Section):
             )
             if len(curves) > MOST_COLOURED:
                 caption += " All records have the same colour."
-            draw = partial(overview, {names[signal]: curve for signal, curve in curves.items()}, unit)
+            draw = partial(overview, curves, unit)
             parts.append(run.drawings.add("overview", caption, draw))
         return stack(*parts, replace(overview_table(records), caption=TABLE_CAPTION))
 
