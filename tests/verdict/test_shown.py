@@ -46,7 +46,7 @@ def test_the_sampled_sentence_is_printed_too() -> None:
     """Once each, so that the terminal has the numbers of the page."""
     text = printed(*(replace(SURE, sentence=sentence) for sentence in ("The first.", "The sampled.")))
     assert text.count("The first.") == text.count("The sampled.") == 1
-    confirmed = text.index("Sampling (sequential Monte Carlo) confirms this result")
+    confirmed = text.index("Sampling (sequential Monte Carlo) confirms the result")
     assert confirmed < text.index("The sampled.")
 
 

@@ -63,17 +63,19 @@ class Check:
 
 
 def sampling_sentence(comparison: Agreement) -> str:
-    """Return the text that is printed before a verdict from sequential Monte Carlo.
+    """Return the sentence whether sequential Monte Carlo confirms, changes or corrects the first verdict.
 
-    It says whether this verdict confirms, changes or corrects the first verdict, which is from linear approximations
-    and was printed earlier. `comparison` contains the agreement of the two.
+    The first verdict is from linear approximations. `comparison` contains the agreement of the two.
     """
+    moved = f"{max(comparison.moved, 0.1):.1f} standard deviations"
     if comparison.confirms:
-        return "Sampling (sequential Monte Carlo) confirms this result. The report shows the result from sampling:"
+        return (
+            "Sampling (sequential Monte Carlo) confirms the result of linear approximations: the damping ratios differ "
+            f"by at most {moved}."
+        )
     if comparison.same:
-        moved = f"{comparison.moved:.1f} standard deviations"
-        return f"Sampling (sequential Monte Carlo) changes the damping ratio by {moved}:"
-    return "Sampling (sequential Monte Carlo) corrects this result:"
+        return f"Sampling (sequential Monte Carlo) changes damping ratios of linear approximations by up to {moved}."
+    return "Sampling (sequential Monte Carlo) corrects the result of linear approximations."
 
 
 def sampling_checks(run: RunFolder, signal: str) -> list[Check]:
@@ -86,18 +88,8 @@ def sampling_checks(run: RunFolder, signal: str) -> list[Check]:
     if first is None or last is None or first.verdict.grade is Grade.NO_FREE_DECAY or last.verdict.law_free:
         return []
     comparison = agreement(first.verdict, last.verdict)
-    text = f"This result is from sequential Monte Carlo; linear approximations alone gave: {first.verdict.sentence}"
-    if comparison.confirms:
-        text = (
-            "Sequential Monte Carlo gives this result and confirms that of linear approximations: the damping ratios "
-            f"differ by at most {max(comparison.moved, 0.1):.1f} standard deviations."
-        )
-    elif comparison.same:
-        text = (
-            "This result is from sequential Monte Carlo; the damping ratios from linear approximations differ by up to "
-            f"{comparison.moved:.1f} standard deviations."
-        )
-    return [Check(text)]
+    before = "" if comparison.same else f" These alone gave: {first.verdict.sentence}"
+    return [Check(sampling_sentence(comparison) + before)]
 
 
 class RecordChecks:
@@ -214,18 +206,27 @@ class RecordChecks:
             )
 
     def _ratios(self) -> Iterator[Check]:
-        """Yield checks that compare the damping ratios from each sampler with the answer's.
+        """Yield checks that compare the damping ratios from the draws of each sampler with the answer's.
 
-        A check fails if, at the amplitude with the worst agreement, the ratio differs by at least `AGREEMENT_SDS`
-        standard deviations of the answer, or its interval is at least `WIDTHS_AGREE` times as wide. It never fails if
+        The draws are those of `model`; of a sampler's ratio at each of the answer's amplitudes, the median and the 95 %
+        interval are compared. Samplers are left out if they failed, or have no ratio at some amplitude.
+        """
+        for sampler, rows in self._samplers().items():
+            result = self.run.task_result("posterior", self.signal, self.repeat, self.model or "", sampler)
+            content = PosteriorContent.maybe(result)
+            ratios = [(r.value, r.low, r.high) for r in content.ratios] if content else []
+            is_complete = self.verdict is not None and len(ratios) == len(self.verdict.damping_ratio) > 0
+            if is_complete and np.isfinite(ratios).all() and all(r["outcome"] == OK for r in rows):
+                yield self._check_ratios(_name(sampler), ratios)
+
+    def _check_ratios(self, name: str, ratios: list[tuple[float, float, float]]) -> Check:
+        """Return the check of damping ratios from a sampler, each with the ends of its 95 % interval.
+
+        It fails if, at the amplitude with the worst agreement, the ratio differs by at least `AGREEMENT_SDS` standard
+        deviations of the answer, or its interval is at least `WIDTHS_AGREE` times as wide. It never fails if
         `exact_only`, or if the answer, which is averaged over the models, gives the sampled one a probability below
         `MOSTLY_ONE`.
         """
-        for sampler, ratios in self._drawn_ratios().items():
-            yield self._check_ratios(_name(sampler), ratios)
-
-    def _check_ratios(self, name: str, ratios: list[tuple[float, float, float]]) -> Check:
-        """Return the check of damping ratios from a sampler, which are as `_drawn_ratios` returns them."""
         v = self.verdict
         assert v is not None
 
@@ -258,22 +259,6 @@ class RecordChecks:
             return Check(text, fails=True)
         text = f"{name} agrees with the damping ratio but gives {width}: {largest}."
         return Check(text, fails=worst.wider > 1)
-
-    def _drawn_ratios(self) -> dict[str, list[tuple[float, float, float]]]:
-        """Return the damping ratios from the draws of `model`, at the answer's amplitudes, by sampler.
-
-        They are the median and both ends of the 95 % interval at each amplitude. Samplers are left out if they failed,
-        or have no ratio at some amplitude.
-        """
-        drawn = {}
-        for sampler, rows in self._samplers().items():
-            result = self.run.task_result("posterior", self.signal, self.repeat, self.model or "", sampler)
-            content = PosteriorContent.maybe(result)
-            ratios = [(r.value, r.low, r.high) for r in content.ratios] if content else []
-            is_complete = self.verdict is not None and len(ratios) == len(self.verdict.damping_ratio) > 0
-            if is_complete and np.isfinite(ratios).all() and all(r["outcome"] == OK for r in rows):
-                drawn[sampler] = ratios
-        return drawn
 
     def _truth(self) -> Iterator[Check]:
         """Yield a failed check for each true coefficient outside the answer's 95 % interval.
