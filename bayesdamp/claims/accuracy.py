@@ -25,6 +25,7 @@ from bayesdamp.claims.judge import (
     error_of,
     initial_estimate,
     on_clean,
+    verdict_of,
 )
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.report import words
@@ -77,9 +78,6 @@ PRINTED_TIMES = {
 }
 """Computing times by estimator: as printed in the paper's table 3, and the lower and upper limit in s. The lower limit
 is 0 if the paper prints only an upper one."""
-MUCH_FASTER = 3.0
-"""A measured value that is below the printed range by more than this factor is judged "better than claimed" instead of
-"holds". For times: other machines differ by less."""
 
 
 @claim(CLAIMS, "Hybrid methods (an estimate, then the trajectory fit) reach errors below 0.1 %.", "3.1, 5.2")
@@ -152,11 +150,7 @@ def _generations(runs: Runs) -> Judgement:
         f"Generations until the best one stays within 1 %: {counts}. The search range follows from the decay of the "
         "record."
     )
-    much_faster = most * MUCH_FASTER < GENERATIONS[0]
-    return Judgement(
-        "does not hold" if most > GENERATIONS[1] else "better than claimed" if much_faster else "holds",
-        measured,
-    )
+    return Judgement(verdict_of(most, *GENERATIONS), measured)
 
 
 @claim(CLAIMS, "PINNs converge when they start from a direct estimate.", "4.5")
@@ -277,17 +271,6 @@ def _bound(runs: Runs) -> Judgement:
         f"Root mean square error of refined estimates divided by the Cramér–Rao bound: {'; '.join(parts)}."
     )
     return Judgement("holds" if all(good) else "does not hold", measured)
-
-
-def verdict_of(own: float, low: float, high: float) -> Verdict:
-    """Return the verdict on a printed range of times, `low` to `high`, given the measured time `own` (all in s).
-
-    A finite time above the range means "does not hold", nan or an infinite time "cannot be judged", and a time below
-    `low` / `MUCH_FASTER` "better than claimed"; any other time means "holds".
-    """
-    if not own <= high:
-        return "does not hold" if math.isfinite(own) else "cannot be judged"
-    return "better than claimed" if own < low / MUCH_FASTER else "holds"
 
 
 def _time(method: str, comparison: EstimatorComparison) -> Judgement:

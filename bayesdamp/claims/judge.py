@@ -34,6 +34,9 @@ printed one is not confirmed."""
 MUCH_SMALLER = 10.0
 """If a measured error is smaller than the printed error by more than this factor, the claim is judged "better than
 claimed" instead of "holds"."""
+MUCH_FASTER = 3.0
+"""A measured value that is below the printed range by more than this factor is judged "better than claimed" instead of
+"holds". For times: other machines differ by less."""
 TRUTH = {"viscous": 0.05, "coulomb": 0.03, "quadratic": 0.05}
 """True damping coefficient of each of the paper's three records (its section 2.3): viscous in 1/s, Coulomb in rad/s²,
 quadratic in 1/rad."""
@@ -130,6 +133,17 @@ def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:
     judgement "cannot be judged".
     """
     return lambda runs: judge(runs.compared) if runs.compared else NO_RUN
+
+
+def verdict_of(own: float, low: float, high: float, factor: float = MUCH_FASTER) -> Verdict:
+    """Return the verdict on a printed range, `low` to `high`, given the measured value `own` (all in one unit).
+
+    A finite value above the range means "does not hold", nan or an infinite value "cannot be judged", and a value below
+    `low` / `factor` "better than claimed"; any other value means "holds".
+    """
+    if not own <= high:
+        return "does not hold" if np.isfinite(own) else "cannot be judged"
+    return "better than claimed" if own < low / factor else "holds"
 
 
 @lru_cache

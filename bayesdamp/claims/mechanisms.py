@@ -17,6 +17,7 @@ from bayesdamp.claims.judge import (
     claim,
     initial_error,
     period_drift,
+    verdict_of,
 )
 from bayesdamp.physics.oscillator import Oscillator
 
@@ -115,14 +116,7 @@ def _regression_needs_tanh(runs: Runs) -> Judgement:
 @claim(CLAIMS, "Least squares on the smoothed term reaches 0.006 %.", "5.3")
 def _regression_is_accurate(runs: Runs) -> Judgement:
     error = initial_error("least_squares", "coulomb")
-    verdict = (
-        "does not hold"
-        if not error <= 0.006
-        else "better than claimed"
-        if error * MUCH_SMALLER < 0.006
-        else "holds"
-    )
-    return Judgement(verdict, f"From the angle alone: {error:.2g} %.")
+    return Judgement(verdict_of(error, 0.006, 0.006, MUCH_SMALLER), f"From the angle alone: {error:.2g} %.")
 
 
 @claim(CLAIMS, "Envelope matching is robust to the discontinuity.", "5.3")

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from bayesdamp.claims import CLAIMS, Claim, Judgement, judge_all, write_page
-from bayesdamp.claims.accuracy import PRINTED_TIMES, _best_clean, verdict_of
-from bayesdamp.claims.judge import Runs, initial_error
+from bayesdamp.claims.accuracy import PRINTED_TIMES, _best_clean
+from bayesdamp.claims.judge import Runs, initial_error, verdict_of
 from bayesdamp.claims.mechanisms import (
     _nonlinearity_is_the_cause,
     _regression_is_accurate,
