@@ -8,8 +8,7 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -19,7 +18,6 @@ from matplotlib import rc_params_from_file
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
 from PIL import Image
@@ -52,10 +50,10 @@ _OTHERS = ("#7F3C8D", "#80BA5A", "#A5AA99", "#8C564B")
 """Colours of the damping sums that are not in `_MODELS`; several of these sums may have the same colour."""
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8C564B", "#7F3C8D", INK)
 """Colours that distinguish several records, oscillations or methods in one figure."""
-LOOKS = tuple(zip(INKS, ("-", "--", "-.", ":")))
+DASHES = ("-", "--", "-.", ":")
+"""Line styles that distinguish up to four lines in one figure."""
+LOOKS = tuple(zip(INKS, DASHES))
 """Colours and line styles that distinguish up to four samplers or oscillations in one figure."""
-PALER_STEP = 0.45
-"""Fraction of the way to white by which the colour gets paler with each further restoring law of one damping sum."""
 LETTERS_PER_INCH, MARK_LETTERS = 12.5, 7
 """Letters per inch of a legend, and the width of an entry's line and gap in letters (both measured)."""
 RIGHT_MARGIN = 0.2
@@ -93,23 +91,6 @@ def _look(model: str) -> tuple[str, str]:
     damping = candidate_parts(model)[0]
     known = _MODELS.get(frozenset(damping.split("+")))
     return known or (_OTHERS[sum(damping.encode()) % len(_OTHERS)], ":")
-
-
-def looks(models: Iterable[str]) -> dict[str, tuple[str, str]]:
-    """Return the colour and line style of each model in one figure, by model.
-
-    Models with the same damping sum have the same line style, and each further one has a paler colour than the one
-    before, by `PALER_STEP`.
-    """
-    styles: dict[str, tuple[str, str]] = {}
-    before: Counter[frozenset[str]] = Counter()
-    for model in models:
-        terms = frozenset(candidate_parts(model)[0].split("+"))
-        ink = (1.0 - PALER_STEP) ** before[terms]
-        red, green, blue = (1.0 - ink * (1.0 - part) for part in to_rgb(colour(model)))
-        styles[model] = to_hex((red, green, blue)), dash(model)
-        before[terms] += 1
-    return styles
 
 
 def legend_columns(labels: Sequence[str], width: float, most: int) -> int:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from bayesdamp.report import words
 from bayesdamp.report.drawing import (
+    DASHES,
     FAINT,
     INK,
     MUTED,
@@ -19,7 +20,6 @@ from bayesdamp.report.drawing import (
     fix_margins,
     interrupt_at_gaps,
     legend_columns,
-    looks,
 )
 from bayesdamp.types import FreeDecay
 
@@ -27,8 +27,6 @@ USED, NOT_USED = "#0072B2", "#56B4E9"
 """Colours of the free decay that is used, and of other free decays."""
 _POINTS = 2000
 """Default number of points to which a line is thinned."""
-_MOST_LAG_LINES = 200
-"""Largest number of lags for which an autocorrelation is drawn as separate lines; with more it is drawn as an area."""
 
 
 @dataclass(frozen=True)
@@ -104,10 +102,7 @@ def record(
         values, at = fit.autocorrelation, np.arange(len(fit.autocorrelation))
         if len(values):
             right.axhspan(-2 / np.sqrt(len(t)), 2 / np.sqrt(len(t)), color=FAINT, lw=0)
-            if len(values) <= _MOST_LAG_LINES:
-                right.vlines(at, 0, values, color=shade)
-            else:
-                right.fill_between(at, 0, values, color=shade, lw=0.5)
+            right.fill_between(at, 0, values, color=shade, lw=0.5)
             right.axhline(0.0, color=MUTED, lw=0.6)
             right.set(xlim=(-0.5, lags - 0.5), ylim=(-1.05 if values.min() < -0.35 else -0.4, 1.08))
         else:
@@ -186,11 +181,11 @@ def _zoom(
         ax.plot(t[inside], y[inside], ".", color=MUTED, ms=3, label="record")
     else:
         ax.plot(*thin_line(t[inside], y[inside]), color=FAINT, lw=2.2, label="record")
-    for i, (fit, (shade, dashes)) in enumerate(zip(fits, looks(f.model for f in fits).values(), strict=True)):
+    for i, fit in enumerate(fits):
         ax.plot(
             *thin_line(t[inside], fit.fit[inside]),
-            color=shade,
-            ls=dashes,
+            color=colour(fit.model),
+            ls=DASHES[i % len(DASHES)],
             lw=1.4 if i == 0 else 1.0,
             zorder=3 - 0.01 * i,
             label=words.model(fit.model),
