@@ -46,8 +46,7 @@ CAPTION = (
     f"(coloured lines). There {SHAPES}. A model whose line leaves both bands does not describe this record. Lower "
     "left: the residual, which is the record minus the fit. It should look like noise; a wave in it is motion that "
     "the fit does not explain. Lower right: the energy that each damping term of the fit dissipates in a cycle, "
-    "divided by the mass or the moment of inertia. The highest line belongs to the term that dissipates most at that "
-    "amplitude. If no law describes the record, the black line and the grey band are measured without a law."
+    "divided by the mass or the moment of inertia."
 )
 UNMEASURED = (
     " There is no brown band, because the damping ratio of this record could not be measured without assuming a "

@@ -42,8 +42,7 @@ Details = Mapping[str, Any]
 PANELS = (
     "Each method's own estimate (open circle) and the result of the trajectory fit that starts there (filled circle); "
     "of several repeats, the first is shown. An arrow with a number: an estimate that is off the axis. Dashed line "
-    "(where the true value is known): the true value. Shaded (where there is a posterior): its 95 % interval. An "
-    "estimate in this interval agrees with the record within its uncertainty; one far outside has an error of its own."
+    "(where the true value is known): the true value. Shaded (where there is a posterior): its 95 % interval."
 )
 TABLE = (
     "Estimates by method and stage, with the standard error (±) if the method gives one. The error is absolute, in % "

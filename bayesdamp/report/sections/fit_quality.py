@@ -24,13 +24,7 @@ from bayesdamp.report.sections import (
 )
 from bayesdamp.report.sections.record import rms_of
 
-CHECKS = (
-    "Checks of the fit of each model at its posterior mode: root mean square (rms) residual; autocorrelation of the "
-    "residual at lag one; stability over sub-records (the largest change of a damping coefficient between a half of "
-    "the record and the whole record, in standard deviations that are expected by chance); predictive p (the fraction "
-    "of simulated white noise that is as strongly autocorrelated as the residual); and the verdict: whether the model "
-    "fits."
-)
+CAPTION = "Checks of the fit of each model at its posterior mode. The verdict says whether the model fits."
 _EXACT = (
     "All these fits assume that the laws hold exactly. The chains and the evidence of this study allow deviations from "
     "the laws, which account for systematic residuals of these fits."
@@ -73,7 +67,7 @@ class FitQualitySection(SignalSection):
             "verdict": lambda r: r["verdict"] or fmt.NONE,
         }
         fits = sorted(rows_of(run.fits, signal=signal), key=lambda r: (r["repeat"], ranked.index(r["model"])))
-        parts.append(Table.of(fits, checks, (len(checks) - 6, len(checks) - 1), CHECKS))
+        parts.append(Table.of(fits, checks, (len(checks) - 6, len(checks) - 1), CAPTION))
         return stack(*parts)
 
 

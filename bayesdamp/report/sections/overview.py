@@ -49,12 +49,9 @@ FEWEST_RECORDS = 3
 always has one."""
 TABLE_CAPTION = (
     "One row for each record; click on a header to sort. The row is grey if the record does not decide which damping "
-    "it has. The damping is the most probable model, and the next column is its probability. Damping ratios are "
-    "equivalent viscous damping ratios. "
-    "Deviation from the law: upper limit (95 %) of the relative deviation of the damping from its law, averaged over "
-    "the record. "
-    "Unexplained: the root mean square of the residual that neither the law nor the noise accounts for, in % of the "
-    "first amplitude."
+    "it has. Damping ratios are equivalent viscous damping ratios. Deviation from the law: upper limit (95 %) of "
+    "the relative deviation of the damping from its law, averaged over the record. Unexplained: the root mean square "
+    "of the residual that neither the law nor the noise accounts for, in % of the first amplitude."
 )
 
 

@@ -31,9 +31,8 @@ TABLE = (
     "with the diagnostics of the sampler. The draws are reliable if R̂ ≤ 1.01, the effective sample sizes (ESS) are at "
     "least 400, and no transition diverged; rows for which one of these fails are coloured. The equivalent damping "
     "ratio, the decrement, the damping capacity and the energy lost in a cycle are at the reference amplitude, from "
-    "which the half-life starts. The reference amplitude is that of the record unless the study states another one. "
-    "The logarithmic decrement is the decrease of ln A in a cycle, where A is the amplitude; if it is "
-    "small, it is 2π times the damping ratio. Rows without R̂ are from the answer's sequential Monte Carlo."
+    "which the half-life starts: that of the record unless the study states another one. Rows without R̂ are from the "
+    "answer's sequential Monte Carlo."
 )
 REPEATS = (
     "Damping coefficients in each repeat: mean, standard deviation (sd) and 95 % interval of the posterior, whether "
