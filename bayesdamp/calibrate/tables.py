@@ -169,12 +169,8 @@ def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> 
     families = {}
     for family, classical in {"posterior": False, "classical": True}.items():
         own = [r for r in rows if (r["method"] == CLASSICAL) is classical]
-        tested = [r["p_holm"] for r in own if math.isfinite(r["p_holm"])]
-        families[family] = {
-            "tests": len(tested),
-            "wrong": sum(r["verdict"] == "wrong" for r in own),
-            "least_p_holm": min(tested, default=math.nan),
-        }
+        verdicts = Counter(r["verdict"] for r in own)
+        families[family] = {"tests": verdicts["passes"] + verdicts["wrong"], "wrong": verdicts["wrong"]}
     return {
         "counts": counts,
         "families": families,
