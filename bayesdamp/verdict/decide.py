@@ -180,17 +180,9 @@ def decide(
 
 def _with_intervals(law_free: LawFreeDamping, unit: str) -> tuple[tuple[DampingRatio, ...], FrequencyAt]:
     """Return the measured damping ratios, and the frequency at the last of their amplitudes, with 95 % intervals."""
-    half = NORMAL_95 * law_free.ratio_sd
-    columns = (
-        law_free.amplitude,
-        law_free.ratio,
-        law_free.ratio_sd,
-        law_free.ratio - half,
-        law_free.ratio + half,
-    )
+    columns = np.column_stack((law_free.amplitude, law_free.ratio, law_free.ratio_sd)).tolist()
     ratios = tuple(
-        DampingRatio(a, unit, r, sd, 0.0, low, high)
-        for a, r, sd, low, high in np.column_stack(columns).tolist()
+        DampingRatio(a, unit, r, sd, 0.0, r - NORMAL_95 * sd, r + NORMAL_95 * sd) for a, r, sd in columns
     )
     value, half = float(law_free.frequency[-1]), NORMAL_95 * float(law_free.frequency_sd[-1])
     return ratios, FrequencyAt(ratios[-1].amplitude, unit, value, value - half, value + half)
