@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import csv
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -16,8 +16,9 @@ from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.drawing import FAINT, LOOKS, MUTED, WIDTH
-from bayesdamp.report.results.run import RunFolder, rows_of
+from bayesdamp.report.results.run import Row, RunFolder, rows_of
 from bayesdamp.report.sections import Section, heading, paragraph, stack
+from bayesdamp.store import read_table
 from bayesdamp.types import OK
 
 EXPLAINED = (
@@ -60,7 +61,7 @@ class CalibratedSection(Section):
     def render(self, run: RunFolder) -> str:
         """Return the section's HTML: how many checks failed, and the ranks and coverage of each model's intervals."""
         result = run.info["result"]
-        rows = _csv(run, "calibration.csv")
+        rows = _rows(run, "calibration.csv")
         names = {"posterior": "the posteriors", "classical": "the trajectory fits' own intervals"}
         families = {name: result["families"][family] for family, name in names.items()}
         text = fmt.listing(
@@ -97,7 +98,7 @@ class CalibratedSection(Section):
         }
         parts: list[object] = [paragraph(claim, "lead"), *map(paragraph, EXPLAINED)]
         parts += [Table.of(counts, of_model, (0, 5), TRIED)]
-        ranks = _csv(run, "ranks.csv")
+        ranks = _rows(run, "ranks.csv")
         parts += [
             _model(run, rows_of(ranks, model=model), rows_of(rows, model=model), model) for model in counts
         ]
@@ -109,16 +110,13 @@ def _method(name: str) -> str:
     return words.stage("refined") if name.startswith("refined") else words.method(name)
 
 
-def _csv(run: RunFolder, name: str) -> list[dict[str, str]]:
-    """Return the rows of a table of the run as texts by column; none if the file is missing."""
+def _rows(run: RunFolder, name: str) -> list[Row]:
+    """Return the rows of a table of the run; none if the file is missing."""
     path = run.folder / name
-    if not path.is_file():
-        return []
-    with path.open(newline="", encoding="utf-8") as handle:
-        return list(csv.DictReader(handle))
+    return read_table(path) if path.is_file() else []
 
 
-def _model(run: RunFolder, ranks: list[dict[str, str]], rows: list[dict[str, str]], model: str) -> Markup:
+def _model(run: RunFolder, ranks: list[Row], rows: list[Row], model: str) -> Markup:
     """Return a figure of the ranks and a table of the coverage for a model, under its name.
 
     `ranks` and `rows` are its rows of ranks.csv and calibration.csv.
@@ -141,9 +139,9 @@ def _model(run: RunFolder, ranks: list[dict[str, str]], rows: list[dict[str, str
 
     def result_of(name: str, check: tuple[str, str, str]) -> str:
         row = checks.get((name, *check))
-        if row is None or not row["value"]:
+        if row is None or not math.isfinite(row["value"]):
             return fmt.NONE
-        text = f"{100 * float(row['value']):.1f}" if row["level"] else fmt.number(float(row["p_holm"]), 2)
+        text = f"{100 * row['value']:.1f}" if row["level"] else fmt.number(float(row["p_holm"]), 2)
         without = f" ({row['without']} without)" if int(row["without"] or 0) else ""
         return f"{text}{' *' * (row['verdict'] == 'wrong')}{without}"
 
