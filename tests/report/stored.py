@@ -120,11 +120,10 @@ def of_posterior(f: Folder, at: dict[str, Any], cells: dict[str, str]) -> dict[s
     name = PARAMETER[cells["parameter"]]
     true = f.truth(at["signal"], name)
     r = f.row("posteriors", **at, parameter=name, sampler=METHOD[cells["sampler"]])
-    within = "inside" if r["q2.5"] <= true <= r["q97.5"] else "outside"
     each = {"R̂": "rhat", "ESS bulk": "ess_bulk", "ESS tail": "ess_tail", "divergences": "divergences"}
     return {
         "mean ± sd": {"mean": r["mean"], "sd": r["sd"]}, "95 % interval": {"low": r["q2.5"], "high": r["q97.5"]},
-        "truth": within if "repeat" in cells else {"": true}, "unit": r["unit"], "outcome": r["outcome"],
+        "truth": {"": true}, "unit": r["unit"], "outcome": r["outcome"],
         **{header: {"": r[column]} for header, column in each.items()},
     }  # fmt: skip
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -18,14 +18,6 @@ from bayesdamp.report.sections import SignalSection, by_model, collapsible, is_d
 from bayesdamp.store.contents import PosteriorContent
 from bayesdamp.types import OK
 
-COLUMNS: dict[str, Callable[[Row], str]] = {
-    "parameter": lambda r: words.symbol(r["parameter"]).text,
-    "unit": lambda r: words.unit(r["unit"]),
-    "sampler": lambda r: words.method(r["sampler"]),
-    "mean ± sd": lambda r: fmt.with_error(r["mean"], r["sd"]),
-    "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
-}
-"""Columns of the tables of parameters, each with a function that writes the cell of a row of posteriors.csv."""
 TABLE = (
     "Parameters, and quantities derived from them: mean, standard deviation (sd) and 95 % interval of the posterior, "
     "with the diagnostics of the sampler. The draws are reliable if R̂ ≤ 1.01, the effective sample sizes (ESS) are at "
@@ -34,11 +26,6 @@ TABLE = (
     "which the half-life starts: that of the record unless the study states another one. Rows without R̂ are from the "
     "answer's sequential Monte Carlo."
 )
-REPEATS = (
-    "Damping coefficients in each repeat: mean, standard deviation (sd) and 95 % interval of the posterior, whether "
-    "this interval contains the true value, and whether the sampler's draws are reliable."
-)
-"""Captions, or parts of them, that do not depend on the run."""
 
 
 class PosteriorsSection(SignalSection):
@@ -63,19 +50,6 @@ class PosteriorsSection(SignalSection):
         several repeats, figures and tables are of the first one, and a further table lists the coefficients of all.
         """
         repeats = run.repeats(signal)
-
-        def inside(r: Row) -> str:
-            true = truth(run, signal, r["parameter"])
-            if not (math.isfinite(true) and math.isfinite(r["q2.5"])):
-                return fmt.NONE
-            return "inside" if r["q2.5"] <= true <= r["q97.5"] else "outside"
-
-        columns: dict[str, Callable[[Row], str]] = {
-            **repeat_column(repeats),
-            **COLUMNS,
-            "truth": inside,
-            "outcome": lambda r: r["outcome"],
-        }
         models: dict[str, list[object]] = {}
         for place, model in enumerate(models_by_rank(run, signal, repeats[0])):
             content: list[object] = []
@@ -85,7 +59,7 @@ class PosteriorsSection(SignalSection):
             if content and len(repeats) > 1:
                 rows, names = rows_of(run.posteriors, signal=signal, model=model), coefficients(run, model)
                 rows = [r for r in rows if r["parameter"] in names]
-                table = Table.of(rows, columns, (1, 2, 3, 6, 7), REPEATS)
+                table = _table(run, signal, rows, "Damping coefficients in each repeat.", repeats)
                 content.append(collapsible(f"All {len(repeats)} repeats", table))
             models[model] = content
         return by_model(models)
@@ -132,6 +106,40 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
     return figures
 
 
+def _table(
+    run: RunFolder, signal: str, rows: Sequence[Row], caption: str, repeats: Sequence[int] = ()
+) -> Table:
+    """Return a table of rows of posteriors.csv, with the true values if they are known.
+
+    Rows of several `repeats` also have the number of the repeat and the outcome.
+    """
+    columns: dict[str, Callable[[Row], str]] = {
+        **repeat_column(repeats),
+        "parameter": lambda r: words.symbol(r["parameter"]).text,
+        "unit": lambda r: words.unit(r["unit"]),
+        "sampler": lambda r: words.method(r["sampler"]),
+        "mean ± sd": lambda r: fmt.with_error(r["mean"], r["sd"]),
+        "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
+    }
+    if any(math.isfinite(truth(run, signal, r["parameter"])) for r in rows):
+        columns["truth"] = lambda r: fmt.digits(truth(run, signal, r["parameter"]), n=6)
+    columns |= {
+        "R̂": lambda r: fmt.fixed_decimals(r["rhat"], 3),
+        "ESS bulk": lambda r: fmt.fixed_decimals(r["ess_bulk"], 0),
+        "ESS tail": lambda r: fmt.fixed_decimals(r["ess_tail"], 0),
+        "divergences": lambda r: fmt.NONE if r["divergences"] is None else str(r["divergences"]),
+    }
+    if len(repeats) > 1:
+        columns["outcome"] = lambda r: r["outcome"]
+    left = [i for i, name in enumerate(columns) if name in ("parameter", "unit", "sampler", "outcome")]
+
+    def kind(r: Row) -> str:
+        poor = r["rhat"] > 1.01 or r["ess_bulk"] < 400 or r["ess_tail"] < 400 or bool(r["divergences"])
+        return "alert" if poor else ""
+
+    return Table.of(rows, columns, left, caption, kind)
+
+
 def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table | Markup]:
     """Return a table of the parameters by each sampler, and sentences on what is missing or unreliable."""
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
@@ -140,24 +148,11 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
     sampled = [r for r in rows if math.isfinite(r["mean"])]
     parts: list[Table | Markup] = []
 
-    def kind(r: Row) -> str:
-        poor = r["rhat"] > 1.01 or r["ess_bulk"] < 400 or r["ess_tail"] < 400 or bool(r["divergences"])
-        return "alert" if poor else ""
-
     if sampled:
         order = [r["parameter"] for r in sampled]
-        columns = dict(COLUMNS)
-        if any(math.isfinite(truth(run, signal, r["parameter"])) for r in sampled):
-            columns["truth"] = lambda r: fmt.digits(truth(run, signal, r["parameter"]), n=6)
-        columns |= {
-            "R̂": lambda r: fmt.fixed_decimals(r["rhat"], 3),
-            "ESS bulk": lambda r: fmt.fixed_decimals(r["ess_bulk"], 0),
-            "ESS tail": lambda r: fmt.fixed_decimals(r["ess_tail"], 0),
-            "divergences": lambda r: fmt.NONE if r["divergences"] is None else str(r["divergences"]),
-        }
         sampled.sort(key=lambda r: order.index(r["parameter"]))
         caption = f"Record {signal}, {words.model(model)} damping. {TABLE}"
-        parts.append(Table.of(sampled, columns, (0, 1, 2), caption, kind))
+        parts.append(_table(run, signal, sampled, caption))
     sentences = {(r["sampler"], r["outcome"]) for r in rows if r["outcome"] != OK}
     for task_result in run.task_results("posterior", signal, repeat, model):
         without = PosteriorContent.of(task_result).without
