@@ -12,8 +12,7 @@ from rich.console import Console
 from rich.text import Text
 
 from bayesdamp.report.results.checks import sampling_sentence
-from bayesdamp.report.results.run import RunFolder, answers, overview_table, specimens
-from bayesdamp.types import OK
+from bayesdamp.report.results.run import RunFolder, answers, no_verdict_sentence, overview_table, specimens
 from bayesdamp.units import unit_named
 from bayesdamp.verdict.agreement import agreement
 from bayesdamp.verdict.parts import Grade, decay_table, modes_table, ratios_table
@@ -124,13 +123,8 @@ def print_conclusion(folder: Path, console: Console) -> None:
     answered = {answer.signal for answer in available}
     for signal in run.signals:
         if signal not in answered:
-            task_result = run.task_result("answer", signal, run.repeats(signal)[0])
-            outcome = (
-                task_result.outcome if task_result is not None else str(run.about(signal).get("outcome", OK))
-            )
-            why = "" if outcome == OK else f": {outcome.rstrip('.')}"
             console.print()
-            console.print(Text(f"{signal}: no verdict{why}."), soft_wrap=True)
+            console.print(Text(f"{signal}: {no_verdict_sentence(run, signal)}"), soft_wrap=True)
     print_warnings(run, console)
     console.print(str(folder / "report.html"), soft_wrap=True, highlight=False)
 

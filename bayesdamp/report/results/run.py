@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
-from bayesdamp.outcomes import Status, status_of
+from bayesdamp.outcomes import Status, reason_of, status_of
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.store import POPULATION, TABLES, Store, TaskResult, read_table
@@ -392,6 +392,23 @@ def answer_of(
     unit, content = run.unit(signal), AnswerContent.of(task_result)
     verdict = in_unit(Verdict.from_dict(content.verdict), unit)
     return RecordAnswer(signal, verdict, content, picture_in_unit(task_result.arrays, unit))
+
+
+def no_verdict_sentence(run: RunFolder, signal: str) -> str:
+    """Return a sentence that says why a record has no verdict."""
+    repeat = run.repeats(signal)[0]
+    task_result, models = run.task_result("answer", signal, repeat), models_by_rank(run, signal, repeat)
+    outcomes = (str(run.about(signal).get("outcome", OK)), OK if task_result is None else task_result.outcome)
+    failed = next((outcome for outcome in outcomes if outcome != OK), None)
+    if failed is not None:
+        why = reason_of(failed).rstrip(".")
+    elif len(models) == 1:
+        return f"Damping was assumed to be {words.model(models[0])}; no other model was compared."
+    elif not models:
+        why = "nothing was computed for this signal"
+    else:
+        why = "it was not computed" if rank_models(run, signal, repeat) else "no evidence was computed"
+    return f"No verdict on the damping: {why}."
 
 
 def answers(run: RunFolder) -> list[RecordAnswer]:

@@ -9,7 +9,6 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
-from bayesdamp.outcomes import reason_of
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
 from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
@@ -18,8 +17,7 @@ from bayesdamp.report.results.run import (
     RecordAnswer,
     RunFolder,
     answer_of,
-    models_by_rank,
-    rank_models,
+    no_verdict_sentence,
 )
 from bayesdamp.report.sections import Section, by_signal, collapsible, fill, paragraph
 from bayesdamp.store.contents import ComparedCandidate
@@ -104,7 +102,7 @@ class AnswerSection(Section):
         checks += sorted([*sampling_checks(run, signal), *comparison.all()], key=lambda c: not c.fails)
         sentences, remarks, parts = [], (), list[object]()
         if answer is None:
-            claim = _why_none(run, signal)
+            claim = no_verdict_sentence(run, signal)
         else:
             v = answer.verdict
             claim, remarks = v.sentence, v.remarks
@@ -145,23 +143,6 @@ class AnswerSection(Section):
             checks=checks,
             parts=parts,
         )
-
-
-def _why_none(run: RunFolder, signal: str) -> str:
-    """Return a sentence that says why a record has no verdict."""
-    repeat = run.repeats(signal)[0]
-    task_result, models = run.task_result("answer", signal, repeat), models_by_rank(run, signal, repeat)
-    outcomes = (str(run.about(signal).get("outcome", OK)), OK if task_result is None else task_result.outcome)
-    failed = next((outcome for outcome in outcomes if outcome != OK), None)
-    if failed is not None:
-        why = reason_of(failed).rstrip(".")
-    elif len(models) == 1:
-        return f"Damping was assumed to be {words.model(models[0])}; no other model was compared."
-    elif not models:
-        why = "nothing was computed for this signal"
-    else:
-        why = "it was not computed" if rank_models(run, signal, repeat) else "no evidence was computed"
-    return f"No verdict on the damping: {why}."
 
 
 def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
