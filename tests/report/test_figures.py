@@ -7,6 +7,7 @@ import pytest
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import StepPatch
 
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.report.drawing import RC, Drawings
@@ -81,7 +82,7 @@ def test_a_histogram_has_the_area_one_where_the_draws_are() -> None:
     """That of a coefficient does not reach below zero. Control: that of another parameter does."""
     draws = np.random.default_rng(0).standard_normal((2, 1000))
     figure = marginals("sticky", {"nuts": {"c_sticky": np.abs(draws), "slope": draws}}, {}, {})
-    steps = [ax.patches[0].get_data() for ax in figure.axes[:2]]
+    steps = [next(p for p in ax.patches if isinstance(p, StepPatch)).get_data() for ax in figure.axes[:2]]
     assert [np.sum(s.values * np.diff(s.edges)) for s in steps] == pytest.approx([1, 1])
     assert steps[0].edges[0] >= 0 > steps[1].edges[0]
 
