@@ -56,6 +56,8 @@ LOOKS = tuple(zip(INKS, DASHES))
 """Colours and line styles that distinguish up to four samplers or oscillations in one figure."""
 LETTERS_PER_INCH, MARK_LETTERS = 12.5, 7
 """Letters per inch of a legend, and the width of an entry's line and gap in letters (both measured)."""
+RIGHT_MARGIN = 0.2
+"""Space to the right of the panels of a figure, in inches."""
 DRAWN_GAP = 20.0
 """A gap in the samples that is longer than this many median sampling intervals is drawn as a gap in the line."""
 LARGEST_SVG = 80_000
@@ -127,6 +129,36 @@ def label_with_plain_numbers(axis: Axis) -> None:
     for set_formatter in (axis.set_major_formatter, axis.set_minor_formatter):
         set_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     axis.set_minor_locator(LogLocator(subs=(2, 4, 6)))
+
+
+def fix_margins(
+    figure: Figure, left: float = 0.8, top: float = 0.42, bottom: float = 0.5, down: float = 0.0
+) -> None:
+    """Place a figure's panels between fixed margins, which is faster than a layout that measures every label.
+
+    Parameters
+    ----------
+    figure
+        The figure, which is changed; its panels are in rows and columns of equal size.
+    left, top, bottom
+        Space to the left of, above and below the panels, in inches; `left` is also the space between columns.
+        The right margin is `RIGHT_MARGIN`.
+    down
+        Space between rows, in inches.
+    """
+    figure.set_layout_engine("none")
+    width, height = figure.get_size_inches()
+    for ax in figure.axes:
+        place = ax.get_subplotspec()
+        assert place is not None
+        rows, columns = place.get_gridspec().get_geometry()
+        wide = (width - RIGHT_MARGIN) / columns  # of a column, with the space at its left
+        high = (height - top - bottom + down) / rows  # of a row, with the space below it
+        first, last = place.colspan.start, place.colspan.stop
+        ax.set_position((
+            (left + first * wide) / width, (bottom + (rows - place.rowspan.stop) * high) / height,
+            ((last - first) * wide - left) / width, (high - down) / height,
+        ))  # fmt: skip
 
 
 class Drawings:

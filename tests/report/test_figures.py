@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import StepPatch
 
 from bayesdamp.physics.damping import all_sums
-from bayesdamp.report.drawing import RC, Drawings
+from bayesdamp.report.drawing import RC, Drawings, fix_margins
 from bayesdamp.report.figures.answer import answer
 from bayesdamp.report.figures.estimators import estimate_panels
 from bayesdamp.report.figures.posterior import marginals
@@ -49,8 +49,8 @@ def labels_inside(figure: Figure) -> bool:
 
 
 @pytest.mark.parametrize("scale", [3e-7, 1.2e-3, 1.2e4])
-def test_labels_of_any_size_are_inside_a_figure(scale: float) -> None:
-    """Control: without a layout engine they are not."""
+def test_labels_of_any_size_are_inside_a_figure_with_fixed_margins(scale: float) -> None:
+    """Control: margins that are too narrow."""
     t = np.linspace(0.0, 20.0, 400)
     y = scale * np.exp(-0.1 * t) * np.cos(6 * t)
     arrays = {"t": t, "record": y, "fit": y, "residual": 0.01 * y}
@@ -60,12 +60,13 @@ def test_labels_of_any_size_are_inside_a_figure(scale: float) -> None:
     }
     arrays |= {f"law/{name}": 0.01 + 0.0 * t for name in all_sums()} | {"work/viscous": scale**2 * (1 + t)}
     with rc_context(RC):
-        assert labels_inside(answer(arrays, "m", "viscous", "m/s²"))
+        figure = answer(arrays, "m", "viscous", "m/s²")
+        assert labels_inside(figure)
         assert labels_inside(draw_raw_record(t, y, "acceleration / (m/s²)", 2.0, 15.0))
         without = {name: array for name, array in arrays.items() if name not in ("fit", "residual")}
         assert labels_inside(answer(without, "m", "viscous", ""))
-    with rc_context({**RC, "figure.constrained_layout.use": False}):
-        assert not labels_inside(draw_raw_record(t, y, "acceleration / (m/s²)", 2.0, 15.0))
+        fix_margins(figure, left=0.2)
+        assert not labels_inside(figure)
 
 
 def test_a_figure_has_its_size_an_escaped_caption_and_a_name_inside_the_folder(tmp_path):

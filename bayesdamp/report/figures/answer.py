@@ -19,6 +19,7 @@ from bayesdamp.report.drawing import (
     WIDTH,
     colour,
     dash,
+    fix_margins,
     label_with_plain_numbers,
     legend_columns,
 )
@@ -46,7 +47,8 @@ and the ± 2 sd band of the readings' noise."""
 def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str) -> Figure:
     """Draw an answer in four panels: record and fit, damping ratio, residual, energy lost in a cycle.
 
-    If `arrays` contains no fit (because the record contradicts every damping law), the panel of the residual is empty.
+    If `arrays` contains no fit (because the record contradicts every damping law), the residual is left out and there
+    are three panels.
 
     Parameters
     ----------
@@ -60,13 +62,21 @@ def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: 
         The recorded quantity and its unit, such as "velocity / (mm/s)", for the axes of the record and of the residual;
         "" means `unit`.
     """
-    figure = Figure(figsize=(WIDTH, ANSWER_HEIGHT))
-    draw_answer(list(figure.subplots(2, 2).flat), arrays, unit, damping, recorded)
+    figure, has_fit = Figure(figsize=(WIDTH, ANSWER_HEIGHT)), "fit" in arrays
+    axes = figure.subplot_mosaic("AB;CD" if has_fit else "AA;BD")
+    draw_answer([axes.get(letter) for letter in "ABCD"], arrays, unit, damping, recorded)
+    legend = axes["B"].get_legend()
+    assert legend is not None
+    below = 0.5 + 0.14 * math.ceil(len(legend.get_texts()) / 2)
+    if has_fit:
+        fix_margins(figure, left=0.98, down=below + 0.42)  # room for residuals such as −0.00025
+    else:
+        fix_margins(figure, bottom=below, down=0.95)
     return figure
 
 
 def draw_answer(
-    axes: Sequence[Axes],
+    axes: Sequence[Axes | None],
     arrays: Mapping[str, np.ndarray],
     unit: str,
     damping: str,
@@ -77,7 +87,8 @@ def draw_answer(
     Parameters
     ----------
     axes
-        The four axes in this order; those of the residual are switched off if `arrays` contains no fit.
+        The four axes in this order; those of the residual may be None. They are switched off if `arrays` contains no
+        fit.
     arrays
         The arrays of the answer, as `inference.deviation.findings.picture` returns them, already converted to `unit`.
     unit
@@ -88,6 +99,9 @@ def draw_answer(
         The recorded quantity and its unit; "" means `unit`.
     """
     whole, ratio, rest, energy = axes
+    assert whole is not None
+    assert ratio is not None
+    assert energy is not None
     t, has_fit = arrays["t"], "fit" in arrays
     whole.plot(*thin_line(t, arrays["record"], MOST_POINTS), color=FAINT, lw=1.8, label="record")
     if has_fit:
@@ -100,12 +114,12 @@ def draw_answer(
     title = "Record and fit" if has_fit else "Record"
     whole.set(title=title, xlabel="time / s", ylabel=recorded or unit)
     whole.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, fontsize=7.5)
-    if has_fit:
+    if rest is not None and not has_fit:
+        rest.set_axis_off()
+    elif rest is not None:
         rest.plot(*thin_line(t, arrays["residual"], MOST_POINTS), color=INK, lw=0.5)
         rest.axhline(0.0, color=MUTED, lw=0.6)
         rest.set(title="Residual of the fit", xlabel="time / s", ylabel=recorded or unit)
-    else:
-        rest.set_axis_off()
     _ratios(ratio, arrays, unit)
     # Energy lost in a cycle: by each damping term, or in total as measured without a law.
     a, lost = arrays["amplitude"], False

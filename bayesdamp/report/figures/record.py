@@ -17,6 +17,7 @@ from bayesdamp.report.drawing import (
     MUTED,
     WIDTH,
     colour,
+    fix_margins,
     interrupt_at_gaps,
     legend_columns,
 )
@@ -151,6 +152,7 @@ def draw_raw_record(
     ax.set(xlabel="time / s", ylabel=axis)
     ax.locator_params(axis="y", nbins=5)
     ax.margins(x=0)
+    fix_margins(figure, top=0.25)
     return figure
 
 

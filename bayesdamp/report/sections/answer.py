@@ -51,8 +51,8 @@ UNMEASURED = (
     "damping law."
 )
 MEASURED = (
-    "Upper left: the record. Upper right: its equivalent viscous damping ratio against amplitude (black line) with the "
-    f"95 % interval (grey band), both measured without assuming a damping law. There {SHAPES}. The law that fits best "
+    "Top: the record. Lower left: its equivalent viscous damping ratio against amplitude (black line) with the 95 % "
+    f"interval (grey band), both measured without assuming a damping law. There {SHAPES}. The law that fits best "
     "contradicts this measurement and is not drawn. Lower right: the energy lost in a cycle, divided by the mass or "
     "the moment of inertia, as computed from this ratio."
 )
