@@ -16,26 +16,27 @@ from bayesdamp.types import InputError
 Model = TypeVar("Model", bound=BaseModel)
 _KEYS = {"value": "angle", "channels": "channel", "runs": "run"}
 """Arguments of `bayesdamp.read` that have other names in a study file: the key of [[signal]] for each of them."""
-_PRIORS: Mapping[str, type[BaseModel]] = {
+PRIORS: Mapping[str, type[BaseModel]] = {
     kind.model_fields["prior"].default: kind for kind in get_args(get_args(GivenPrior)[0])
 }
 """The class of each prior that a study file can specify, by its name, such as "normal"."""
 
 
-class StudyError(Exception):
-    """An error at a key of the study file. `load_study` converts it to an InputError with the name of the file."""
+class StudyError(InputError):
+    """An error at a key of the study file, or at an argument that is checked in the same way; `where` is the key.
+
+    `load_study` converts it to an InputError with the name of the file.
+    """
 
     def __init__(self, key: str, what: str) -> None:
-        key = key if len(key) <= 80 else f"{key[:50]}...{key[-27:]}"
-        self.key, self.what = key, what
-        super().__init__(f"{key}: {what}" if key else what)
+        super().__init__(what, key if len(key) <= 80 else f"{key[:50]}...{key[-27:]}")
 
     def within(self, table: str) -> str:
         """Return the message for a reader who sees only one table: the key without the leading name of this table.
 
         In `table` "simulate", for example, the key "simulate.samples" becomes "samples".
         """
-        key = "" if self.key == table else self.key.removeprefix(f"{table}.")
+        key = "" if self.where == table else self.where.removeprefix(f"{table}.")
         return f"{key}: {self.what}" if key else self.what
 
 
@@ -125,14 +126,19 @@ def read_prior(raw: object, key: str, *, negative: bool = True) -> Any:
     kind = raw.get("prior")
     if kind is None:
         raise StudyError(key, f"names no prior; it must be {example}")
-    if not isinstance(kind, str) or kind not in _PRIORS:
-        what = f"unknown prior {show(kind)}{nearest(str(kind), list(_PRIORS))}"
+    if not isinstance(kind, str) or kind not in PRIORS:
+        what = f"unknown prior {show(kind)}{nearest(str(kind), list(PRIORS))}"
         raise StudyError(join_keys(key, "prior"), what)
-    prior = read_section(_PRIORS[kind], raw, key)
+    prior = read_section(PRIORS[kind], raw, key)
+    check_support(prior, key, negative=negative)
+    return prior
+
+
+def check_support(prior: Any, key: str, *, negative: bool) -> None:
+    """Raise StudyError, at `key`, if a prior allows negative values although `negative` is false."""
     if not negative and (isinstance(prior, Normal) or (isinstance(prior, Uniform) and prior.low < 0)):
         right = "it must be a halfnormal, lognormal, loguniform, or a uniform from 0 up"
         raise StudyError(key, f"is {prior.describe()}, which allows values below zero; {right}")
-    return prior
 
 
 def check_plugins(registry: Registry[Any], names: Iterable[str], key: str) -> None:

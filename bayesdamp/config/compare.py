@@ -82,7 +82,7 @@ def comparison(
     try:
         return resolve_study(comparison_tables(records, **settings), Path("compare"), plugins)
     except StudyError as error:
-        option = re.sub(r"^signal\[[^\]]*\]\.(system\.)?|^models\.|^posterior\.", "", error.key)
+        option = re.sub(r"^signal\[[^\]]*\]\.(system\.)?|^models\.|^posterior\.", "", error.where)
         option = {"compare": "damping", "specimen": "repeats"}.get(option, option)
         raise InputError(error.what, f"--{option}" if option else "") from None
 

@@ -22,7 +22,6 @@ from bayesdamp.inference.deviation.sampling import with_samples
 from bayesdamp.inference.deviation.single import state_of
 from bayesdamp.inference.deviation.specimen import OtherForm, RatioLikelihood, RunComparison, ratio_likelihood
 from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
-from bayesdamp.interface.arguments import check_deviation
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
@@ -212,7 +211,6 @@ def answer(
     InputError
         If an argument is invalid, or an amplitude is outside the range of the record by more than `BEYOND`.
     """
-    check_deviation("compare", deviation)
     wrong = [n for n in restoring if signal.unit != "rad" and not LAWS.get(n).translates]
     if wrong:
         raise InputError(

@@ -12,15 +12,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bayesdamp import types
+from bayesdamp.config.signals import canonical_models, check_laws
 from bayesdamp.formatting import Table, data_frame
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.sample_noise import noises_of
+from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.answer import Answer, answer
-from bayesdamp.interface.arguments import check_noise, check_sensor, known_and_priors, sums_and_laws
+from bayesdamp.interface.arguments import check_settings, known_and_priors, names_given
 from bayesdamp.interface.envelopes import answer_envelope, specimen_of_envelopes
 from bayesdamp.interface.result import GivenAxes, Result, get_axes, show_in_notebook
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.damping import all_sums, parse_model
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.store import DAMPING_CURVES, TaskResult
@@ -313,9 +317,13 @@ def compare(
     >>> first.low < 0.05 / 20.0**0.5 < first.high
     True
     """
-    sums, laws = sums_and_laws(damping, restoring)
-    values, given = known_and_priors(sums, laws, known, priors, noises_of(check_noise("compare", noise)))
-    check_sensor("compare", sensor)
+    sums = canonical_models(names_given(damping), "compare.damping")
+    laws = check_laws(names_given(restoring), "compare.restoring")
+    noises = noises_of(check_settings("compare", noise, deviation, sensor))
+    terms = tuple(dict.fromkeys(t for sum_ in sums or all_sums() for t in parse_model(sum_, "compare")))
+    parameters = [p for law in laws or LAWS.names() for p in Oscillator(terms, law).parameters]
+    parameters += [p for name in noises for p in NOISES.get(name).parameters]
+    values, given = known_and_priors("compare", known or {}, priors or {}, terms, parameters)
     single = isinstance(signals, types.Signal | EnvelopeRecord)
     every = [signals] if single else list(signals) if isinstance(signals, Iterable) else []
     motions = [s for s in every if isinstance(s, types.Signal)]

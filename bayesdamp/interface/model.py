@@ -14,8 +14,8 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp import types
 from bayesdamp.calls import checked_call
-from bayesdamp.config.checks import StudyError
-from bayesdamp.config.signals import canonical_model
+from bayesdamp.config.checks import check_number
+from bayesdamp.config.signals import NOISE, canonical_model
 from bayesdamp.estimators.shared import has_noise
 from bayesdamp.formatting import Table, data_frame
 from bayesdamp.inference.deviation.averaged import MOST_CYCLES
@@ -30,17 +30,7 @@ from bayesdamp.inference.mode import Mode, restore_mode
 from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.search import find_mode
-from bayesdamp.interface.arguments import (
-    POSITIVE,
-    by_parameter,
-    check_deviation,
-    check_known,
-    check_noise,
-    check_priors,
-    check_sensor,
-    coefficients_of,
-    number,
-)
+from bayesdamp.interface.arguments import EPSILON, check_settings, known_and_priors, names_of_parameters
 from bayesdamp.interface.density import Density
 from bayesdamp.interface.result import Result, frame_table
 from bayesdamp.interface.signal import Signal
@@ -55,7 +45,7 @@ from bayesdamp.units import UNITS
 if TYPE_CHECKING:
     import pandas as pd
 
-NOT_INFERRED = (*POSITIVE, "epsilon")
+NOT_INFERRED = (*NOISE, EPSILON)
 """Parameters that are not inferred if laws may hold approximately; they are known, or estimated once for the record."""
 NO_POSTERIOR = (
     "the record has no noise, so there is no posterior; use the unfiltered record, or simulate with noise_sd"
@@ -121,31 +111,22 @@ class Model(Result):
     frequency: float | None = None
 
     def __post_init__(self) -> None:
-        try:
-            damping = canonical_model(self.damping, "damping")
-        except StudyError as error:
-            raise InputError(f"Model: {error}") from None
         LAWS.get(self.restoring, "Model")
-        check_deviation("Model", self.deviation)
-        object.__setattr__(self, "damping", damping)
-        object.__setattr__(self, "noise", self.noise if isinstance(self.noise, str) else tuple(self.noise))
-        check_noise("Model", self.noise)
-        if self.approximate:
-            check_sensor("Model", self.sensor)
-            for name in self.priors:
-                if name in NOT_INFERRED:
-                    raise InputError(
-                        f"Model: {name!r} is not inferred under deviation {self.deviation!r}; remove its prior, or "
-                        "give its value as known"
-                    )
-        known = check_known("Model", self.known, self._coefficients, self.parameters)
-        priors = check_priors("Model", self.priors, known, self._coefficients, self.parameters)
+        object.__setattr__(self, "damping", canonical_model(self.damping, "Model.damping"))
+        noise = check_settings("Model", self.noise, self.deviation, self.sensor)
+        object.__setattr__(self, "noise", noise)
+        known, priors = known_and_priors("Model", self.known, self.priors, self.terms, self.parameters)
         object.__setattr__(self, "known", {n: v for n, v in known.items() if n in self.parameters})
-        object.__setattr__(self, "priors", priors)
+        object.__setattr__(self, "priors", dict(self.priors))
+        fixed = [n for n in priors if n in NOT_INFERRED] if self.approximate else []
+        if fixed:
+            raise InputError(
+                f"Model: {fixed[0]!r} is not inferred under deviation {self.deviation!r}; remove its prior, or give "
+                "its value as known"
+            )
         for name in ("amplitude", "frequency"):
-            value = getattr(self, name)
-            if value is not None and not number(value) > 0:
-                raise InputError(f"Model: {name} is {value!r}; it must be a positive number")
+            if (value := getattr(self, name)) is not None:
+                check_number(value, f"Model.{name}", positive=True)
 
     def __hash__(self) -> int:
         return hash((self.damping, self.restoring, self.noise, self.deviation, self.sensor))
@@ -188,12 +169,8 @@ class Model(Result):
     @property
     def parameter_priors(self) -> dict[str, Prior]:
         """The specified priors, by name of the parameter (such as "zeta", not "viscous")."""
-        return by_parameter(self.priors, self._coefficients)
-
-    @property
-    def _coefficients(self) -> dict[str, str]:
-        """The name by which `priors` may contain each damping coefficient, by the coefficient's name."""
-        return coefficients_of(self.terms, LAWS.get(self.restoring).parameters)
+        names = names_of_parameters(self.terms, self.parameters)
+        return {names[name]: prior for name, prior in self.priors.items()}
 
     def bind(self, signal: types.Signal) -> Density:
         """Return the posterior density on a record, as functions of the parameters in natural units.
