@@ -39,7 +39,6 @@ from bayesdamp.config.study import (
     EstimatorsTable,
     EvidenceTable,
     Header,
-    Models,
     ModelsTable,
     PluginsTable,
     PosteriorTable,
@@ -49,11 +48,11 @@ from bayesdamp.config.study import (
     Study,
     as_name,
 )
-from bayesdamp.estimators import ESTIMATORS, names_for_all
+from bayesdamp.estimators import ESTIMATORS
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
-from bayesdamp.physics.damping import TERMS, all_sums
+from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plain_text import read_plain
 from bayesdamp.plugins import PluginModule, nearest, read_modules, use_modules
@@ -197,7 +196,7 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
         if not tables:
             raise StudyError("", "is empty; a study starts with version = 1 and has at least one [[signal]]")
         return resolve_study(tables, path, plugins)
-    except (StudyError, InputError) as error:
+    except InputError as error:
         raise InputError(str(error), str(path)) from None
 
 
@@ -229,11 +228,12 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     modules = tuple(dict.fromkeys((*read_modules(named, path.parent), *plugins)))
     use_modules(modules)
     table = read_section(ModelsTable, raw.get("models", {}), "models")
-    sums = canonical_models(tuple(all_sums() if table.compare == "all" else table.compare), "models.compare")
+    sums = canonical_models(table.compare, "models.compare")
     further = [p.name for t in damping_order() for p in TERMS.get(t).inferred]
     check_keys(table.prior, [*damping_order(), *further], "models.prior")
     priors = {n: read_prior(v, f"models.prior.{n}", negative=n in further) for n, v in table.prior.items()}
-    models = Models(sums, priors, check_laws(table.restoring or (), "models.restoring"), table.prune)
+    check_laws(table.restoring, "models.restoring")
+    models = table.model_copy(update={"compare": sums, "prior": priors})
     signals = _read_signals(raw, path.parent, models.restoring)
     estimators = _read_estimators(raw.get("estimators", {}))
     posterior = read_section(PosteriorTable, raw.get("posterior", {}), "posterior")
@@ -326,14 +326,13 @@ def _read_estimators(raw: object) -> Estimators:
         variants[name] = method
     check_keys(given, [*own, *ESTIMATORS.names(), *variants], "estimators")
     checked = read_section(EstimatorsTable, {n: v for n, v in given.items() if n in own}, "estimators")
-    names = tuple(names_for_all()) if checked.use == "all" else checked.use
-    check_plugins(ESTIMATORS, [name for name in names if name not in variants], "estimators.use")
-    check_distinct(names, "estimators.use", "the estimator")
+    check_plugins(ESTIMATORS, [name for name in checked.use if name not in variants], "estimators.use")
+    check_distinct(checked.use, "estimators.use", "the estimator")
     check_distinct(checked.stages, "estimators.stages", "the stage")
-    check_keys(checked.repeats, names, "estimators.repeats")
+    check_keys(checked.repeats, checked.use, "estimators.repeats")
     options = {n: check_table(v, join_keys("estimators", n)) for n, v in given.items() if n not in own}
     options = {n: {k: v for k, v in o.items() if k != "variant_of"} for n, o in options.items()}
-    return Estimators(names, checked.stages, options, checked.repeats, variants)
+    return Estimators(**dict(checked), options=options, variants=variants)
 
 
 def _read_published(path: Path) -> tuple[dict[str, str], ...]:

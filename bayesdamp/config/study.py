@@ -7,13 +7,13 @@ import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from bayesdamp.estimators import parse_options
+from bayesdamp.estimators import names_for_all, parse_options
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.physics.damping import TERMS
+from bayesdamp.physics.damping import TERMS, all_sums
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.plugins import PluginModule
 from bayesdamp.priors import Prior
@@ -41,9 +41,7 @@ Names = Annotated[tuple[str, ...], BeforeValidator(_tuple_of)]
 SomeNames = Annotated[Names, Field(min_length=1)]
 Levels = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(_tuple_of), Field(min_length=1)]
 Deviation = Literal["auto", "none", "law"]
-DEVIATIONS: tuple[str, ...] = get_args(Deviation)
-"""Valid values of the setting `deviation`: laws hold exactly ("none") or with deviations ("law"). "auto" allows
-deviations for measured records only."""
+"""Whether laws hold exactly ("none") or with deviations ("law"). "auto" allows deviations for measured records only."""
 MOST_SAMPLES = 10_000_000
 """Greatest number of samples of a simulated record, and of draws of a Markov chain, that a study may ask for; a larger
 number is an error (conventional)."""
@@ -209,12 +207,14 @@ class PluginsTable(StudySection):
 class EstimatorsTable(StudySection):
     """[estimators]: which estimators of damping coefficients run; without the tables of options of single estimators.
 
-    use: names of estimators and of their variants, or "all". stages: "initial" (the estimate of the method itself),
-    "refined" (a least-squares fit of the motion that starts from this estimate). repeats: for a name, the largest
-    number of repeats of a signal on which this estimator runs.
+    use: names of estimators and of their variants; "all" becomes those of all. stages: "initial" (the estimate of the
+    method itself), "refined" (a least-squares fit of the motion that starts from this estimate). repeats: for a name,
+    the largest number of repeats of a signal on which this estimator runs.
     """
 
-    use: Literal["all"] | Names = Field("all", description='"all" or a list of names')
+    use: Annotated[Names, BeforeValidator(lambda use: names_for_all() if use == "all" else use)] = Field(
+        "all", validate_default=True, description='"all" or a list of names'
+    )
     stages: Annotated[tuple[Literal["initial", "refined"], ...], BeforeValidator(_tuple_of)] = Field(
         ("initial", "refined"), description='a list of "initial" and "refined"'
     )
@@ -226,15 +226,16 @@ class EstimatorsTable(StudySection):
 class ModelsTable(StudySection):
     """[models]: the damping sums and restoring laws to compare, and priors of damping terms.
 
-    compare: damping sums, or "all". restoring: laws that each sum is combined with; by default that of [system]. prune:
-    a model is left out if its log evidence in the answer is at least this many nats below the best; None keeps all.
+    compare: damping sums; "all" becomes the seven sums. restoring: laws that each sum is combined with; if there are
+    none, each signal has only its own. prior: as tables; in a `Study` as priors. prune: a model is left out if its log
+    evidence in the answer is at least this many nats below the best; None keeps all.
     """
 
-    compare: Literal["all"] | SomeNames = Field(
-        ("viscous", "coulomb", "quadratic"), description='"all" or a list of one or more models'
+    compare: Annotated[SomeNames, BeforeValidator(lambda sums: all_sums() if sums == "all" else sums)] = (
+        Field(("viscous", "coulomb", "quadratic"), description='"all" or a list of one or more models')
     )
-    restoring: SomeNames | None = Field(
-        None, description="a list of one or more restoring laws, instead of that in [system]"
+    restoring: SomeNames = Field(
+        (), description="a list of one or more restoring laws, instead of that in [system]"
     )
     prior: dict[str, Any] = Field({}, description="a table of priors by damping term")
     prune: float | None = Field(
@@ -416,20 +417,15 @@ class SignalSpec:
         return parameter_unit(parameter, restoring, UNITS[self.source.unit].base, self.source.quantity)
 
 
-@dataclass(frozen=True)
-class Estimators:
+class Estimators(EstimatorsTable):
     """The estimators of a study.
 
-    use: names. stages: "initial", "refined". options: options of each by name. repeats: greatest number of repeats of a
-    signal on which each runs, if not on all. variants: the estimator behind each name that the study itself gives (an
-    estimator with other options).
+    options: options of each by name. variants: the estimator behind each name that the study itself gives (an estimator
+    with other options).
     """
 
-    use: tuple[str, ...]
-    stages: tuple[str, ...]
-    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    repeats: Mapping[str, int] = field(default_factory=dict)
-    variants: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, Mapping[str, Any]]
+    variants: Mapping[str, str]
 
     def method(self, name: str) -> str:
         """Return the estimator that a name in `use` stands for: that behind a variant, else the name itself."""
@@ -438,21 +434,6 @@ class Estimators:
     def on(self, repeat: int) -> tuple[str, ...]:
         """Return the names in `use` of the estimators that run on a repeat, numbered from 0."""
         return tuple(name for name in self.use if repeat < self.repeats.get(name, repeat + 1))
-
-
-@dataclass(frozen=True)
-class Models:
-    """The models that a study compares.
-
-    compare: damping sums such as `viscous+coulomb`. prior: stated priors by damping term. restoring: restoring laws
-    that each sum is combined with; empty if each signal has only its own. prune: a candidate is left out if its log
-    evidence in the answer is at least this many nats below the largest; None to keep all.
-    """
-
-    compare: tuple[str, ...]
-    prior: Mapping[str, Any] = field(default_factory=dict)
-    restoring: tuple[str, ...] = ()
-    prune: float | None = None
 
 
 @dataclass(frozen=True)
@@ -468,7 +449,7 @@ class Study:
     name: str
     signals: tuple[SignalSpec, ...]
     estimators: Estimators
-    models: Models
+    models: ModelsTable
     posterior: PosteriorTable
     evidence: EvidenceTable
     calibration: CalibrationTable
