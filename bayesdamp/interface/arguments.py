@@ -25,15 +25,9 @@ from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import Prior
 from bayesdamp.types import InputError
 
-_NOT_NUMBERS = {
-    "b": "true and false",
-    "c": "complex numbers",
-    "M": "dates",
-    "m": "durations",
-    "S": "text",
-    "U": "text",
-}
-"""Contents that NumPy would silently convert to numbers, by NumPy's code for the type of the elements."""
+_NOT_NUMBERS = "bcMmSU"
+"""NumPy's codes of types that it would silently convert to real numbers: booleans, complex numbers, dates, durations
+and text."""
 KINDS = tuple(PRIORS.values())
 """The classes of priors that a user may specify."""
 EPSILON = "epsilon"
@@ -60,12 +54,10 @@ def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
     """
     try:
         array = np.asanyarray(given)
-        kinds = (
-            {np.asarray(element).dtype.kind for element in array.flat} if array.dtype.kind == "O" else set()
-        )
-        for kind in (kind for kind in _NOT_NUMBERS if kind in {array.dtype.kind, *kinds}):
+        each = map(np.asarray, array.flat) if array.dtype.kind == "O" else (array,)
+        for dtype in (a.dtype for a in each if a.dtype.kind in _NOT_NUMBERS):
             right = "give real numbers, and times in s: (t - t[0]) / numpy.timedelta64(1, 's')"
-            raise InputError(f"{what} contains {_NOT_NUMBERS[kind]}; {right}", where)
+            raise InputError(f"{what} contains {dtype.type.__name__}; {right}", where)
         numbers = np.array(array, float)
     except (TypeError, ValueError):
         raise InputError(f"{what} must be an array of numbers", where) from None

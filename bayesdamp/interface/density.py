@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
+from bayesdamp.config.checks import check_keys
 from bayesdamp.formatting import Table, data_frame
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.result import Result, ResultView, frame_table
 from bayesdamp.physics.symbols import parameter_unit
-from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior, joint_log_density, joint_slope
 from bayesdamp.types import InputError, candidate_name
 
@@ -107,9 +107,7 @@ class Density(ResultView):
         InputError
             If a name is not a parameter.
         """
-        for name in values or {}:
-            if name not in self.names:
-                raise InputError(f"density: unknown parameter {name!r}{nearest(name, list(self.names))}")
+        check_keys(values or {}, self.names, "vector")
         return np.array([float({**self.values, **(values or {})}[n]) for n in self.names])
 
     def log_prior(self, x: ArrayLike) -> float:

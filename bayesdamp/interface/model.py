@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp import types
 from bayesdamp.calls import checked_call
-from bayesdamp.config.checks import check_number
+from bayesdamp.config.checks import check_keys, check_number
 from bayesdamp.config.signals import NOISE, canonical_model
 from bayesdamp.estimators.shared import has_noise
 from bayesdamp.formatting import Table, data_frame
@@ -36,7 +36,6 @@ from bayesdamp.interface.result import Result, frame_table
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.oscillator import Oscillator, reference_of
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import InputError, Problem, Reference, Refusal, System
@@ -412,11 +411,7 @@ def fit_exact(
     Refusal
         If the model cannot be fitted to the record.
     """
-    for name in start or ():
-        if name not in model.parameters:
-            raise InputError(
-                f"fit: start has unknown parameter {name!r}{nearest(name, list(model.parameters))}"
-            )
+    check_keys(start or (), model.parameters, "fit.start")
     case = Case.with_noise(signal, model)
     mode, notes = case.mode(model.noises, None, [] if start is None else [start])
     # Restore the mode as when a fit is read from a file, so that both give exactly the same numbers.

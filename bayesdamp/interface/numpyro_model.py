@@ -11,9 +11,8 @@ import numpyro
 from jax import Array, numpy as jnp
 from numpyro import distributions as dist
 
-from bayesdamp.plugins import nearest
+from bayesdamp.config.checks import check_keys
 from bayesdamp.priors import Prior, SharedHalfNormal, shared_log_density
-from bayesdamp.types import InputError
 
 Model = Callable[..., dict[str, Any]]
 
@@ -95,9 +94,7 @@ def numpyro_model(
         }
 
     def model(**given: Any) -> dict[str, Any]:
-        for name in given:
-            if name not in names:
-                raise InputError(f"numpyro: unknown parameter {name!r}{nearest(name, names)}")
+        check_keys(given, names, "numpyro")
         free = [n for n in names if n not in given]
         values = {**given, **(sample(free) if free else {})}
         x = jnp.stack([jnp.asarray(values[n], float) for n in names])

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayesdamp import __version__, types
+from bayesdamp.config.checks import check_keys, read_section
+from bayesdamp.config.study import Header, PosteriorTable
 from bayesdamp.formatting import Table, data_frame
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.derived import Motions, derive_quantities, units
@@ -21,7 +23,6 @@ from bayesdamp.inference.samplers import SAMPLERS, Settings
 from bayesdamp.interface.fit import Fit, tabulate_ratios
 from bayesdamp.interface.result import QUIET, GivenAxes, Result, frame_table, get_axes, outcome_notes
 from bayesdamp.physics.oscillator import reference_of
-from bayesdamp.plugins import nearest
 from bayesdamp.priors import joint_log_density
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.store.contents import NO_DRAWS
@@ -218,9 +219,7 @@ class Posterior(Result, types.Posterior):
         """
         self._require_draws()
         chosen = list(self.names if names is None else names)
-        for name in chosen:
-            if name not in self.names:
-                raise InputError(f"plot: unknown parameter {name!r}{nearest(name, list(self.names))}")
+        check_keys(chosen, self.names, "plot.names")
         size = (9.0, 1.6 * len(chosen))
         axes = get_axes(ax, 2 * len(chosen), columns=2, size=size)
         for i, name in enumerate(chosen):
@@ -412,7 +411,7 @@ def sample(
         A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if the fit assumes exact laws) or emcee.
         If laws may hold approximately, also smc (the default).
     chains, warmup
-        Number of chains, at least 2, and number of draws that each chain discards at its beginning, at least 10. For
+        Number of chains, 2 to 1000, and number of draws that each chain discards at its beginning, at least 10. For
         emcee the chains are its walkers, of which it may use more than requested.
     draws
         Number of draws of each chain after the warmup, at least 10. By default 1,000; nuts and emcee then add draws if
@@ -436,14 +435,8 @@ def sample(
             f"sample: the first argument is {type(fit).__name__}; it must be a Fit, the result of fit(signal, model)"
         )
     grows, draws = draws is None, DEFAULT_DRAWS if draws is None else draws
-    for name, value, least in (
-        ("chains", chains, 2),
-        ("warmup", warmup, 10),
-        ("draws", draws, 10),
-        ("seed", seed, 0),
-    ):
-        if not isinstance(value, int) or isinstance(value, bool) or value < least:
-            raise InputError(f"sample: {name} is {value!r}; it must be a whole number, {least} or more")
+    read_section(PosteriorTable, {"chains": chains, "warmup": warmup, "draws": draws}, "sample")
+    read_section(Header, {"version": 1, "seed": seed}, "sample")
     sampler = sampler or (TEMPERED if fit.model.approximate else EXACT_SAMPLER)
     blank = Posterior(sampler, (), *NO_DRAWS, fit=fit, seed=seed, outcome=fit.outcome)
     if fit.outcome != OK:

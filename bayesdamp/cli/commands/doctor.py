@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import typer
 
 from bayesdamp.machine import cache_folder, cores
+from bayesdamp.types import InputError
 
 LEAST_MEMORY = 2.0
 """Required memory in GiB; with less, the check of the machine fails. It is twice the 0.95 GiB that a quick comparison
@@ -20,21 +20,19 @@ TRUE_RATE, TOLERATED_ERROR = 0.05, 0.1
 installation check fails (conventional)."""
 
 
-@dataclass(frozen=True)
-class CheckResult:
-    """The result of one check of the installation.
-
-    what: name of the check, such as "machine". good: whether it succeeded. text: what was found; if the check failed,
-    also what to do.
-    """
-
-    what: str
-    good: bool
-    text: str
+def machine() -> str:
+    """Check that the machine has at least `LEAST_MEMORY` GiB of physical memory, and state its cores and memory."""
+    text = f"{cores()} core{'s' if cores() > 1 else ''}"
+    if hasattr(os, "sysconf"):  # not on Windows
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+        text += f", {memory:.1f} GiB of memory"
+        if memory < LEAST_MEMORY:
+            raise InputError(f"{text}; {LEAST_MEMORY:g} GiB are needed")
+    return text
 
 
-def cache() -> CheckResult:
-    """Check whether the cache folder of compiled code can be written; it is created if it is missing."""
+def cache() -> str:
+    """Check that the cache folder of compiled code can be written; it is created if it is missing."""
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -42,35 +40,23 @@ def cache() -> CheckResult:
             pass
     except OSError as error:
         why = (error.strerror or str(error)).lower()
-        return CheckResult("cache", False, f"{folder}: {why}; set BAYESDAMP_CACHE to a folder of your own")
-    return CheckResult("cache", True, f"{folder} can be written")
+        raise InputError(f"{folder}: {why}; set BAYESDAMP_CACHE to a folder of your own") from None
+    return f"{folder} can be written"
 
 
-def kernels() -> CheckResult:
+def kernels() -> str:
     """Load the compiled equations of motion (kernels), or compile them if necessary, and state how long this took."""
     from bayesdamp.physics.kernel.solve import warm
 
     began = time.perf_counter()
     warm()
-    took = time.perf_counter() - began
-    return CheckResult("kernels", True, f"ready after {took:.1f} s; later runs load them")
+    return f"ready after {time.perf_counter() - began:.1f} s; later runs load them"
 
 
-def machine() -> CheckResult:
-    """Check whether the machine has at least `LEAST_MEMORY` GiB of physical memory, and state its cores and memory."""
-    count = cores()
-    if not hasattr(os, "sysconf"):  # on Windows
-        return CheckResult("machine", True, f"{count} core{'s' if count > 1 else ''}")
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
-    enough = memory >= LEAST_MEMORY
-    text = f"{count} core{'s' if count > 1 else ''}, {memory:.1f} GiB of memory"
-    return CheckResult("machine", enough, text if enough else f"{text}; {LEAST_MEMORY:g} GiB are needed")
-
-
-def answer() -> CheckResult:
+def answer() -> str:
     """Compare viscous with Coulomb damping on a small simulated record, and check the result against the truth.
 
-    The check succeeds if the verdict is viscous damping and its coefficient differs from the true one by less than
+    The verdict must be viscous damping, and its coefficient must differ from the true one by less than
     `TOLERATED_ERROR`.
     """
     import bayesdamp as bd
@@ -79,24 +65,15 @@ def answer() -> CheckResult:
     began = time.perf_counter()
     signal = bd.simulate({"viscous": TRUE_RATE}, "linear", seed=1, **options)
     verdict = bd.compare(signal, damping=["viscous", "coulomb"], restoring=["linear"]).verdict
-    took = time.perf_counter() - began
+    text = f"{verdict.sentence or 'none'} ({time.perf_counter() - began:.1f} s)"
     rates = [c.value for c in verdict.coefficients if c.name == "zeta"]
-    good = verdict.damping == "viscous" and bool(rates) and abs(rates[0] / TRUE_RATE - 1) < TOLERATED_ERROR
-    return CheckResult("answer", good, f"{verdict.sentence or 'none'} ({took:.1f} s)")
+    if verdict.damping != "viscous" or not rates or abs(rates[0] / TRUE_RATE - 1) >= TOLERATED_ERROR:
+        raise InputError(text)
+    return text
 
 
-CHECKS: tuple[Callable[[], CheckResult], ...] = (machine, cache, kernels, answer)
-
-
-def run_checks() -> Iterator[CheckResult]:
-    """Run each check and yield its result. An exception in a check is reported as a failed check."""
-    for function in CHECKS:
-        try:
-            yield function()
-        except Exception as fault:
-            yield CheckResult(
-                function.__name__, False, f"{type(fault).__name__}: {' '.join(str(fault).split())}"
-            )
+CHECKS: tuple[Callable[[], str], ...] = (machine, cache, kernels, answer)
+"""The checks. Each returns what was found, or raises an exception, an InputError if the user can do something."""
 
 
 def doctor() -> int:
@@ -104,8 +81,12 @@ def doctor() -> int:
 
     The versions of libraries are checked by `pip check`.
     """
-    good = True
-    for check in run_checks():
-        typer.echo(f"{'ok' if check.good else 'NO':<4}{check.what:<10} {check.text}")
-        good = good and check.good
-    return 0 if good else 1
+    status = 0
+    for check in CHECKS:
+        try:
+            mark, text = "ok", check()
+        except Exception as fault:
+            kind = "" if isinstance(fault, InputError) else f"{type(fault).__name__}: "
+            mark, text, status = "NO", f"{kind}{' '.join(str(fault).split())}", 1
+        typer.echo(f"{mark:<4}{check.__name__:<10} {text}")
+    return status
