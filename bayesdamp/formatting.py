@@ -323,3 +323,12 @@ def markdown_table(headers: Sequence[str], rows: Iterable[Sequence[str]]) -> str
     """Return a Markdown table; vertical bars in cells are escaped."""
     lines = [headers, ["---"] * len(headers), *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def show(value: object) -> str:
+    """Return a value as text for a message, as in a study file; shortened to at most 60 characters."""
+    try:
+        text = str(value).lower() if isinstance(value, bool) else repr(value)
+    except ValueError:  # Python does not convert integers of more than 4,300 digits
+        text = "a number with thousands of digits"
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -20,14 +20,18 @@ _MEMORY_TEXTS = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc")
 """Texts by which libraries report too little memory."""
 
 
+def printable(text: str) -> str:
+    """Return a text as one printable line, in which unprintable characters are escaped."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
 def one_line(text: object) -> str:
     """Return a text as one printable line of at most `LONGEST_ERROR` characters.
 
     White space becomes single spaces, and other unprintable characters are escaped. The middle of a longer text is
     replaced by "...", because the end of an error usually contains the remedy. `text` is converted by `str`.
     """
-    words = " ".join(str(text).split())
-    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in words)
+    line = printable(" ".join(str(text).split()))
     if len(line) <= LONGEST_ERROR:
         return line
     return f"{line[:_HEAD_LENGTH]}...{line[-(LONGEST_ERROR - _HEAD_LENGTH - 3) :]}"

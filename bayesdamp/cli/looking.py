@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.text import Text
@@ -101,11 +102,7 @@ def view_motion(record: FileRecord) -> RecordView:
     return RecordView(name, reading, lines, t, raw.y, window)
 
 
-def view_envelope(
-    path: Path,
-    columns: tuple[str | None, str | None, float | None, str | None],
-    ends: tuple[float | str, float | str],
-) -> RecordView:
+def view_envelope(path: Path, ends: tuple[float | str, float | str], **options: Any) -> RecordView:
     """Return the information on the record of an envelope.
 
     If it has no free decay, a line gives the reason, and the window is None.
@@ -114,19 +111,17 @@ def view_envelope(
     ----------
     path
         The file.
-    columns
-        Columns of times and readings, the sampling rate in Hz, and the unit, in this order; None for those that are not
-        given.
     ends
         Start and end of the decay in s, or "auto".
+    **options
+        Options of `read_envelope`.
 
     Raises
     ------
     InputError
         If the file cannot be read.
     """
-    time, value, rate, unit = columns
-    record = read_envelope(path, time=time, value=value, rate=rate, unit=unit)
+    record = read_envelope(path, **options)
     t, level = record.t, record.level
     inside = None
     try:

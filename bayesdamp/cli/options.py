@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from bayesdamp.formatting import show
 from bayesdamp.types import InputError
 
 READING, COMPARED, RUNNING, OUTPUT = "Reading the file", "What is compared", "The run", "Output"
@@ -63,20 +64,6 @@ Quiet = Annotated[bool, option(OUTPUT, "Print only the answer and errors.", "--q
 AsJson = Annotated[bool, option(OUTPUT, "Print the verdicts as JSON, as in verdict.json.", "--json")]
 
 
-LONGEST_VALUE = 40
-"""Largest number of characters of an invalid value that an error message repeats."""
-
-
-def invalid_value(option: str, value: object, right: str) -> InputError:
-    """Return the error for an invalid value of an option.
-
-    `option`: name of the option. `value`: the number, or the text, which is cut to `LONGEST_VALUE` characters. `right`:
-    what the value must be.
-    """
-    shown = repr(value[:LONGEST_VALUE]) if isinstance(value, str) else f"{value:g}"
-    return InputError(f"{option}: is {shown}; it must be {right}")
-
-
 def parse_time(text: float | str, name: str) -> float | str:
     """Convert the value of the option `name` (--start or --stop) to a finite time in s; "auto" stays as it is.
 
@@ -89,4 +76,4 @@ def parse_time(text: float | str, name: str) -> float | str:
             return number
     except ValueError:
         pass
-    raise invalid_value(name, text, "a time in s, or auto")
+    raise InputError(f"{name}: is {show(text)}; it must be a time in s, or auto")

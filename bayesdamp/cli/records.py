@@ -8,7 +8,8 @@ from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from bayesdamp.cli.options import READING, invalid_value, option, parse_time
+from bayesdamp.cli.options import READING, option, parse_time
+from bayesdamp.formatting import show
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.files.names import unit_by_name
 from bayesdamp.records.findings import QUESTIONS, Finding, findings
@@ -96,7 +97,7 @@ class ReadingOptions:
             if value is None or value in valid:
                 continue
             also = "; compare and look accept envelope too" if name == "quantity" else ""
-            raise invalid_value(f"--{name}", value, f"one of {', '.join(valid)}{also}")
+            raise InputError(f"--{name}: is {show(value)}; it must be one of {', '.join(valid)}{also}")
         for name in ("start", "stop"):
             object.__setattr__(self, name, parse_time(getattr(self, name), f"--{name}"))
 

@@ -9,6 +9,7 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from bayesdamp.formatting import show
 from bayesdamp.plugins import Registry, nearest
 from bayesdamp.priors import GivenPrior, Normal, Uniform
 from bayesdamp.types import InputError
@@ -38,15 +39,6 @@ class StudyError(InputError):
         """
         key = "" if self.where == table else self.where.removeprefix(f"{table}.")
         return f"{key}: {self.what}" if key else self.what
-
-
-def show(value: object) -> str:
-    """Return a value as written in a study file, for a message; shortened to at most 60 characters."""
-    try:
-        text = str(value).lower() if isinstance(value, bool) else repr(value)
-    except ValueError:  # Python does not convert integers of more than 4,300 digits
-        text = "a number with thousands of digits"
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def join_keys(key: str, name: str) -> str:

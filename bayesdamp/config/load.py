@@ -22,7 +22,6 @@ from bayesdamp.config.checks import (
     join_keys,
     read_prior,
     read_section,
-    show,
 )
 from bayesdamp.config.signals import (
     canonical_models,
@@ -49,6 +48,7 @@ from bayesdamp.config.study import (
     as_name,
 )
 from bayesdamp.estimators import ESTIMATORS
+from bayesdamp.formatting import show
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
@@ -60,9 +60,11 @@ from bayesdamp.types import InputError
 from bayesdamp.units import unit_named
 
 PACKAGE = Path(__file__).resolve().parents[1]
-_TABLES = (
-    "system", "signal", "sweep", "estimators", "models", "posterior", "evidence", "calibration", "recovery", "plugins",
-)  # fmt: skip
+_SETTINGS = {
+    "posterior": PosteriorTable, "evidence": EvidenceTable, "calibration": CalibrationTable, "recovery": RecoveryTable,
+}  # fmt: skip
+"""Tables with settings of single steps of a run, which are checked separately: their classes by name."""
+_TABLES = ("system", "signal", "sweep", "estimators", "models", *_SETTINGS, "plugins")
 _PUBLISHED = ("estimator", "signal", "error_pct", "time")
 """Columns of a CSV file of published results: the estimator, the signal, the error in per cent, the computing time."""
 _NO_STUDY = "give a study file (TOML), or a run's run.json"
@@ -236,15 +238,14 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     models = table.model_copy(update={"compare": sums, "prior": priors})
     signals = _read_signals(raw, path.parent, models.restoring)
     estimators = _read_estimators(raw.get("estimators", {}))
-    posterior = read_section(PosteriorTable, raw.get("posterior", {}), "posterior")
+    settings: dict[str, Any] = {n: read_section(kind, raw.get(n, {}), n) for n, kind in _SETTINGS.items()}
+    posterior: PosteriorTable = settings["posterior"]
     noises = (posterior.noise,) if isinstance(posterior.noise, str) else posterior.noise
-    evidence = read_section(EvidenceTable, raw.get("evidence", {}), "evidence")
-    calibration = read_section(CalibrationTable, raw.get("calibration", {}), "calibration")
     for registry, names, key, what in (
         (SAMPLERS, posterior.samplers, "posterior.samplers", "the sampler"),
         (NOISES, () if posterior.noise == "auto" else noises, "posterior.noise", "the noise model"),
-        (EVIDENCES, evidence.methods, "evidence.methods", "the method"),
-        (SAMPLERS, calibration.samplers, "calibration.samplers", "the sampler"),
+        (EVIDENCES, settings["evidence"].methods, "evidence.methods", "the method"),
+        (SAMPLERS, settings["calibration"].samplers, "calibration.samplers", "the sampler"),
     ):
         check_plugins(registry, names, key)
         check_distinct(names, key, what)
@@ -254,13 +255,10 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
         signals=signals,
         estimators=estimators,
         models=models,
-        posterior=posterior,
-        evidence=evidence,
         seed=header.seed,
         description=header.description,
         published=() if header.published is None else _read_published(path.parent / header.published),
-        calibration=calibration,
-        recovery=read_section(RecoveryTable, raw.get("recovery", {}), "recovery"),
+        **settings,
         plugins=modules,
         tables=raw,
     )

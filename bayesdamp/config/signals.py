@@ -19,7 +19,6 @@ from bayesdamp.config.checks import (
     join_keys,
     read_prior,
     read_section,
-    show,
 )
 from bayesdamp.config.study import (
     UNIT,
@@ -32,6 +31,7 @@ from bayesdamp.config.study import (
     SweepTable,
     as_name,
 )
+from bayesdamp.formatting import show
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.oscillator import Oscillator, check_restoring
@@ -199,7 +199,7 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
     check_keys(given, [*named, *numbers, *options], key)
     settings = read_section(SimulateTable, {n: v for n, v in given.items() if n in options}, key)
 
-    _check_translation(settings.unit, system.restoring, join_keys(key, "unit"))
+    check_translation(settings.unit, system.restoring, join_keys(key, "unit"))
     if settings.outliers > settings.samples:
         right = f"it must be at most samples ({settings.samples}), or a fraction of them below 1"
         raise StudyError(join_keys(key, "outliers"), f"is {settings.outliers:g}; {right}")
@@ -282,7 +282,7 @@ def _read_recording(entry: SignalTable, folder: Path, key: str) -> Recording:
     return Recording(file=entry.file, path=path.resolve(), **options)
 
 
-def _check_translation(unit: str, restoring: str, key: str) -> None:
+def check_translation(unit: str, restoring: str, key: str) -> None:
     """Raise StudyError at `key` if the unit is that of a translation (such as m or V), but the law needs an angle."""
     if UNITS[unit].translates and not LAWS.get(restoring).translates:
         laws = ", ".join(name for name in LAWS.present() if LAWS.get(name).translates)
@@ -346,7 +346,7 @@ def resolve_signal(
         source = _read_simulation(entry.simulate, system, join_keys(key, "simulate"))
         unit_key = join_keys(key, "simulate.unit")
     for name in (system.restoring, *laws):
-        _check_translation(source.unit, name, unit_key)
+        check_translation(source.unit, name, unit_key)
     unit, inertia = UNITS[source.unit], reference.get("inertia")
     if unit.quantity not in (None, source.quantity):
         right = f'this unit needs quantity = "{unit.quantity}"'

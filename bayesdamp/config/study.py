@@ -347,10 +347,6 @@ class Recording(FileTable):
     path: Path
     unit: str = "rad"
 
-    def __hash__(self) -> int:
-        """Return a hash of all fields."""
-        return hash(tuple(self.__dict__.values()))
-
 
 @dataclass(frozen=True)
 class SignalSpec:

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from bayesdamp.config.signals import check_translation
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.findings import SENSOR, Findings, compute_findings, picture, posterior_of
 from bayesdamp.inference.deviation.forms import replaced_sum
@@ -23,7 +24,6 @@ from bayesdamp.inference.deviation.single import state_of
 from bayesdamp.inference.deviation.specimen import OtherForm, RatioLikelihood, RunComparison, ratio_likelihood
 from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
-from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.oscillation.law_free import LawFree, law_free
@@ -211,11 +211,8 @@ def answer(
     InputError
         If an argument is invalid, or an amplitude is outside the range of the record by more than `BEYOND`.
     """
-    wrong = [n for n in restoring if signal.unit != "rad" and not LAWS.get(n).translates]
-    if wrong:
-        raise InputError(
-            f"restoring law {wrong[0]!r} describes an angle, but {signal.name} is in {signal.unit}; leave this law out"
-        )
+    for law in restoring:
+        check_translation(signal.unit, law, signal.name)
     other = no_free_decay(signal)
     if other is not None:
         return Answer(AnswerContent(other.to_dict()))

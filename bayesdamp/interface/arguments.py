@@ -16,10 +16,10 @@ from bayesdamp.config.checks import (
     check_plugins,
     check_support,
     read_section,
-    show,
 )
 from bayesdamp.config.signals import NOISE
 from bayesdamp.config.study import PosteriorTable
+from bayesdamp.formatting import show
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import Prior

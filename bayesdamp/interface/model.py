@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from bayesdamp import types
 from bayesdamp.calls import checked_call
 from bayesdamp.config.checks import check_keys, check_number
-from bayesdamp.config.signals import NOISE, canonical_model
+from bayesdamp.config.signals import NOISE, canonical_model, check_translation
 from bayesdamp.estimators.shared import has_noise
 from bayesdamp.formatting import Table, data_frame
 from bayesdamp.inference.deviation.averaged import MOST_CYCLES
@@ -39,7 +39,6 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import InputError, Problem, Reference, Refusal, System
-from bayesdamp.units import UNITS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -351,12 +350,7 @@ def check_signal(signal: object, model: object) -> Signal:
         )
     if not isinstance(model, Model):
         raise InputError(f"model is {type(model).__name__}; it must be a Model")
-    if UNITS[signal.unit].translates and not LAWS.get(model.restoring).translates:
-        laws = ", ".join(n for n in LAWS.names() if LAWS.get(n).translates)
-        raise InputError(
-            f"{signal.name}: is a translation in {signal.unit}, but {model.restoring} describes an angle; "
-            f"restoring can be {laws}"
-        )
+    check_translation(signal.unit, model.restoring, signal.name)
     return Signal.of(signal)
 
 

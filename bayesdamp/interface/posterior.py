@@ -34,19 +34,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
-SUMMARY_COLUMNS = (
-    "mean",
-    "sd",
-    "median",
-    "q2.5",
-    "q97.5",
-    "hdi_low",
-    "hdi_high",
-    "ess_bulk",
-    "ess_tail",
-    "rhat",
-)
-"""Columns of the table of `Posterior.summary`."""
 MOST_VALUES = 20_000_000
 """Largest number of values in a group of variables along the record in `Posterior.data` (160 MB)."""
 DAMPING, FREQUENCY = "damping_deviation", "frequency_deviation"
@@ -190,8 +177,7 @@ class Posterior(Result, types.Posterior):
                 if np.all(np.isfinite(values.values)):
                     row = diagnostics.summarise(values.values, self.ensembles)
                     rows[str(name)] = {**row, "unit": values.attrs["units"]}
-        parts = ["sd_noise", "sd_law"] if self.fit.law is not None else []
-        return data_frame(rows.values(), [*SUMMARY_COLUMNS, *parts, "unit"], index=rows)
+        return data_frame(rows.values(), index=rows)
 
     def plot(self, ax: GivenAxes = None, names: Sequence[str] | None = None) -> tuple[Axes, ...]:
         """Plot the trace of each parameter, and to the right a histogram of each chain with the prior (dashed).

@@ -123,7 +123,7 @@ REFUSED: dict[str, Callable[[], object]] = {
     "did you mean 'koopman'": lambda: bd.estimate(record(), "kopman", MODEL),
     "t must be finite times": lambda: fit().predict([np.nan]),
     "did you mean 'angle'": lambda: fit().predict([1.0], "angel"),
-    "but pendulum describes an angle; restoring can be duffing, linear": lambda: bd.fit(
+    "law pendulum needs an angle; restoring can be duffing, linear": lambda: bd.fit(
         bd.signal(TIMES, record().y, unit="mm", cleaned=False), bd.Model("viscous", "pendulum")
     ),
 }

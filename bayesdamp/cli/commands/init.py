@@ -12,9 +12,9 @@ from typing import Annotated, Any
 
 import typer
 
+from bayesdamp.cli.border import printable
 from bayesdamp.cli.files import check_names
 from bayesdamp.cli.records import ReadingOptions, select_records, study_signals, with_reading_options
-from bayesdamp.config.checks import StudyError
 from bayesdamp.config.compare import RecordOptions, comparison_tables
 from bayesdamp.config.load import resolve_study
 from bayesdamp.config.study import (
@@ -26,7 +26,7 @@ from bayesdamp.config.study import (
     SignalTable,
     StudySection,
 )
-from bayesdamp.store.files import is_disk_full, write_bytes
+from bayesdamp.store.files import save_bytes
 from bayesdamp.types import InputError
 
 _TABLES: dict[str, tuple[type[StudySection], str]] = {
@@ -51,11 +51,11 @@ def study_text(records: Sequence[RecordOptions], out: Path) -> str:
 
     Raises
     ------
-    InputError, StudyError
+    InputError
         If the study would be invalid.
     """
     tables = comparison_tables([{**asked, "file": Path(asked["file"]).name} for asked in records])
-    typed, of = _as_comment(shlex.quote(out.name)), _as_comment(Path(records[0]["file"]).name)
+    typed, of = printable(shlex.quote(out.name)), printable(Path(records[0]["file"]).name)
     lines = [
         f"# A study of {of} with the settings of `bayesdamp compare --exact`. Correct what is wrong, then run",
         f"#   bayesdamp check {typed}    to check it for errors",
@@ -78,11 +78,6 @@ def study_text(records: Sequence[RecordOptions], out: Path) -> str:
     text = "\n".join(lines) + "\n"
     resolve_study(tomllib.loads(text), out)
     return text
-
-
-def _as_comment(text: str) -> str:
-    """Return a text as one printable line, for a comment in the study; unprintable characters are escaped."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
 def _sort_key(item: tuple[str, Any]) -> int:
@@ -135,21 +130,10 @@ def init(
     chosen = select_records(files, options, every=True)
     for line in [*chosen.doubted, *chosen.notes]:
         typer.echo(line, err=True)
-    try:
-        text = study_text(study_signals(chosen.records, options), out)
-    except StudyError as error:
-        raise InputError(f"{file}: {error}") from None
+    text = study_text(study_signals(chosen.records, options), out)
     if os.path.lexists(out):
         raise InputError(f"{out}: already exists and is not overwritten; move it away first")
-    try:
-        write_bytes(out, text.encode())
-    except OSError as error:
-        if is_disk_full(error):
-            raise
-        what = (error.strerror or str(error)).lower()
-        raise InputError(
-            f"{out}: cannot be written: {what}; copy {file.name} to a folder of your own"
-        ) from None
+    save_bytes(out, text.encode())
     typed = shlex.quote(str(out))
     typer.echo(f"{out} is written; next: bayesdamp check {typed} and bayesdamp study {typed}")
     return 0

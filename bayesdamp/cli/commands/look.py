@@ -49,9 +49,9 @@ def look(
             console.print(f"{name}: {value}", style="bright_black", markup=False, highlight=False)
 
     if are_envelopes([file], reading["angle"], reading["unit"], reading["quantity"]):
-        columns = reading["time"], reading["angle"], reading["rate"], reading["unit"]
+        options = {name: reading[name] for name in ("time", "rate", "unit")}
         ends = o.parse_time(reading["start"], "--start"), o.parse_time(reading["stop"], "--stop")
-        views = [looking.view_envelope(file, columns, ends)]
+        views = [looking.view_envelope(file, ends, value=reading["angle"], **options)]
         show_file()
     else:
         options = ReadingOptions(**reading)

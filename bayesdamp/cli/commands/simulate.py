@@ -12,7 +12,7 @@ import typer
 
 from bayesdamp.cli import options as o
 from bayesdamp.cli.files import check_replaceable
-from bayesdamp.cli.options import invalid_value
+from bayesdamp.formatting import show
 from bayesdamp.interface.signal import Signal
 from bayesdamp.interface.simulate import START, simulate as simulate_record
 from bayesdamp.physics.damping import TERMS
@@ -47,7 +47,8 @@ def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
             number = float(value)
         except ValueError:
             example = "viscous=0.05" if option == "--damping" else "stiffness=20"
-            raise invalid_value(option, part.strip(), f"NAME=NUMBER, such as {example}") from None
+            right = f"it must be NAME=NUMBER, such as {example}"
+            raise InputError(f"{option}: is {show(part.strip())}; {right}") from None
         if name in values:
             raise InputError(f"{option}: {name[:40]!r} is given twice; once is enough")
         values[name] = number
