@@ -28,8 +28,6 @@ from bayesdamp.types import InputError
 _NOT_NUMBERS = "bcMmSU"
 """NumPy's codes of types that it would silently convert to real numbers: booleans, complex numbers, dates, durations
 and text."""
-KINDS = tuple(PRIORS.values())
-"""The classes of priors that a user may specify."""
 EPSILON = "epsilon"
 """Name of the parameter ε, the velocity within which Coulomb friction tanh(velocity/ε) changes its sign. A known value
 may be 0, which means the sign function."""
@@ -100,7 +98,7 @@ def known_and_priors(
     """
     names, coefficients = names_of_parameters(terms, parameters), {TERMS.get(t).parameter for t in terms}
     values: dict[str, float] = {}
-    given: dict[str, Prior] = {}
+    given: dict[str, Any] = {}
     for name, value in _mapping(known, f"{who}.known").items():
         key = f"{who}.known.{name}"
         if names.get(name) in coefficients:
@@ -113,8 +111,8 @@ def known_and_priors(
         key = f"{who}.priors.{name}"
         check_keys([name], names, f"{who}.priors")
         parameter = names[name]
-        if not isinstance(prior, KINDS):
-            right = f"it must be one of {', '.join(kind.__name__ for kind in KINDS)}"
+        if not isinstance(prior, tuple(PRIORS.values())):
+            right = f"it must be one of {', '.join(kind.__name__ for kind in PRIORS.values())}"
             raise StudyError(key, f"is {show(prior)}; {right}")
         if parameter in values:
             raise StudyError(key, f"{parameter} is also known; give one of the two")

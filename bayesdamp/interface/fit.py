@@ -494,12 +494,11 @@ def tabulate_ratios(
     wanted = amplitudes_in_base_unit(amplitudes, comparison, fit.signal.own_unit) or default_amplitudes(
         comparison
     )
-    rows = [
-        {**asdict(r), "amplitude": r.amplitude * own.scale, "unit": own.name}
-        for r in fit.law.ratios(wanted, fit.law.scores if u is None else u, fit.model.sensor)
-    ]
-    columns = ["amplitude", "unit", *(name for name in rows[0] if name not in ("amplitude", "unit"))]
-    return data_frame(rows, columns)
+    ratios = fit.law.ratios(wanted, fit.law.scores if u is None else u, fit.model.sensor)
+    table = data_frame(map(asdict, ratios))
+    table["amplitude"] *= own.scale
+    table.insert(1, "unit", own.name)
+    return table
 
 
 def check_times(t: ArrayLike, quantity: str) -> Vector:

@@ -142,9 +142,7 @@ class Model(Result):
     @property
     def noises(self) -> tuple[str, ...]:
         """Names of the noise models from which one is chosen; all for "auto"."""
-        if self.noise == "auto":
-            return tuple(NOISES.names())
-        return (self.noise,) if isinstance(self.noise, str) else self.noise
+        return noises_of(self.noise)
 
     @property
     def approximate(self) -> bool:
@@ -361,7 +359,6 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
     enough, a record of at most `MOST_CYCLES` cycles is fitted again without averages.
     """
     case = Case.with_noise(signal, model)
-    noises = noises_of(model.noise)
     fit = partial(
         fit_single,
         damping=model.terms,
@@ -369,10 +366,10 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
         known=model.known,
         priors=model.parameter_priors,
         reference=case.reference,
-        noises=noises,
+        noises=model.noises,
     )
     average = not any(n in model.known for n in START)
-    result = fit(prepare_for_noises(signal, noises, model.known, model.parameter_priors, average))
+    result = fit(prepare_for_noises(signal, model.noises, model.known, model.parameter_priors, average))
     averaging = averaging_of(result.comparison)
     if averaging is not None and not averaging.close and averaging.cycles <= MOST_CYCLES:
         return fit(prepare_data(signal, average=False))

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +19,6 @@ from bayesdamp.records.read import read_records
 from bayesdamp.records.record import RawRecord, unit_or_guess
 from bayesdamp.types import InputError
 from bayesdamp.units import UNITS
-
-if TYPE_CHECKING:
-    pass
 
 Column = str | int
 """A column of a file, by its name or its number from 1."""

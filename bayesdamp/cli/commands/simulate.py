@@ -55,6 +55,12 @@ def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
     return values
 
 
+def restoring_defaults(restoring: str) -> dict[str, float]:
+    """Return the `RESTORING_DEFAULTS` that a restoring law has; none for an unknown law."""
+    needed = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
+    return {name: RESTORING_DEFAULTS[name] for name in needed if name in RESTORING_DEFAULTS}
+
+
 def defaults_used(damping: Mapping[str, float], other: Mapping[str, float], restoring: str) -> str:
     """Return the nonzero defaults that were used for a simulation, as text in the form of command-line options.
 
@@ -67,11 +73,7 @@ def defaults_used(damping: Mapping[str, float], other: Mapping[str, float], rest
     restoring
         The restoring law.
     """
-    system = {
-        name: RESTORING_DEFAULTS[name]
-        for name in LAWS.get(restoring).parameters
-        if name in RESTORING_DEFAULTS
-    } | START
+    system = restoring_defaults(restoring) | START
     left = {name: value for name, value in system.items() if value and name not in other}
     options = {"--damping": {} if damping else DAMPING_DEFAULTS, "--set": left}
     typed = ((option, [f"{n}={v:g}" for n, v in values.items()]) for option, values in options.items())
@@ -122,9 +124,8 @@ def simulate_with_defaults(
     further = {key for name in TERMS.names() for key in TERMS.get(name).further}
     terms = {name: value for name, value in damping.items() if name not in further} or DAMPING_DEFAULTS
     own = {name: value for name, value in damping.items() if name in further}
-    needed = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
-    known = {name: value for name, value in RESTORING_DEFAULTS.items() if name in needed}
-    make = partial(simulate_record, terms, restoring, **{**known, **own, **other}, **options)
+    values = {**restoring_defaults(restoring), **own, **other}
+    make = partial(simulate_record, terms, restoring, **values, **options)
     clean = make()
     if noise_sd is None:
         noise_sd = float(f"{NOISE_FRACTION * np.ptp(clean.y) / 2:.1e}")
