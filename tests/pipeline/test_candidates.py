@@ -132,7 +132,7 @@ def test_candidates_are_pruned_and_sampled_by_the_evidence_of_the_answer(tmp_pat
     logs = {c.damping: c.exact for c in AnswerContent.of(Store(out).read("answer/rig/0")).candidates}
 
     def kept(prune: float) -> tuple[str, ...]:
-        other = replace(study, models=replace(study.models, prune=prune))
+        other = replace(study, models=study.models.model_copy(update={"prune": prune}))
         return tuple(choose_candidates(StudyRecord(other, study.signals[0], 0, Store(out)))[0])
 
     behind = logs["viscous"] - logs["viscous+quadratic"]
