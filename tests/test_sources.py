@@ -15,7 +15,7 @@ import pytest
 from bayesdamp.pipeline.tasks import CODE
 from bayesdamp.sources import ROOT, UNRELATED_MODULES, direct_imports, import_closure
 from tests.studies import COMPARED, study_text
-from tests.test_layers import MODULES as EVERY, imported
+from tests.test_layers import MODULES as EVERY
 
 SCRIPT = """
 import json, sys
@@ -49,7 +49,11 @@ def by_parser(path: Path) -> set[str]:
     """Return the modules of the package that a module imports, except under TYPE_CHECKING, by Python's own parser."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     tree.body = [n for n in tree.body if not (isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test))]
-    return imported(ast.unparse(tree), "", MODULES)
+    names = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            names |= {str(node.module), *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return names & set(MODULES)
 
 
 def test_direct_imports_are_those_of_the_parser():
