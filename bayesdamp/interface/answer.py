@@ -21,7 +21,7 @@ from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.sampling import with_samples
 from bayesdamp.inference.deviation.single import state_of
-from bayesdamp.inference.deviation.specimen import OtherForm, RatioLikelihood, RunComparison, ratio_likelihood
+from bayesdamp.inference.deviation.specimen import RatioLikelihood, RunComparison, ratio_likelihood
 from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
 from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
 from bayesdamp.priors import Prior
@@ -120,7 +120,7 @@ class Answer:
                 runs[row.damping, row.restoring] = run.plus_nats(-top)
         comparison = RunComparison(
             {(r.damping, r.restoring): log_of(r) - top for r in rows},
-            tuple(OtherForm(r.damping, r.restoring, log_of(r) - top, r.place) for r in rivals),
+            {r.damping: r.place for r in rivals},
             runs,
             Reference(*map(float, self.arrays.get(f"{RUN}reference", (1.0, 1.0)))),
             self.arrays["amplitude"],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,6 @@ import pytest
 from bayesdamp.inference.deviation.linear import LEAST_KNOTS, grid_of
 from bayesdamp.inference.deviation.specimen import (
     Model,
-    OtherForm,
     RatioLikelihood,
     RunComparison,
     compare_runs,
@@ -52,14 +52,15 @@ def weighed_run(
     ratio: float,
     sd: float = 0.001,
     logs: dict[Model, float | np.ndarray] | None = None,
-    others: tuple[OtherForm, ...] = (),
+    others: Mapping[str, tuple[float, str]] | None = None,
 ) -> RunComparison:
-    """Return a record with these log evidences of models, and other forms with theirs."""
+    """Return a record with these log evidences of models, and other forms with theirs and the sums they reduce to."""
+    others = others or {}
     logs = {V: 0.0, C: -8.0} if logs is None else logs
-    every = {**logs, **{(o.damping, o.restoring): o.log_evidence for o in others}}
+    every = {**logs, **{(form, "linear"): log for form, (log, _) in others.items()}}
     return RunComparison(
         {m: float(np.max(v)) for m, v in logs.items()},
-        others,
+        {form: limit for form, (_, limit) in others.items()},
         {m: ratio_likelihood(m[0], ratio, sd, v) for m, v in every.items()},
         REFERENCE,
         AMPLITUDE[::-1],
@@ -72,7 +73,7 @@ def answered(
     logs: dict[Model, float | np.ndarray],
     grade: Grade = Grade.EXACT,
     sd: float = 0.001,
-    others: tuple[OtherForm, ...] = (),
+    others: Mapping[str, tuple[float, str]] | None = None,
 ) -> RecordAnswer:
     """Return the answer on a record whose damping ratio is known to ± sd."""
     shares = (Share("viscous", 0.6, 0.5, 0.7, 1.0), Share("quadratic", 0.4, 0.3, 0.5, 1.0))
@@ -132,10 +133,10 @@ def test_a_damping_that_a_record_was_not_compared_with_is_far_behind() -> None:
 def test_log_evidence_of_another_form_adds_up_over_records() -> None:
     """By hand: in each of two records 3 nats more than viscous damping, with a ninetieth of its prior probability."""
     hard = "viscous", "duffing"
-    form, other = OtherForm("displacement", "linear", 3.0), OtherForm("cubic", "linear", -9.0, "coulomb")
-    second = answered("b", 0.01, {V: 0.0, hard: -40.0}, others=(form,))
+    form, other = {"displacement": (3.0, "")}, {"cubic": (-9.0, "coulomb")}
+    second = answered("b", 0.01, {V: 0.0, hard: -40.0}, others=form)
     ahead = math.exp(6) * OTHER_FORMS_ODDS / OTHER_FORMS_COUNT
-    for others in ((form,), (form, other)):
+    for others in (form, form | other):
         first = answered("a", 0.01, {V: 0.0, hard: -40.0}, others=others)
         verdict = specimen("rig", [first, second])
         assert (verdict.damping, verdict.rivals[0].damping) == ("viscous", "displacement")

@@ -33,9 +33,12 @@ SPREAD_EDGES = np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.i
 means of neighbours, 0 and ∞."""
 JOINT_DRAWS = 4000
 """Number of draws from the joint posterior of a specimen's damping, given all its records."""
+NO_SPREAD = 1e-9
+"""Spread s with a single record, which does not determine it: practically 0."""
 MOST_STEPS, SETTLED_GAIN = 60, 1e-7
-"""Largest number of Gauss–Newton steps to the joint mode of the specimen's parameters and the records' factors. The
-steps end earlier if the predicted gain of the log posterior is below the second value, in nats."""
+"""Largest number of Gauss–Newton steps, rejected ones included, to the joint mode of the specimen's parameters and the
+records' factors. The steps end earlier if the predicted gain of the log posterior is below the second value, in
+nats."""
 NATS_BEHIND = 18.0
 """A combination of sizes and correlation lengths of the deviations from the laws is left out if its log evidence is
 this many nats below the best, both at the smallest and at the largest spread between records."""
@@ -123,7 +126,7 @@ def join_runs(
     """Compute the evidence and the joint posterior of one damping sum, with common coefficients, for several records.
 
     A factor multiplies the coefficients in each record. Its spread between records is inferred; with a single record,
-    which does not determine it, the spread is 0.
+    which does not determine it, the spread is `NO_SPREAD`.
 
     Parameters
     ----------
@@ -132,7 +135,7 @@ def join_runs(
     priors : mapping of str to Prior
         Priors of the specimen's parameters, in the order of the likelihoods' names.
     log_sizes : ndarray, shape (c,)
-        Log prior probability of each grid point of the hyperparameters.
+        Log prior probability of the first c grid points of the hyperparameters, the only ones that are used.
     seed : int
         Seed of the random stream.
 
@@ -143,16 +146,16 @@ def join_runs(
     """
     if not runs or any(r.names != runs[0].names for r in runs) or tuple(priors) != runs[0].names:
         raise ValueError("at least one record is needed; all need the same parameters, and a prior of each")
-    values, slopes = _linear_maps(priors, _scores(priors, np.mean([r.mode for r in runs], axis=0)))
-    offset = values - slopes * _scores(priors, values)
-    if len(runs) == 1:
-        spreads, masses = np.zeros(1), np.ones(1)
-    else:
+    about = _scores(priors, np.mean([r.mode for r in runs], axis=0))
+    values, slopes = _linear_maps(priors, about)
+    spreads, masses = np.array([NO_SPREAD]), np.ones(1)
+    if len(runs) > 1:
         spreads, masses = SPREADS, np.diff(scipy.special.erf(SPREAD_EDGES / (SPREAD_SCALE * np.sqrt(2.0))))
     log, slope, information = (
-        np.stack([getattr(r.likelihood, part) for r in runs]) for part in ("log", "slope", "information")
+        np.stack([getattr(r.likelihood, part)[: log_sizes.size] for r in runs])
+        for part in ("log", "slope", "information")
     )
-    problem = _Problem(log, slope, information, offset, slopes, runs[0].coefficients)
+    problem = _Problem(log, slope, information, values - slopes * about, slopes, runs[0].coefficients)
     probable = every = np.arange(log_sizes.size)
     if every.size > 1:  # keep grid points that are probable at the least or the largest spread
         ends = {spreads[0], spreads[-1]}
@@ -205,37 +208,29 @@ class _Problem:
         """
         k, n = self.scale.size, self.log.shape[0]
         b, big = np.moveaxis(self.slope[:, combos], 0, 1), np.moveaxis(self.information[:, combos], 0, 1)
-        whole = np.eye(k) + np.sum(self.scale[:, None] * big * self.scale, axis=1)
-        pull = np.sum(self.scale * (b - big @ self.offset), axis=1)
-        u = np.zeros((combos.size, k + n))
-        u[:, :k] = _solve(whole, pull)
-        precision = 1.0 / np.maximum(spreads, 1e-12) ** 2
-        moving = spreads > 0
+        precision = np.repeat([np.ones(combos.size), spreads**-2.0], [k, n], axis=0).T
+        u, share = np.zeros((combos.size, k + n)), np.ones(combos.size)
+        u[:, :k] = solve(
+            np.eye(k) + np.sum(self.scale[:, None] * big * self.scale, axis=1),
+            np.sum(self.scale * (b - big @ self.offset), axis=1),
+        )
         value = self._value(u, b, big, precision)
-        for _ in range(MOST_STEPS if moving.any() else 0):
-            slope, square = self._derivatives(u, b, big, precision, moving, whole=False)
-            step = _solve(square, slope)
-            promised = np.sum(step * slope, axis=1)
-            if promised.max() < SETTLED_GAIN:
+        for _ in range(MOST_STEPS):
+            slope, square = self._derivatives(u, b, big, precision)
+            step = solve(square, slope)
+            if np.sum(step * slope, axis=1).max() < SETTLED_GAIN:
                 break
-            share, new = np.ones(combos.size), value
-            for _ in range(12):
-                new = self._value(u + share[:, None] * step, b, big, precision)
-                worse = ~(new >= value - 1e-9)
-                if not worse.any():
-                    break
-                share[worse] *= 0.4
-            better = new >= value - 1e-9
-            u[better] += (share[:, None] * step)[better]
-            value = np.where(better, new, value)
-        square = self._derivatives(u, b, big, precision, moving, whole=True)[1]
-        log_det, covariance = _invert(square)
+            new = u + share[:, None] * step
+            changed = self._value(new, b, big, precision)
+            better = changed >= value - 1e-9
+            u[better], value[better] = new[better], changed[better]
+            share = np.where(better, 1.0, 0.4 * share)
+        log_det, covariance = _invert(self._derivatives(u, b, big, precision, whole=True)[1])
         bad = ~np.isfinite(log_det)
         if bad.any():  # the Hessian is not positive definite: use its Gauss–Newton approximation
-            part = [a[bad] for a in (u, b, big, precision, moving)]
+            part = [a[bad] for a in (u, b, big, precision)]
             log_det[bad], covariance[bad] = _invert(self._derivatives(*part, whole=False)[1])
-        log = value + self.log[:, combos].sum(axis=0) - 0.5 * log_det
-        log = log - np.where(moving, n * np.log(np.maximum(spreads, 1e-12)), 0.0)
+        log = value + self.log[:, combos].sum(axis=0) - 0.5 * log_det - n * np.log(spreads)
         return Normals(log, u[:, :k], np.linalg.cholesky(covariance[:, :k, :k]))
 
     def _value(self, u: np.ndarray, b: np.ndarray, big: np.ndarray, precision: np.ndarray) -> np.ndarray:
@@ -243,11 +238,11 @@ class _Problem:
 
         u contains the k standard normal scores of the specimen's parameters, then the log factors η of the n records,
         whose coefficients are those of the specimen times exp η. b, big: slopes (b, n, k) and information (b, n, k, k)
-        of the log likelihoods. precision: 1/s² for the spread s, (b,).
+        of the log likelihoods. precision: inverse prior variances of u, (b, k + n): 1 for scores, 1/s² for log factors.
         """
-        k, y = self.scale.size, self._record_parameters(u)[0]
-        fit = np.sum(b * y, axis=(1, 2)) - 0.5 * np.einsum("bni,bnij,bnj->b", y, big, y)
-        return fit - 0.5 * np.sum(u[:, :k] ** 2, axis=1) - 0.5 * precision * np.sum(u[:, k:] ** 2, axis=1)
+        y = self._record_parameters(u)[0]
+        fit = np.sum((b - 0.5 * (big @ y[..., None])[..., 0]) * y, axis=(1, 2))
+        return fit - 0.5 * np.sum(precision * u**2, axis=1)
 
     def _record_parameters(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the damping's parameters in each record, and the factors exp η that they contain, (b, n, k) each.
@@ -261,40 +256,28 @@ class _Problem:
         return (self.offset + self.scale * u[:, :k])[:, None, :] * factors, factors
 
     def _derivatives(
-        self,
-        u: np.ndarray,
-        b: np.ndarray,
-        big: np.ndarray,
-        precision: np.ndarray,
-        moving: np.ndarray,
-        whole: bool,
+        self, u: np.ndarray, b: np.ndarray, big: np.ndarray, precision: np.ndarray, whole: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the gradient of `_value`, (b, k + n), and its negative Hessian, (b, k + n, k + n).
 
         b, big, precision: as in `_value`. whole: whether to use the full Hessian instead of its Gauss–Newton
-        approximation. moving: marks the spreads s > 0; for the others the factors exp η are fixed at 1.
+        approximation.
         """
-        k, n = self.scale.size, self.log.shape[0]
+        k, own = self.scale.size, np.arange(self.scale.size, u.shape[1])
         y, factors = self._record_parameters(u)
-        pull = b - np.einsum("bnij,bnj->bni", big, y)
-        by_z = factors * self.scale  # (b, n, k)
-        along = np.where(self.which, y, 0.0)  # derivative of y by the log factor of a record
-        slope, square = np.zeros_like(u), np.zeros((len(u), k + n, k + n))
-        slope[:, :k] = np.sum(by_z * pull, axis=1) - u[:, :k]
-        by_factor = np.sum(along * pull, axis=2) - precision[:, None] * u[:, k:]
-        slope[:, k:] = np.where(moving[:, None], by_factor, 0.0)
-        square[:, :k, :k] = np.eye(k) + np.einsum("bni,bnij,bnj->bij", by_z, big, by_z)
-        pushed = np.einsum("bnij,bnj->bni", big, along)
-        cross = by_z * pushed
-        own = np.sum(along * pushed, axis=2)
+        pull = b - (big @ y[..., None])[..., 0]
+        by_z, by_factor = factors * self.scale, np.where(self.which, y, 0.0)
+        along_factors = np.sum(by_factor * pull, axis=2)
+        slope = np.concatenate([np.sum(by_z * pull, axis=1), along_factors], axis=1) - precision * u
+        pushed = (big @ by_factor[..., None])[..., 0]
+        square = precision[:, :, None] * np.eye(u.shape[1])
+        square[:, :k, :k] += np.sum(by_z[..., None] * big * by_z[:, :, None], axis=1)
+        square[:, k:, :k] = by_z * pushed
+        square[:, own, own] += np.sum(by_factor * pushed, axis=2)
         if whole:
-            cross = cross - np.where(self.which, by_z * pull, 0.0)
-            own = own - np.sum(along * pull, axis=2)
-        on = moving[:, None]
-        cross = np.where(on[:, :, None], cross, 0.0)
-        square[:, :k, k:], square[:, k:, :k] = np.swapaxes(cross, 1, 2), cross
-        places = np.arange(k, k + n)
-        square[:, places, places] = np.where(on, own + precision[:, None], 1.0)
+            square[:, k:, :k] -= np.where(self.which, by_z * pull, 0.0)
+            square[:, own, own] -= along_factors
+        square[:, :k, k:] = np.swapaxes(square[:, k:, :k], 1, 2)
         return slope, square
 
 
@@ -304,7 +287,7 @@ def _to_unit_diagonal(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return square / (root[:, :, None] * root[:, None, :]), root
 
 
-def _solve(square: np.ndarray, aim: np.ndarray) -> np.ndarray:
+def solve(square: np.ndarray, aim: np.ndarray) -> np.ndarray:
     """Solve the linear systems square x = aim, (b, m, m) and (b, m), for x, (b, m)."""
     part, root = _to_unit_diagonal(square)
     part = part + 1e-13 * np.eye(part.shape[1])
