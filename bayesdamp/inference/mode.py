@@ -42,16 +42,6 @@ nats, instead of trying a shorter step."""
 MOST_STEPS = 60
 """Largest number of trial steps of a search for a mode, rejected ones included; the search then ends without
 convergence."""
-MOST_CHANGE = 0.01
-"""Largest allowed change of the log likelihood, in nats, by the numerical error of the ODE solver; the mode is searched
-again with a smaller tolerance if the change is larger. It applies within `NEAR_SDS` posterior sds of the mode; farther
-away the limit grows in proportion to the decrease of the log posterior."""
-NEAR_SDS = 3.0
-"""Distance from the mode, in posterior sds, within which the numerical error of motions must change the log likelihood
-by less than `MOST_CHANGE`."""
-FINER_FACTOR = 0.01
-"""The numerical error of a motion is measured as its difference from the motion that the ODE solver computes with its
-tolerance multiplied by this factor."""
 
 
 def maximise_posterior(
@@ -276,69 +266,6 @@ class Mode:
     def sd(self) -> np.ndarray:
         """Return the posterior sds of the standard normal scores, (d,), from the covariance of `factor`."""
         return np.sqrt(np.sum(self.factor**2, axis=1))
-
-
-def refine_mode(target: Target, z: np.ndarray, tolerance: float, searches: tuple[LocalSearch, ...]) -> Mode:
-    """Find the mode near z, with motions whose errors change the log likelihood by less than `MOST_CHANGE`.
-
-    After six attempts with smaller and smaller tolerances the last result is returned, whatever its error.
-
-    Parameters
-    ----------
-    target : Target
-        The target, whose posterior is maximised.
-    z : ndarray, shape (d,)
-        Parameters at or near the mode, as standard normal scores.
-    tolerance : float
-        First tolerance of the motion, in the unit of the record.
-    searches : tuple of LocalSearch
-        The searches that led to z.
-
-    Returns
-    -------
-    Mode
-        The mode.
-
-    Raises
-    ------
-    Refusal
-        If the posterior is not finite at its mode, or the information there is not positive definite.
-    """
-    attempts = 0
-    while True:
-        attempts += 1
-        likelihood = Likelihood.near(target, z, tolerance)
-        top = maximise_posterior(likelihood, z)
-        if not np.isfinite(top.value):
-            raise Refusal("the posterior is not finite at its mode")
-        z = top.x
-        mode = Mode(z, top.value, top.information, likelihood, searches)
-        change = _solution_error(likelihood, z, mode.factor)
-        if change < MOST_CHANGE or attempts == 6:
-            return mode
-        tolerance *= np.clip(MOST_CHANGE / change, 1e-3, 0.5) * 0.5
-
-
-def _solution_error(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) -> float:
-    """Return the largest change of the log likelihood (nats) by a more accurate motion.
-
-    It is evaluated at z, (d,), and at points three sds away in the direction of each column of the covariance's
-    `factor`, (d, d). Where the log posterior is D > 4.5 nats below that at z, the change of the log likelihood is
-    multiplied by 4.5 / D. Points with an unbounded motion are left out.
-    """
-    finer = replace(likelihood, tolerance=FINER_FACTOR * likelihood.tolerance)
-    top: float | None = None
-    change = 0.0
-    around = z + np.concatenate([np.zeros((1, z.size)), NEAR_SDS * factor.T, -NEAR_SDS * factor.T])
-    for at in around:
-        lower, upper = (of.log_noise(of.residual(at), at) for of in (likelihood, finer))
-        top = upper - 0.5 * float(at @ at) if top is None else top
-        if not (np.isfinite(lower) and np.isfinite(upper)):
-            continue
-        # Far below the mode a larger change is allowed, in proportion to the decrease of the log posterior.
-        depth = top - (upper - 0.5 * float(at @ at))
-        change = max(change, abs(lower - upper) * min(1.0, 0.5 * NEAR_SDS**2 / max(depth, 1e-300)))
-    return change
 
 
 def covariance_factor(information: np.ndarray) -> np.ndarray:
