@@ -81,18 +81,6 @@ class Grid:
         """
         return self.roots[self.lengths] * self.scales[:, None, :]
 
-    @cached_property
-    def sizes_of_h(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the different combinations of both correlation lengths and the size of h that occur in the grid.
-
-        h is the relative deviation of the frequency, and its size the prior sd. The first array, (b,), has the index of
-        one of the c grid points for each of the b combinations. The second, (c,), has, for each grid point, the index
-        of its combination in the first array.
-        """
-        pairs = np.column_stack([self.lengths, self.size_h])
-        _, first, own = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
-        return first, own
-
     def only(self, places: np.ndarray) -> Grid:
         """Return the grid with only the points at the indices `places`, (k,)."""
         names = ("size_g", "size_h", "log_prior", "scales", "lengths")
@@ -513,8 +501,8 @@ class _Triangles:
     """Cholesky factors of the posterior's information matrix (inverse covariance) at c combinations of hyperparameters.
 
     In coordinates w, which are the principal coordinates of the scores and independent coordinates of g and h with the
-    prior N(0, I), the log posterior is −wᵀ L Lᵀ w / 2 + bᵀ w + constant. lower: L, (c, K, K). half: L⁻¹ b, (c, K).
-    left: least value of |root u − target|² / noise variance + |scores|² + |w of g and h|², (c,), without
+    prior N(0, I) in some order, the log posterior is −wᵀ L Lᵀ w / 2 + bᵀ w + constant. lower: L, (c, K, K). half:
+    L⁻¹ b, (c, K). left: least value of |root u − target|² / noise variance + |scores|² + |w of g and h|², (c,), without
     `LinearModel.rest`.
     """
 
@@ -523,22 +511,25 @@ class _Triangles:
     left: np.ndarray
 
     @classmethod
-    def of(cls, principal: _Principal, grid: Grid, variance: np.ndarray) -> _Triangles:
+    def of(cls, principal: _Principal, grid: Grid, variance: np.ndarray, order: np.ndarray) -> _Triangles:
         """Factorise the information matrix at each grid point (combination of hyperparameters).
 
         Hyperparameters are the sizes and correlation lengths of the deviations. variance: variance of the noise at each
-        of c grid points, (c,).
+        of c grid points, (c,). order: the order of the unknowns w, as indices of scores, g and h.
         """
         model, d, total = principal.model, principal.at.size, principal.model.root.shape[1]
         sd = np.sqrt(variance)[:, None]
-        white = _whitened(model, grid)
-        scales = np.concatenate([np.ones((grid.log_prior.size, d)), grid.scales], axis=1) / sd
+        # The matrix of the model in w, for sizes (prior sds) of 1 and each pair of correlation lengths.
+        white = np.repeat(model.root[None], len(grid.roots), axis=0)
+        white[:, :, d:] = model.root[:, d:] @ grid.roots
+        white = white[:, :, order]
+        scales = np.concatenate([np.ones((grid.log_prior.size, d)), grid.scales], axis=1)[:, order] / sd
         products = np.swapaxes(white, 1, 2) @ white
         information = products[grid.lengths] * scales[:, :, None] * scales[:, None, :]
         information[:, np.arange(total), np.arange(total)] += 1.0
-        about = np.concatenate([principal.at, np.zeros(total - d)])
+        about = np.concatenate([principal.at, np.zeros(total - d)])[order]
         squares = model.target @ model.target / variance + about @ about
-        if information.diagonal(axis1=1, axis2=2)[:, d:].max(initial=0.0) < LARGEST_INFORMATION:
+        if information.diagonal(axis1=1, axis2=2)[:, order >= d].max(initial=0.0) < LARGEST_INFORMATION:
             lower = np.linalg.cholesky(information)
             half = (model.target @ white)[grid.lengths] * scales / sd - about
             for i in range(total):  # forward substitution
@@ -556,17 +547,17 @@ class _Triangles:
             np.swapaxes(upper[:, :total, :total], 1, 2), upper[:, :total, total], upper[:, total, total] ** 2
         )
 
+    def log_evidence(
+        self, model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float
+    ) -> np.ndarray:
+        """Return the log of evidence times prior probability at each grid point, in nats, (c,).
 
-def _whitened(model: LinearModel, grid: Grid) -> np.ndarray:
-    """Return the matrix of a linear model in coordinates with independent priors, for each of the p `Grid.roots`.
-
-    The result has the shape (p, K, K). The coordinates are the scores, followed by standard normal numbers that the
-    root maps to the deviations g and h of size (prior sd) 1.
-    """
-    d = model.positive.size
-    white = np.repeat(model.root[None], len(grid.roots), axis=0)
-    white[:, :, d:] = model.root[:, d:] @ grid.roots
-    return white
+        Parameters are those of `normals`.
+        """
+        log = grid.log_prior - 0.5 * (
+            self.left + model.rest / variance + samples * np.log(2 * np.pi * variance)
+        )
+        return log - np.sum(np.log(np.diagonal(self.lower, axis1=1, axis2=2)), axis=1)
 
 
 def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float) -> Normals:
@@ -585,65 +576,33 @@ def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, sample
     samples : float
         Effective number of independent values in the record (see `linear_posterior`).
     """
-    d = model.positive.size
-    variance = np.broadcast_to(variance, grid.log_prior.size)
+    d, variance = model.positive.size, np.broadcast_to(variance, grid.log_prior.size)
     principal = _Principal.of(model, float(np.min(variance)))
-    triangles = _Triangles.of(principal, grid, variance)
-    lower, half = triangles.lower, triangles.half
-    log = -0.5 * (triangles.left + model.rest / variance)
-    log -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    log += grid.log_prior - 0.5 * samples * np.log(2 * np.pi * variance)
-    factors = np.swapaxes(_inverse(lower), 1, 2).copy()
+    triangles = _Triangles.of(principal, grid, variance, np.arange(model.root.shape[1]))
+    factors = np.swapaxes(_inverse(triangles.lower), 1, 2).copy()
     factors[:, :d] = principal.axes @ factors[:, :d]
     factors[:, d:] = grid.factors @ factors[:, d:]
-    means = (factors @ half[:, :, None])[:, :, 0]
+    means = (factors @ triangles.half[:, :, None])[:, :, 0]
     means[:, :d] += principal.axes @ principal.at
-    return Normals(log, means, factors)
+    return Normals(triangles.log_evidence(model, grid, variance, samples), means, factors)
 
 
 def score_normals(model: LinearModel, grid: Grid, variance: float, samples: float) -> Normals:
     """Compute the normal posterior of the scores alone at each grid point, with the deviations integrated out.
 
-    Scores are parameters transformed to standard normal priors. A grid point is a combination of sizes (prior sds) and
-    correlation lengths of the deviations g (log damping) and h (relative frequency). Parameters are those of
-    `linear_posterior`; scores may be negative. First h is integrated out for each of its sizes. The information about g
-    is then diagonal in the same directions for all sizes of g.
+    Scores are parameters transformed to standard normal priors, and may be negative. A grid point is a combination of
+    sizes (prior sds) and correlation lengths of the deviations g (log damping) and h (relative frequency). Parameters
+    are those of `linear_posterior`.
     """
-    d = model.positive.size
-    n = (model.root.shape[1] - d) // 2
+    d, total = model.positive.size, model.root.shape[1]
     principal = _Principal.of(model, variance)
-    # Sums of products of the model's columns, in the order g, h, scores, target.
-    white = np.roll(_whitened(principal.model, grid), -d, axis=2)
-    target = np.broadcast_to(principal.model.target[:, None], (len(white), model.target.size, 1))
-    columns = np.concatenate([white, target], axis=2)
-    products = np.swapaxes(columns, 1, 2) @ columns / variance
-    information = products.diagonal(axis1=1, axis2=2)[grid.lengths, : 2 * n] * grid.scales**2
-    if information.max(initial=0.0) >= LARGEST_INFORMATION:
-        whole = normals(model, grid, variance, samples)
-        return Normals(whole.log, whole.means[:, :d], whole.factors[:, :d])
-    # Integrate h out.
-    first, own = grid.sizes_of_h
-    size_h, products = grid.size_h[first, None, None], products[grid.lengths[first]]
-    h, others = np.arange(n, 2 * n), np.delete(np.arange(2 * n + d + 1), np.s_[n : 2 * n])
-    block = np.eye(n) + size_h**2 * products[:, h[:, None], h]
-    cross = size_h * products[:, h[:, None], others]
-    left = products[:, others[:, None], others] - np.swapaxes(cross, 1, 2) @ np.linalg.solve(block, cross)
-    log_det = np.linalg.slogdet(block)[1][own]
-    # Integrate g out.
-    gained, directions = np.linalg.eigh(left[:, :n, :n])
-    along = (np.swapaxes(directions, 1, 2) @ left[:, :n, n:])[own]
-    squares = grid.size_g[:, None] ** 2
-    shrunk = 1.0 + squares * np.maximum(gained, 0.0)[own]
-    left = left[own, n:, n:] - np.swapaxes(along * (squares / shrunk)[:, :, None], 1, 2) @ along
-    log_det = log_det + np.sum(np.log(shrunk), axis=1)
-    # The posterior of the scores.
-    lower = np.linalg.cholesky(np.eye(d) + left[:, :d, :d])
-    factors = np.swapaxes(_inverse(lower), 1, 2)
-    half = ((left[:, d, :d] - principal.at)[:, None] @ factors)[:, 0]
-    log_det = log_det + 2 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    squares = left[:, d, d] + principal.at @ principal.at - np.sum(half**2, axis=1) + model.rest / variance
-    log = grid.log_prior - 0.5 * (squares + log_det + samples * np.log(2 * np.pi * variance))
-    means = principal.at + (factors @ half[:, :, None])[:, :, 0]
+    # With the scores behind the deviations, the last rows of the triangle are that of the scores alone.
+    triangles = _Triangles.of(
+        principal, grid, np.full(grid.log_prior.size, variance), np.roll(np.arange(total), -d)
+    )
+    factors = np.swapaxes(_inverse(triangles.lower[:, total - d :, total - d :]), 1, 2)
+    means = principal.at + (factors @ triangles.half[:, total - d :, None])[:, :, 0]
+    log = triangles.log_evidence(model, grid, variance, samples)
     return Normals(log, means @ principal.axes.T, principal.axes @ factors)
 
 
