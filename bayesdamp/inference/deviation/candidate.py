@@ -289,30 +289,16 @@ def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | 
     return search_near(solver, data, at.parameters, at.parameters.named(at.z), [{}])
 
 
-def tangents_at(
-    solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
-) -> np.ndarray | None:
-    """Return the Jacobian, (n, K), of a candidate's motion by its K unknowns; None if the motion is unbounded.
-
-    u: the unknowns at which it is computed, (K,). u contains the parameters as standard normal scores, then the
-    deviations from the laws, g (log damping) and h (relative frequency), at knots in time. A motion counts as unbounded
-    if it grows beyond all bounds or needs too many integration steps. at: only its parameters (priors, known values)
-    and its active terms are used. tolerance: error of an integration step as a fraction of the amplitude, by default
-    that of fits (3e-8).
-    """
-    solution = _solve(solver, at, u, tolerance)
-    return None if solution is None else solution[1]
-
-
-def _solve(
+def solve_at(
     solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
 ) -> tuple[Motion, np.ndarray] | None:
     """Return a candidate's motion and its Jacobian by the K unknowns, (n, K); None if the motion is unbounded.
 
     u: the unknowns at which they are computed, (K,). u contains the parameters as standard normal scores, then the
-    deviations from the laws, g (log damping) and h (relative frequency), at knots in time. at: only its parameters
-    (priors, known values) and its active terms are used. tolerance: error of an integration step as a fraction of the
-    amplitude, by default that of fits (3e-8).
+    deviations from the laws, g (log damping) and h (relative frequency), at knots in time. A motion counts as unbounded
+    if it grows beyond all bounds or needs too many integration steps. at: only its parameters (priors, known values)
+    and its active terms are used. tolerance: error of an integration step as a fraction of the amplitude, by default
+    that of fits (3e-8).
     """
     d, n = at.z.size, solver.knots.size
     z, g, h = np.split(u, [d, d + n])
@@ -348,7 +334,7 @@ def linearise(
     g, h = np.split(u[at.z.size :], 2)
     if np.max(np.abs(g), initial=0.0) > MOST_G or np.max(np.abs(h), initial=0.0) > MOST_H:
         return None
-    solution = _solve(solver, at, u)
+    solution = solve_at(solver, at, u)
     if solution is None:
         return None
     motion, columns = solution
@@ -365,7 +351,7 @@ def linearise_at_mode(
     fit: LeastSquaresFit,
     variance: float | None,
     start: Linearisation | None = None,
-) -> tuple[Linearisation, float] | None:
+) -> Linearisation | None:
     """Linearise a candidate about the joint mode of its parameters and deviations, by Gauss–Newton steps.
 
     In each step the sizes (prior sds) and correlation lengths of the deviations are fixed at their most probable values
@@ -388,8 +374,8 @@ def linearise_at_mode(
 
     Returns
     -------
-    tuple of Linearisation and float, or None
-        The linearisation and the variance of the noise; None where the start cannot be linearised.
+    Linearisation or None
+        The linearisation; None where the start cannot be linearised.
     """
     at = start or linearise(solver, data, fit)
     if at is None:
@@ -400,7 +386,7 @@ def linearise_at_mode(
         for i, (share, hold) in enumerate(STEPS[first:], first):
             mode = mode_of(at.model, grid, used, at.z, hold)
             if at.distance(mode, used) < SETTLED:
-                return at, used
+                return at
             u = at.u + share * (mode - at.u)
             u[:d] = fit.parameters.retract(solver.restoring, at.z, u[:d])
             trial = linearise(solver, data, fit, u)
@@ -409,7 +395,7 @@ def linearise_at_mode(
                 break
         else:
             break
-    return at, variance if variance is not None else at.variance(data)
+    return at
 
 
 def mode_of(

@@ -72,6 +72,16 @@ def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
     return Quantity(middle, low, high, noise, law)
 
 
+def with_parts_of_sd(summary: Mapping[str, float], noise: float) -> dict[str, float]:
+    """Return the summary of a parameter with two parts of its `sd`.
+
+    `sd_noise` is `noise`, the part that noise alone would cause under exact laws, but at most the sd; `sd_law` =
+    √(sd² − sd_noise²) is from deviations from the laws.
+    """
+    noise = min(noise, summary["sd"])
+    return {**summary, "sd_noise": noise, "sd_law": float(np.sqrt(summary["sd"] ** 2 - noise**2))}
+
+
 @dataclass(frozen=True)
 class CandidateDraws:
     """Draws of one candidate from its posterior.

@@ -33,6 +33,7 @@ from bayesdamp.inference.deviation.draws import (
     time_fraction,
     unexplained_and_noise,
     unit_works,
+    with_parts_of_sd,
 )
 from bayesdamp.inference.deviation.exponent import LEAST_EXPONENT, MOST_EXPONENT
 from bayesdamp.inference.deviation.forms import bound_other_forms
@@ -379,10 +380,10 @@ def posterior_of(
     -------
     dict
         `parameters`: for each name a dict with mean, sd, quantiles and shortest 95 % interval (keys: see
-        `diagnostics.QUANTILES`, and hdi_low, hdi_high); sd_noise is the part of the sd that noise alone would cause
-        under exact laws, at most the sd; sd_law = √(sd² − sd_noise²). `deviation`: 2.5, 50 and 97.5 % quantiles of the
-        energy-weighted mean of |g − its mean|. `unexplained`: rms of the residual beyond the noise as a fraction of the
-        first amplitude. `log_evidence` and its `stderr` in nats. `acceptance` and `temperatures`: see `TemperedDraws`.
+        `diagnostics.QUANTILES`, and hdi_low, hdi_high), and the parts of the sd (`with_parts_of_sd`). `deviation`:
+        2.5, 50 and 97.5 % quantiles of the energy-weighted mean of |g − its mean|. `unexplained`: rms of the residual
+        beyond the noise as a fraction of the first amplitude. `log_evidence` and its `stderr` in nats. `acceptance` and
+        `temperatures`: see `TemperedDraws`.
     ndarray, shape (n, p)
         The inferred parameters of each draw, in the order of `Parameters.free_names`.
     """
@@ -390,17 +391,12 @@ def posterior_of(
     d, n = parameters.free.size, result.solver.knots.size
     values = parameters.values(u[:, :d])[:, parameters.free]
     sizes = mean_deviation(result, u[:, d : d + n]) if u.shape[1] > d else np.zeros(1)
-    noise_sd, summaries = noise_sds(comparison, result), {}
-    for name, own in zip(parameters.free_names, values.T, strict=True):
-        summary = moments_and_quantiles(own)
-        noise = min(noise_sd[name], summary["sd"])
-        summaries[name] = {
-            **summary,
-            "sd_noise": noise,
-            "sd_law": float(np.sqrt(summary["sd"] ** 2 - noise**2)),
-        }
+    noise = noise_sds(comparison, result)
     table = {
-        "parameters": summaries,
+        "parameters": {
+            name: with_parts_of_sd(moments_and_quantiles(own), noise[name])
+            for name, own in zip(parameters.free_names, values.T, strict=True)
+        },
         "deviation": np.quantile(sizes, (0.025, 0.5, 0.975)).tolist(),
         "unexplained": unexplained_and_noise(result)[0],
         "log_evidence": sampled.log_evidence,

@@ -17,8 +17,12 @@ from itertools import combinations
 import numpy as np
 
 from bayesdamp.inference.deviation.candidate import (
+    START,
     MotionCandidate,
-    tangents_at,
+    parameters_of,
+    search_near,
+    solve_at,
+    start_values,
 )
 from bayesdamp.inference.deviation.exponent import exponent_starts, power_solver
 from bayesdamp.inference.deviation.linear import condense, linear_posterior
@@ -127,12 +131,19 @@ def _evaluate_rivals(
 
     Those whose fit fails are left out. sums: for each rival (names of its damping terms), the parameters by name near
     which its fit starts. starts: values of parameters that terms have besides their coefficients, such as an exponent,
-    at which the fits may start; by default low, middle and high in their priors.
+    at which the fits may start; by default low, middle and high in their priors. All priors are the default ones; known
+    initial values and parameters of the restoring law are those of the best candidate.
     """
+    best, data, reference = comparison.best, comparison.data, comparison.reference
+    restoring, places = best.candidate.restoring, best.solver.law_places
+    scales = reference.scales(data.rest_under(restoring, best.fit.values[places]))
+    motion = (*best.solver.names[places], *START)
+    known = {n: v for n, v in best.fit.parameters.known.items() if n in motion} | scales
 
     def evaluate(damping: tuple[str, ...]) -> CandidateResult | None:
-        c = MotionCandidate(damping, comparison.best.candidate.restoring)
-        fit = comparison.fit_rival(c, solver, sums[damping], starts)
+        c = MotionCandidate(damping, restoring)
+        parameters = parameters_of(c, solver, data, reference, {}, known)
+        fit = search_near(solver, data, parameters, sums[damping], starts or start_values(c, parameters))
         return None if fit is None else comparison.evaluate(c, solver, fit)
 
     assert solver.kernel  # compiled before several threads ask for it
@@ -249,8 +260,8 @@ def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
     fit, linearisation = result.fit, result.linearisation
     if linearisation is None:
         return fit.tangents, fit.residual + fit.tangents @ fit.z
-    columns = tangents_at(result.solver, fit, linearisation.u)
-    return None if columns is None else (columns, linearisation.residual + columns @ linearisation.u)
+    solution = solve_at(result.solver, fit, linearisation.u)
+    return None if solution is None else (solution[1], linearisation.residual + solution[1] @ linearisation.u)
 
 
 def _nodes_and_middles(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,7 +11,6 @@ import numpy as np
 
 from bayesdamp.inference.deviation.averaged import Averaging
 from bayesdamp.inference.deviation.candidate import (
-    START,
     Linearisation,
     MotionCandidate,
     exact_model,
@@ -269,11 +268,6 @@ class ModelComparison:
         every = (result, *self.results)
         return result.approximate_posterior is not None or all(r.approximate_posterior is None for r in every)
 
-    def known_motion(self) -> dict[str, float]:
-        """Return the known (not inferred) initial values and restoring parameters of the best candidate, by name."""
-        solver, known = self.best.solver, self.best.fit.parameters.known
-        return {n: v for n, v in known.items() if n in (*solver.names[solver.law_places], *START)}
-
     def exact_variance(self, fit: LeastSquaresFit) -> float:
         """Return the variance of the noise under exact laws, in the record's unit squared, from the residual of a fit.
 
@@ -285,37 +279,6 @@ class ModelComparison:
             return self.variance
         degrees = max(self.data.y.size - fit.z.size, 1)
         return self.data.least_variance + self.inflation * fit.squares / degrees
-
-    def fit_rival(
-        self,
-        candidate: MotionCandidate,
-        solver: Solver,
-        values: Mapping[str, float],
-        starts: Sequence[Mapping[str, float]] = (),
-    ) -> LeastSquaresFit | None:
-        """Fit a rival (a sum with a form of damping that is not compared) by least squares; None if this fails.
-
-        All priors are the default ones; known values of the motion are those of the best candidate.
-
-        Parameters
-        ----------
-        candidate : MotionCandidate
-            The rival.
-        solver : Solver
-            Solver with the terms of the rival and of the sum with the parameters `values`.
-        values : mapping of str to float
-            Parameters, by name, of another sum, near whose motion the fit starts.
-        starts : sequence of mapping, optional
-            Values, by name, of the parameters that the rival's terms have besides their coefficients, such as an
-            exponent, at which the fit may start; by default those of `start_values`.
-        """
-        data, best = self.data, self.best
-        scales = self.reference.scales(
-            data.rest_under(candidate.restoring, best.fit.values[best.solver.law_places])
-        )
-        known = {**self.known_motion(), **scales}
-        parameters = parameters_of(candidate, solver, data, self.reference, {}, known)
-        return search_near(solver, data, parameters, values, starts or start_values(candidate, parameters))
 
     def expected_evidence(self, candidate: MotionCandidate, whole: Linearisation) -> float:
         """Predict the log evidence of a candidate, in nats, without fitting it.
@@ -341,7 +304,7 @@ class ModelComparison:
         under exact laws.
         """
         mode = linearise_at_mode(solver, self.data, fit, self.variance) if self.approximate else None
-        return self.evaluate_about(candidate, solver, fit, mode and mode[0], self.exact_variance(fit))
+        return self.evaluate_about(candidate, solver, fit, mode, self.exact_variance(fit))
 
     def evaluate_about(
         self,
@@ -357,14 +320,13 @@ class ModelComparison:
         squared; with deviations it is `variance`. With `linearisation` None, the result has only the posterior under
         exact laws.
         """
-        exact_posterior = linear_posterior(exact_model(fit), NO_DEVIATIONS, exact_variance, self.samples)
-        variances = exact_variance, exact_variance
-        if linearisation is None:
-            return CandidateResult(candidate, self.data, solver, fit, *variances, exact_posterior)
-        grid, variances = linearisation.grid(coarse=False), (self.variance, exact_variance)
-        posterior = linear_posterior(linearisation.model, grid, self.variance, self.samples)
+        exact = linear_posterior(exact_model(fit), NO_DEVIATIONS, exact_variance, self.samples)
+        variance, posterior = exact_variance, None
+        if linearisation is not None:
+            variance, grid = self.variance, linearisation.grid(coarse=False)
+            posterior = linear_posterior(linearisation.model, grid, variance, self.samples)
         return CandidateResult(
-            candidate, self.data, solver, fit, *variances, exact_posterior, linearisation, posterior
+            candidate, self.data, solver, fit, variance, exact_variance, exact, linearisation, posterior
         )
 
 
@@ -430,18 +392,13 @@ def compare_candidates(
     at_once(fits.fit_fullest, fits.laws)
     for _ in range(ROUNDS if data.averaged is not None else 0):
         fits = fits.refitted(solvers=fits.corrected_solvers())
-    epsilon_known, frictions = "epsilon" in fits.known_under(fits.laws[0]), ()
-    if not epsilon_known:
+    frictions: tuple[Friction, ...] = ()
+    if "epsilon" not in fits.known_under(fits.laws[0]):
         frictions, epsilon = fits.choose_friction()
         fits = fits.with_width(epsilon)
-    chosen = choose_noise(fits, frictions, noises, approximate)
-    fits, modes, fullest = chosen.fits, chosen.modes, chosen.fits.fullest
-    comparison = ModelComparison(
-        fits.data, reference, fits.epsilon, chosen.frictions, fits.solvers, chosen.variance, chosen.inflation,
-        chosen.noise, approximate, chosen.noise_known, epsilon_known,
-    )  # fmt: skip
+    comparison, fits, modes = choose_noise(fits, frictions, noises, approximate)
     followed = [c for c in asked if c.restoring in modes]
-    expected = {c: comparison.expected_evidence(c, modes[c.restoring][0]) for c in followed}
+    expected = {c: comparison.expected_evidence(c, modes[c.restoring]) for c in followed}
     top = max((log for log in expected.values() if np.isfinite(log)), default=-np.inf)
     refused |= {c: BEHIND for c, log in expected.items() if log < top - REACH and c not in refused}
 
@@ -453,7 +410,7 @@ def compare_candidates(
     if not any(results):
         raise Refusal("the equation of motion cannot be fitted with any of the damping models")
     # The order must not depend on which thread was first.
-    order = dict.fromkeys([*fullest, *(MotionCandidate(fits.terms, law) for law in fits.laws), *given])
+    order = dict.fromkeys([*fits.fullest, *(MotionCandidate(fits.terms, law) for law in fits.laws), *given])
     return replace(
         comparison,
         results=tuple(r for r in results if r is not None),
@@ -461,46 +418,39 @@ def compare_candidates(
     )
 
 
-@dataclass(frozen=True)
-class NoiseChoice:
-    """The noise of a record, and the fits that were made under it.
-
-    Attributes
-    ----------
-    fits : _CandidateFits
-        Fits to the record, whose values are adapted to this noise model.
-    modes : mapping of str to tuple of Linearisation and float
-        For each restoring law, the largest sum linearised about its mode, and the variance of its noise.
-    frictions : tuple of Friction
-        Values of the width ε of the velocity range in which dry friction changes its sign, and their probabilities.
-    noise : SampleNoise
-        Noise model of the samples.
-    variance, inflation : float
-        Variance of the noise, in the record's unit squared, and the factor κ ≥ 1 that it contains for correlated
-        residuals (see `sample_noise.inflation`).
-    noise_known : bool
-        Whether `variance` is also used under exact laws, because the noise's sd is given or the noise is not Gaussian.
-    """
-
-    fits: _CandidateFits
-    modes: Mapping[str, tuple[Linearisation, float]]
-    frictions: tuple[Friction, ...]
-    noise: SampleNoise
-    variance: float
-    inflation: float
-    noise_known: bool
-
-
 def choose_noise(
     fits: _CandidateFits, frictions: tuple[Friction, ...], noises: Sequence[str], approximate: bool
-) -> NoiseChoice:
+) -> tuple[ModelComparison, _CandidateFits, dict[str, Linearisation]]:
     """Choose the noise model and the variance of the noise, which are the same for all candidates.
 
     They are chosen for the residual of the sum of all terms, under the restoring law with the smallest residual
-    variance; a known `noise_sd` (of a sample) gives the variance of Gaussian noise. noises: names of the models to
-    choose from. approximate: whether deviations from the laws are allowed. frictions: values of the width ε of dry
-    friction and their probabilities; they and the fits are replaced if ε is chosen again (`SHARPER`). Raises Refusal if
-    no motion stays in phase with the record, or if none of the noise models applies.
+    variance; a known `noise_sd` (of a sample) gives the variance of Gaussian noise.
+
+    Parameters
+    ----------
+    fits : _CandidateFits
+        Fits to the record under Gaussian noise.
+    frictions : tuple of Friction
+        Values of the width ε of dry friction and their probabilities; they and the fits are replaced if ε is chosen
+        again (`SHARPER`).
+    noises : sequence of str
+        Names of the models to choose from.
+    approximate : bool
+        Whether deviations from the laws are allowed.
+
+    Returns
+    -------
+    ModelComparison
+        The comparison, without results.
+    _CandidateFits
+        Fits to the record, whose values are adapted to the noise model.
+    dict of str to Linearisation
+        For each restoring law, the largest sum linearised about its mode.
+
+    Raises
+    ------
+    Refusal
+        If no motion stays in phase with the record, or if none of the noise models applies.
     """
     modes, data, stated = fits.modes(), fits.data, fits.known_under(fits.laws[0])
     if not modes:
@@ -508,37 +458,42 @@ def choose_noise(
             "the equation of motion cannot be fitted: no solution stays in phase with the record; check the unit and "
             "the sampling rate, or choose a part of the record"
         )
-    law = min(modes, key=lambda name: modes[name][1])
-    mode, variance = modes[law]
+    law = min(modes, key=lambda name: modes[name].variance(data))
+    mode, variance, kappa, noise_known = modes[law], modes[law].variance(data), 1.0, True
     known = fits.known_under(law)
     adapting = partial(adapt, data=data, known=known, priors=fits.priors, approximate=approximate)
     adapted = adapting(noises, solver=fits.solvers[law], at=mode)
-    if adapted is not None and adapted.noise.name != GAUSSIAN:
+    noise = data.noise_model if adapted is None else adapted.noise
+    if adapted is not None and noise.name != GAUSSIAN:
         if frictions and adapted.variance < SHARPER * variance:
-            adapting = partial(adapting, (adapted.noise.name,))
+            adapting = partial(adapting, (noise.name,))
             frictions, epsilon = fits.choose_friction(adapting)
             if epsilon != fits.epsilon:
                 fits = fits.with_width(epsilon)
-                again = adapting(solver=fits.solvers[law], at=fits.modes()[law][0])
+                again = adapting(solver=fits.solvers[law], at=fits.modes()[law])
                 if again is not None:
-                    adapted = replace(again, noise=replace(again.noise, weighed=adapted.noise.weighed))
+                    adapted, noise = again, replace(again.noise, weighed=noise.weighed)
         fits = fits.refitted(data=adapted.data)
         modes = fits.modes()
-        mode = modes[law][0]
+        mode = modes[law]
         kappa = inflation(data.t, mode.left, data.frequency, mode.u.size, adapted.variance)
-        return NoiseChoice(fits, modes, frictions, adapted.noise, kappa * adapted.variance, kappa, True)
-    noise = data.noise_model if adapted is None else adapted.noise
-    if "noise_sd" in stated and data.noise_model.name == GAUSSIAN:
+        variance = kappa * adapted.variance
+    elif "noise_sd" in stated and data.noise_model.name == GAUSSIAN:
         variance = data.least_variance + stated["noise_sd"] ** 2 / data.thinned
-        return NoiseChoice(fits, modes, frictions, noise, variance, 1.0, True)
-    # Amplitudes and phases contain only the noise near the oscillation. Under exact laws, a residual that no
-    # autoregression predicts is white, so that κ = 1; a short record determines κ only to a few tens of per cent.
-    white = data.averaged is not None or (not approximate and predictable_nats(mode.left) == 0.0)
-    kappa = 1.0 if white else inflation(data.t, mode.left, data.frequency, mode.u.size)
-    variance *= kappa
-    if adapted is not None and adapted.variance > variance:
-        variance, kappa = adapted.variance, kappa * adapted.variance / variance
-    return NoiseChoice(fits, modes, frictions, noise, variance, kappa, False)
+    else:
+        noise_known = False
+        # Amplitudes and phases contain only the noise near the oscillation. Under exact laws, a residual that no
+        # autoregression predicts is white, so that κ = 1; a short record determines κ only to a few tens of per cent.
+        if data.averaged is None and (approximate or predictable_nats(mode.left) > 0.0):
+            kappa = inflation(data.t, mode.left, data.frequency, mode.u.size)
+        variance *= kappa
+        if adapted is not None and adapted.variance > variance:
+            variance, kappa = adapted.variance, kappa * adapted.variance / variance
+    comparison = ModelComparison(
+        fits.data, fits.reference, fits.epsilon, frictions, fits.solvers, variance, kappa, noise, approximate,
+        noise_known, "epsilon" in stated,
+    )  # fmt: skip
+    return comparison, fits, modes
 
 
 class _CandidateFits:
@@ -695,11 +650,10 @@ class _CandidateFits:
         fits = self.refitted(solvers={law: replace(s, epsilon=epsilon) for law, s in self.solvers.items()})
         return fits if self.data.averaged is None else fits.refitted(solvers=fits.corrected_solvers())
 
-    def modes(self) -> dict[str, tuple[Linearisation, float]]:
+    def modes(self) -> dict[str, Linearisation]:
         """Linearise the candidate of each restoring law in `fullest` (with the most terms) about its mode.
 
-        Return, by the name of the law, the linearised candidate and the variance of its noise, in the record's unit
-        squared. Candidates that cannot be linearised are left out.
+        Return the linearised candidates by the name of the law. Those that cannot be linearised are left out.
         """
         whole = [c for c in self.fullest if c in self.fits]
         modes = at_once(
@@ -750,7 +704,7 @@ class _CandidateFits:
             log = -0.5 * self.data.y.size * np.log(fit.squares)
             if adapting is not None:
                 mode = linearise_at_mode(own, self.data, fit, None)
-                adapted = None if mode is None else adapting(solver=own, at=mode[0])
+                adapted = None if mode is None else adapting(solver=own, at=mode)
                 if adapted is None:
                     return None
                 log = adapted.noise.fitted.log_evidence

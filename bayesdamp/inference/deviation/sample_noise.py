@@ -208,8 +208,7 @@ def adapt(
         # Linearise the candidate about its mode for the adapted values.
         fit, new = refit(solver, data, at.fit), None
         if fit is not None and approximate:
-            mode = linearise_at_mode(solver, data, fit, None)
-            new = None if mode is None else mode[0]
+            new = linearise_at_mode(solver, data, fit, None)
         elif fit is not None:
             new = linearise(solver, data, fit)
         if new is None:

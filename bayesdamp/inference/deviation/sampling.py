@@ -213,13 +213,13 @@ def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearP
             mode = None if at is None else linearise_at_mode(solver, data, at.fit, result.variance, at)
             if mode is None:
                 return None
-            z, d = mode[0].z, mode[0].z.size
-            plain = mode[0].fit.parameters.plain(z)
+            z, d = mode.z, mode.z.size
+            plain = mode.fit.parameters.plain(z)
             coordinates = straighten_at(result.fit.parameters, law, plain)
             if coordinates is None:
                 return None
             fit = replace(result.fit, parameters=coordinates, z=plain)
-            at = linearise(solver, data, fit, np.concatenate([plain, mode[0].u[d:]]))
+            at = linearise(solver, data, fit, np.concatenate([plain, mode.u[d:]]))
             if np.abs(plain - z).max() < ANCHOR_CHANGE:
                 break
         model = None if at is None else at.model

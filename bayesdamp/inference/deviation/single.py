@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.inference.deviation.candidate import MotionCandidate, active_of, linearise, tangents_at
+from bayesdamp.inference.deviation.candidate import MotionCandidate, active_of, linearise, solve_at
 from bayesdamp.inference.deviation.data import Data, prepare_data
 from bayesdamp.inference.deviation.draws import (
     CandidateDraws,
@@ -24,6 +24,7 @@ from bayesdamp.inference.deviation.draws import (
     noise_sds,
     quantity,
     ratio_at,
+    with_parts_of_sd,
 )
 from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit
 from bayesdamp.inference.deviation.linear import knots_of
@@ -177,9 +178,10 @@ class Single:
         linearisation, posterior = result.linearisation, result.posterior
         if linearisation is None:
             raise Refusal(ESCAPED)
-        tangents = tangents_at(solver, result.fit, linearisation.u, SEARCHED)
-        if tangents is None:
+        solution = solve_at(solver, result.fit, linearisation.u, SEARCHED)
+        if solution is None:
             raise Refusal(ESCAPED)
+        tangents = solution[1]
         # Integrate out the deviations, linearised about the mode, over the probable grid points.
         d, grid = linearisation.z.size, result.grid()
         basis, upper = np.linalg.qr(tangents[:, d:])
@@ -256,17 +258,9 @@ class Single:
         return parameters.values(u[..., : parameters.free.size])[..., parameters.free]
 
     def with_parts_of_sds(self, posterior: Posterior) -> Posterior:
-        """Return a posterior with two parts of each parameter's sd in its summaries.
-
-        `sd_noise` is the part that noise alone would cause under exact laws, at most the sd; `sd_law` =
-        √(sd² − sd_noise²) is from deviations from the laws.
-        """
-        summaries = {}
-        for n, summary in posterior.summaries.items():
-            noise = min(self.noise_sds[n], summary["sd"])
-            law = float(np.sqrt(summary["sd"] ** 2 - noise**2))
-            summaries[n] = {**summary, "sd_noise": noise, "sd_law": law}
-        return replace(posterior, summaries=summaries)
+        """Return a posterior with the two parts of each parameter's sd in its summaries (`with_parts_of_sd`)."""
+        each = posterior.summaries.items()
+        return replace(posterior, summaries={n: with_parts_of_sd(s, self.noise_sds[n]) for n, s in each})
 
     def draw_deviations(self, draws: np.ndarray, seed: int) -> Array:
         """Draw the deviations g and h given draws of the parameters, (chain, draw, p); return u, (chain, draw, K).

@@ -118,6 +118,11 @@ class SlicedProposal:
     slices: tuple[Slice, ...]
 
     @property
+    def own(self) -> int:
+        """Index of the score `size` among the scores without a."""
+        return self.size - (self.size > self.place)
+
+    @property
     def _middles(self) -> np.ndarray:
         return np.array([s.middle for s in self.slices])
 
@@ -218,12 +223,10 @@ class SlicedProposal:
         """
         u, log = w.copy(), np.zeros(len(w))
         others = np.delete(np.arange(self.parameters.free.size), self.place)
-        own = self.size - (self.size > self.place)
         for rows, part, off, _ in self._split(w):
-            step = off[:, None]
-            moves = step * part.slopes
-            growth = moves[:, own].copy()
-            moves[:, own] = np.expm1(growth)
+            moves = off[:, None] * part.slopes
+            growth = moves[:, self.own].copy()
+            moves[:, self.own] = np.expm1(growth)
             u[np.ix_(rows, others)] += moves * w[rows, self.size, None]
             log[rows] = growth
             if self.product is not None:
@@ -283,9 +286,9 @@ def slice_proposal(
     mode = posterior.means[int(np.argmax(posterior.log_each))].copy()
     mode[:d][base.positive] = np.maximum(mode[:d][base.positive], 0.0)
     width = SLICE_WIDTH * min(float(sds[place]), 1.0)
-    search = _Search(comparison, result, base, place, *_product_and_size(result, base, place), width)
+    proposal = SlicedProposal(base, place, *_product_and_size(result, base, place), width, ())
     middle = float(np.clip(mode[place], -LARGEST_SCORE, LARGEST_SCORE))
-    first = search.at(middle, np.delete(mode, place))
+    first = _slice_at(comparison, result, proposal, middle, np.delete(mode, place))
     if first is None:
         return None
     slices, best = [first[0]], _log_weight(first[0])
@@ -294,8 +297,8 @@ def slice_proposal(
         for i in range(1, MOST_SLICES + 1):
             a = middle + side * i * width
             start = u.copy()
-            start[: d - 1] += side * width * at.slopes * u[search.size - (search.size > place)]
-            new = search.at(a, start) if abs(a) <= LARGEST_SCORE else None
+            start[: d - 1] += side * width * at.slopes * u[proposal.own]
+            new = _slice_at(comparison, result, proposal, a, start) if abs(a) <= LARGEST_SCORE else None
             if new is None:
                 break
             at, u = new
@@ -303,8 +306,7 @@ def slice_proposal(
             best = max(best, _log_weight(at))
             if _log_weight(at) < best - LAST_NATS:
                 break
-    slices.sort(key=lambda s: s.middle)
-    return SlicedProposal(base, place, search.product, search.size, width, tuple(slices))
+    return replace(proposal, slices=tuple(sorted(slices, key=lambda s: s.middle)))
 
 
 def _product_and_size(
@@ -334,74 +336,65 @@ def _log_weight(part: Slice) -> float:
     return part.posterior.log_evidence - 0.5 * part.middle**2
 
 
-@dataclass(frozen=True)
-class _Search:
-    """The search for the slices of a `SlicedProposal`.
+def _slice_at(
+    comparison: ModelComparison,
+    result: CandidateResult,
+    proposal: SlicedProposal,
+    a: float,
+    start: np.ndarray,
+) -> tuple[Slice, np.ndarray] | None:
+    """Return the slice of a proposal with its middle at the score a, and the mode of the other unknowns, (K − 1,).
 
-    At a fixed value of the sliced damping parameter it finds the mode of all other parameters. base: priors and names
-    of the parameters, in the order of their standard normal scores. The other attributes are those of `SlicedProposal`.
+    a is the standard normal score of the sliced damping parameter. The other unknowns are the remaining scores and the
+    deviations from the laws. The slices that the proposal already has are not used. start: where the search for the
+    mode starts, (K − 1,). None if no motion can be linearised there, or if the coefficient is 0 at the mode and has
+    another parameter as a factor (`SlicedProposal.product`).
     """
-
-    comparison: ModelComparison
-    result: CandidateResult
-    base: Parameters
-    place: int
-    product: tuple[int, int] | None
-    size: int
-    width: float
-
-    def at(self, a: float, start: np.ndarray) -> tuple[Slice, np.ndarray] | None:
-        """Return the slice with its middle at the score a, and the mode of the other unknowns there, (K − 1,).
-
-        a is the standard normal score of the sliced damping parameter. The other unknowns are the remaining scores and
-        the deviations from the laws. start: where the search for the mode starts, (K − 1,). None if no motion can be
-        linearised there, or if the coefficient is 0 at the mode and has another parameter as a factor (`product`).
-        """
-        result, data, solver = self.result, self.comparison.data, self.result.solver
-        name = self.base.free_names[self.place]
-        fixed = self.base.with_fixed(name, float(self.base.priors[name].value(np.asarray(a))))
-        d = fixed.free.size
-        z = np.where(fixed.positive, np.maximum(start[:d], 0.0), start[:d])
-        fit = replace(result.fit, parameters=fixed, z=z)
-        if result.linearisation is None:
-            fit = refit(solver, data, fit)
-            if fit is None:
-                return None
-            model, u = exact_model(fit), fit.z
-        else:
-            about = linearise(solver, data, fit, np.concatenate([z, start[d:]]))
-            mode = None if about is None else linearise_at_mode(solver, data, fit, result.variance, about)
-            if mode is None:
-                return None
-            model, u = mode[0].model, mode[0].u
-        pivot, matrix = 1.0, np.eye(u.size)
-        if self.product is not None:
-            # By c and s c / pivot instead of c and s.
-            c, s = (i - (i > self.place) for i in self.product)
-            pivot = float(u[c])
-            if pivot <= 0:
-                return None
-            matrix[s, c] = -u[s] / pivot
-            model = model.transform(u, matrix)
-        posterior = linear_posterior(model, result.grid(), result.variance, self.comparison.samples)
-        # The mode of the scores that move with a, where the others and the deviations are fixed.
-        square = model.root[:, :d].T @ model.root[:, :d] / result.variance + np.eye(d)
-        sds = np.sqrt(np.diagonal(np.linalg.inv(square)))
-        own = self.size - (self.size > self.place)
-        moves = ~fixed.positive | (u[:d] > MOVING_SDS * sds)
-        moves[own] = True
-        largest = u[:d].copy()
-        largest[own] = size = max(u[own], sds[own])
-        largest = u[:d] + matrix[:d, :d] @ (largest - u[:d])
-        z = np.insert(largest, self.place, a)
-        g, h = np.split(u[d:], 2) if u.size > d else (None, None)
-        motion = solver.solve(self.base.values(z), fit.active, None if g is None else np.expm1(g), h)
-        if motion is None:
+    base, place, product = proposal.parameters, proposal.place, proposal.product
+    data, solver, own = comparison.data, result.solver, proposal.own
+    name = base.free_names[place]
+    fixed = base.with_fixed(name, float(base.priors[name].value(np.asarray(a))))
+    d = fixed.free.size
+    z = np.where(fixed.positive, np.maximum(start[:d], 0.0), start[:d])
+    fit = replace(result.fit, parameters=fixed, z=z)
+    if result.linearisation is None:
+        fit = refit(solver, data, fit)
+        if fit is None:
             return None
-        columns = self.base.by_scores(motion.tangents, z)
-        others = np.delete(columns, self.place, axis=1) @ matrix[:d, :d]
-        pull = others.T @ columns[:, self.place] / result.variance
-        slopes = np.zeros(d)
-        slopes[moves] = -np.linalg.solve(square[np.ix_(moves, moves)], pull[moves]) / size
-        slopes *= min(1.0, MOST_GROWTH / max(self.width * abs(slopes[own]), 1e-300))
-        return Slice(a, model, posterior, slopes, pivot), u
+        model, u = exact_model(fit), fit.z
+    else:
+        about = linearise(solver, data, fit, np.concatenate([z, start[d:]]))
+        mode = None if about is None else linearise_at_mode(solver, data, fit, result.variance, about)
+        if mode is None:
+            return None
+        model, u = mode.model, mode.u
+    pivot, matrix = 1.0, np.eye(u.size)
+    if product is not None:
+        # By c and s c / pivot instead of c and s.
+        c, s = (i - (i > place) for i in product)
+        pivot = float(u[c])
+        if pivot <= 0:
+            return None
+        matrix[s, c] = -u[s] / pivot
+        model = model.transform(u, matrix)
+    posterior = linear_posterior(model, result.grid(), result.variance, comparison.samples)
+    # The mode of the scores that move with a, where the others and the deviations are fixed.
+    square = model.root[:, :d].T @ model.root[:, :d] / result.variance + np.eye(d)
+    sds = np.sqrt(np.diagonal(np.linalg.inv(square)))
+    moves = ~fixed.positive | (u[:d] > MOVING_SDS * sds)
+    moves[own] = True
+    largest = u[:d].copy()
+    largest[own] = size = max(u[own], sds[own])
+    largest = u[:d] + matrix[:d, :d] @ (largest - u[:d])
+    z = np.insert(largest, place, a)
+    g, h = np.split(u[d:], 2) if u.size > d else (None, None)
+    motion = solver.solve(base.values(z), fit.active, None if g is None else np.expm1(g), h)
+    if motion is None:
+        return None
+    columns = base.by_scores(motion.tangents, z)
+    others = np.delete(columns, place, axis=1) @ matrix[:d, :d]
+    pull = others.T @ columns[:, place] / result.variance
+    slopes = np.zeros(d)
+    slopes[moves] = -np.linalg.solve(square[np.ix_(moves, moves)], pull[moves]) / size
+    slopes *= min(1.0, MOST_GROWTH / max(proposal.width * abs(slopes[own]), 1e-300))
+    return Slice(a, model, posterior, slopes, pivot), u
