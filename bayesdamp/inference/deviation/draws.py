@@ -17,6 +17,7 @@ import numpy as np
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
+from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.forces import Force, by_kernel, on_arrays, slope_of
 from bayesdamp.physics.kernel import Motion, Solver
@@ -159,9 +160,7 @@ def candidate_probabilities(
             logs[r.candidate] = log + np.log(odds(r.candidate.damping, r in comparison.forms))
     if not logs:  # no candidate could be linearised with deviations
         return candidate_probabilities(comparison, True, forms)
-    top = max(logs.values())
-    total = sum(np.exp(v - top) for v in logs.values())
-    return {c: float(np.exp(v - top) / total) for c, v in logs.items()}
+    return dict(zip(logs, normalise(np.array(list(logs.values()))).tolist(), strict=True))
 
 
 def draw_candidates(

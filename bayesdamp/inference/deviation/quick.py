@@ -159,12 +159,9 @@ def averaging_of(comparison: ModelComparison) -> Averaging | None:
     base = columns_of(result)
     if off is None or base is None:
         return Averaging(cycles, float("inf"))
-    posterior = result.posterior
-    moved, spread = np.zeros(posterior.means.shape[1]), np.zeros(posterior.means.shape[1])
-    # Average shift and variance over the components of the posterior.
-    for weight, factor in zip(posterior.weights, posterior.factors, strict=True):
-        shift, sd = factor @ (factor.T @ (base[0].T @ off)) / result.variance, np.linalg.norm(factor, axis=1)
-        moved, spread = moved + weight * shift, spread + weight * sd**2
+    posterior, pull = result.posterior, base[0].T @ off / result.variance
+    shifts = posterior.factors @ (pull @ posterior.factors)[:, :, None]
     rows = [i for i, name in enumerate(result.fit.parameters.free_names) if name not in START]
-    error = float(np.max(np.abs(moved[rows]) / np.sqrt(spread[rows]), initial=0.0))
+    shares = np.abs(posterior.weights @ shifts[:, rows, 0]) / posterior.sds(np.eye(pull.size)[rows])
+    error = float(np.max(shares, initial=0.0))
     return Averaging(cycles, error)

@@ -157,13 +157,9 @@ class LinearProposal:
         """Return draws u, (n, K), after a Crank–Nicolson step, which leaves this proposal distribution unchanged.
 
         step: size of the step in posterior sds, up to 1, which gives independent draws. combos: index of each draw's
-        mixture component, (n,). Scores may become negative (see `inside`).
+        mixture component, (n,). Scores of coefficients may become negative.
         """
         return self.posterior.crank_nicolson_step(u, combos, step, rng)
-
-    def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return a mask, (n,), of the draws u, (n, K), in which no coefficient that must be ≥ 0 is negative."""
-        return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, u: np.ndarray) -> np.ndarray:
         """Return u itself: draws of this proposal are already in the coordinates of `parameters`."""
@@ -265,8 +261,16 @@ def sampled_result(
         return np.inf if motion is None else float(np.sum((y - motion) ** 2))
 
     def ratio(w: np.ndarray) -> np.ndarray:
-        """Return the log importance weights of draws w, (n, K), from the proposal `start`: (n,)."""
-        return start.log_ratio(w, np.array(motions.at_each(start.scores(w), squares)), result.variance)
+        """Return the log importance weights of draws w, (n, K), from the proposal `start`: (n,).
+
+        They are −∞ where a coefficient that must be ≥ 0 is negative.
+        """
+        ratios = np.full(len(w), -np.inf)
+        inside = np.flatnonzero(np.all(w[:, np.flatnonzero(start.parameters.positive)] >= 0, axis=1))
+        if inside.size:
+            left = motions.at_each(start.scores(w[inside]), squares)
+            ratios[inside] = start.log_ratio(w[inside], np.array(left), result.variance)
+        return ratios
 
     own_seed = crc32(result.candidate.name.encode()) + seed % 2**32
     sampled = sample_posterior(ratio, start, draws=draws, seed=own_seed)

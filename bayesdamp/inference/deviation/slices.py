@@ -184,8 +184,8 @@ class SlicedProposal:
 
         w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
         The sliced parameter does not move. u: the draws w before the step. combos: index of each draw's mixture
-        component within its slice, (n,). step: size of the step in posterior sds, up to 1. Coefficients may become
-        negative (see `inside`).
+        component within its slice, (n,). step: size of the step in posterior sds, up to 1. Scores of
+        coefficients may become negative.
         """
         new = u.copy()
         for rows, part, off, others in self._split(u):
@@ -203,10 +203,6 @@ class SlicedProposal:
         for rows, part, *_ in self._split(w):
             new[rows, self.place] = part.middle + self.width * rng.uniform(-0.5, 0.5, rows.size)
         return new
-
-    def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return a mask, (n,), of the draws u, (n, K), in which no coefficient that must be ≥ 0 is negative."""
-        return np.all(u[:, np.flatnonzero(self.parameters.positive)] >= 0, axis=1)
 
     def scores(self, w: np.ndarray) -> np.ndarray:
         """Convert draws w to the candidate's standard normal scores and deviations from the laws, both (n, K).

@@ -109,12 +109,8 @@ class Proposal(Protocol):
         """Return draws, (n, K), after a random step from the draws u that leaves the proposal distribution unchanged.
 
         combos: index of each draw's combination of hyperparameters, (n,), which the step does not change. step: size of
-        the step, up to 1, in posterior standard deviations. Scores may become negative (see `inside`).
+        the step, up to 1, in posterior standard deviations. Scores of coefficients may become negative.
         """
-        ...
-
-    def inside(self, u: np.ndarray) -> np.ndarray:
-        """Return a mask, (n,), of the draws u, (n, K), in which no coefficient that must be ≥ 0 is negative."""
         ...
 
 
@@ -134,7 +130,8 @@ def sample_posterior(
     ----------
     ratio : callable
         Function that returns the log importance weights, (n,), of draws from `start`, (n, K): log of (exact likelihood
-        / likelihood of the linear model), plus that of the ratio of their priors; −∞ where a motion is unbounded.
+        / likelihood of the linear model), plus that of the ratio of their priors; −∞ where a motion is unbounded, or a
+        coefficient that must be ≥ 0 is negative.
     start : Proposal
         The posterior of the linear model.
     draws, seed : int
@@ -160,10 +157,7 @@ def sample_posterior(
         combos, u, ratios = combos[rows], u[rows], ratios[rows]
         for _ in range(LAST_MOVES if beta >= 1.0 else MOVES_PER_TEMPERATURE):
             new = start.crank_nicolson_step(u, combos, step, rng)
-            inside = start.inside(new)
-            new_ratios = np.full(draws, -np.inf)
-            if inside.any():
-                new_ratios[inside] = ratio(new[inside])
+            new_ratios = ratio(new)
             gain = beta * (new_ratios - np.where(np.isfinite(ratios), ratios, -1e300))
             accepted = np.log(rng.random(draws)) < gain
             u[accepted], ratios[accepted] = new[accepted], new_ratios[accepted]
