@@ -343,10 +343,11 @@ def _make_block(content: Contents, run: str, group: str, timed: list[Column], ra
 
 
 def separate_clocks(content: Contents) -> Contents:
-    """Group each column of times with its values, if a table has several different columns of times.
+    """Group each column of times with its values, if a table has several columns of times.
 
-    Such a table is `Time A, A, Time B, B`; or each column of times follows its values instead. A table whose column
-    names mark runs is not changed.
+    Such a table is `Time A, A, Time B, B`; or each column of times follows its values instead. The times must differ,
+    unless the same names are repeated (`Time, A, Time, A`), to which the name of the group is then added. A table
+    whose column names mark runs is not changed.
 
     Parameters
     ----------
@@ -363,7 +364,8 @@ def separate_clocks(content: Contents) -> Contents:
         at = [i for i, c in enumerate(columns) if c.group == group and np.isfinite(c.values).any()]
         if any(split_run(columns[i])[1] for i in at):
             continue
-        clocks = [_time_score(columns[i], not columns[i].name) > 0 for i in at]
+        many = Counter(columns[i].name for i in at)
+        clocks = [_time_score(c, not c.name or many[c.name] > 1) > 0 for c in (columns[i] for i in at)]
         if clocks and clocks[-1]:
             at, clocks = at[::-1], clocks[::-1]
         starts = [k for k, clock in enumerate(clocks) if clock]
@@ -372,11 +374,14 @@ def separate_clocks(content: Contents) -> Contents:
         spans = list(zip(starts, [*starts[1:], len(at)], strict=True))
         times = [columns[at[k]].values for k in starts]
         same = all(np.array_equal(times[0], t, equal_nan=True) for t in times)
-        if same or any(stop - start == 1 for start, stop in spans):
+        repeated = all(columns[i].name and many[columns[i].name] == len(starts) for i in at)
+        if (same and not repeated) or any(stop - start == 1 for start, stop in spans):
             continue
         for number, (start, stop) in enumerate(spans, start=1):
+            pair = f"{group} pair {number}".strip()
             for i in at[start:stop]:
-                columns[i] = replace(columns[i], group=f"{group} pair {number}".strip())
+                name = f"{pair}.{columns[i].name}" if repeated else columns[i].name
+                columns[i] = replace(columns[i], name=name, group=pair)
         content = replace(content, paired=True)
     return replace(content, columns=tuple(columns))
 

@@ -17,6 +17,7 @@ from bayesdamp.cli.records import (
     with_reading_options,
 )
 from bayesdamp.plugins import read_modules, use_modules
+from bayesdamp.records.columns import separate_clocks
 from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.opening import read_contents
 from bayesdamp.types import InputError
@@ -37,7 +38,7 @@ def look(
     """Show how a file is read: columns, units, clock, the free decay in it, and what looks wrong."""
     use_modules(read_modules(plugin or ()))
 
-    console, content = Console(), read_contents(file)
+    console, content = Console(), separate_clocks(read_contents(file))
 
     def show_file() -> None:
         table = looking.columns_table(content)

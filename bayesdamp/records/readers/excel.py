@@ -35,9 +35,8 @@ class ExcelReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return the columns of the tables in all sheets.
 
-        If several sheets have tables, names begin with that of the sheet (or of one of several tables side by side).
-        Raises InputError for a workbook with a password, for an Excel 97-2003 workbook (.xls), and if no sheet has rows
-        of numbers.
+        If several sheets have tables, names begin with that of the sheet. Raises InputError for a workbook with a
+        password, for an Excel 97-2003 workbook (.xls), and if no sheet has rows of numbers.
         """
         with path.open("rb") as file:
             old = file.read(len(_OLE)) == _OLE
@@ -67,17 +66,13 @@ class ExcelReader(Reader):
                 continue
             tables += 1
             facts |= {f"{title}.{name}": value for name, value in table.facts.items()}
-            # Tables that are side by side already have groups.
-            columns += [c if c.group else replace(c, group=title) for c in table.columns]
+            columns += [replace(c, group=title) for c in table.columns]
         if not tables:
             raise InputError(
                 "none of its sheets has rows of numbers; give a table with a row for each sample"
             )
         for i, column in enumerate(columns if tables > 1 else ()):
-            name = column.name or str(i + 1)
-            if not name.startswith(f"{column.group}."):
-                name = f"{column.group}.{name}"
-            columns[i] = replace(column, name=name)
+            columns[i] = replace(column, name=f"{column.group}.{column.name or i + 1}")
         return Contents("Excel", tuple(columns), facts)
 
 

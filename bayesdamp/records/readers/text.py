@@ -101,8 +101,6 @@ class Layout:
         Names of the columns; empty strings if there is no header.
     units
         Units in a line below the names, as written; empty if there is no such line.
-    groups
-        For each column the label of its table, if several tables are side by side; else empty.
     """
 
     separator: str
@@ -111,7 +109,6 @@ class Layout:
     first: int
     names: tuple[str, ...]
     units: tuple[str, ...] = ()
-    groups: tuple[str, ...] = ()
 
 
 def split_cells(line: str, separator: str) -> list[str]:
@@ -300,8 +297,6 @@ def find_layout(lines: list[str]) -> Layout | None:
     if names is None and separator != BLANKS and columns > 1:  # the header may have more cells than the rows
         full = [h[:columns] for h in heads if len(h) >= columns]
         names, units = _choose_names(full, columns)
-    at = full.index(names) if names in full else 0
-    groups = _side_by_side(names or [], full[at - 1] if at > 0 else ())
     if columns == 1:
         single = [line.strip('"') for line in top if not _FACT.fullmatch(line)]
         single = [line for line in single if _has_letters(line) and not re.search("[,;\\t]", line)]
@@ -310,31 +305,7 @@ def find_layout(lines: list[str]) -> Layout | None:
     elif names is None and separator == BLANKS:
         wide = [[c.strip() for c in re.split(gap, line)] for line in top for gap in _GAPS]
         names = next((h for h in wide if len(h) == columns and all(map(_has_letters, h))), None)
-    return Layout(separator, decimal, columns, first, tuple(names or [""] * columns), tuple(units), groups)
-
-
-def _side_by_side(names: Sequence[str], above: Sequence[str]) -> tuple[str, ...]:
-    """Return for each column the label of its table, if several tables are side by side; else an empty tuple.
-
-    Tables are recognised by the same sequence of names; the first name is that of the times, and blank columns may
-    separate the tables. above: cells of the line above the names; the first one above a table is its label. Without
-    labels the tables are called `part 1` and so on.
-    """
-    first = next((name for name in names if name), "")
-    starts = [i for i, name in enumerate(names) if name == first]
-    if len(starts) < 2:
-        return ()
-    spans = list(zip(starts, [*starts[1:], len(names)], strict=True))
-    block, *others = [[name for name in names[a:b] if name] for a, b in spans]
-    if len(block) < 2 or any(other != block for other in others) or len(set(block)) < len(block):
-        return ()
-    labels = [next((cell for cell in above[a:b] if cell), "") for a, b in spans]
-    if len({label for label in labels if label}) < len(labels):
-        labels = [f"part {i}" for i in range(1, len(labels) + 1)]
-    groups = [""] * starts[0]
-    for label, (a, b) in zip(labels, spans, strict=True):
-        groups += [label] * (b - a)
-    return tuple(groups)
+    return Layout(separator, decimal, columns, first, tuple(names or [""] * columns), tuple(units))
 
 
 def _choose_names(heads: list[list[str]], columns: int) -> tuple[list[str] | None, list[str]]:
@@ -483,29 +454,25 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
     body = lines[layout.first :]
     first = layout.first - (len(lines) - given)
     header = [name for name in layout.names if name]
-    labels = list(dict.fromkeys(layout.groups))
-    # Each line above the rows, and how many columns or tables it names (0 for a fact).
+    # Each line above the rows, and how many columns it names (0 for a fact).
     head: list[tuple[str, int]] = []
     for line in lines[: layout.first]:
         cells = [cell for cell in split_cells(line.strip().lstrip("#% "), layout.separator) if cell]
         longer = len(header) > 1 and cells[: len(header)] == header
-        head.append((line, max(len(cells), 1) if longer or cells in (header, labels) else 0))
+        head.append((line, max(len(cells), 1) if longer or cells == header else 0))
     warnings: list[str] = []
     most = max((names for _, names in head), default=0)
     if most > layout.columns and layout.separator != BLANKS:
         what = f"its header names {most} columns, but its rows have {layout.columns}"
         warnings.append(f"{what}: the first {layout.columns} names are used.")
     units = [unit.strip("()[] -") for unit in layout.units] or [""] * layout.columns
-    groups = layout.groups or [""] * layout.columns
-    names = [f"{g}.{n}" if g and n else n for g, n in zip(groups, layout.names, strict=True)]
-    heads = list(zip(names, groups, units, strict=True))
+    heads = list(zip(layout.names, units, strict=True))
     repeated: list[int] = []
     table = _numbers_only(body, layout)
     if table is not None:
         at = np.arange(len(table))
         columns = [
-            Column(name, np.ascontiguousarray(table[:, i]), group=group, unit=unit)
-            for i, (name, group, unit) in enumerate(heads)
+            Column(name, np.ascontiguousarray(table[:, i]), unit=unit) for i, (name, unit) in enumerate(heads)
         ]
     else:
         filled = [(i, split_cells(line, layout.separator)) for i, line in enumerate(body) if line.strip()]
@@ -513,7 +480,9 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         filled = [(i, row) for i, row in filled if i not in repeated]
         at = np.array([i for i, _ in filled])
         rows = [row for _, row in filled]
-        columns = [make_column(rows, i, layout.decimal, *labels) for i, labels in enumerate(heads)]
+        columns = [
+            make_column(rows, i, layout.decimal, name, unit=unit) for i, (name, unit) in enumerate(heads)
+        ]
         warnings += _uneven_warning(rows, at + first + 1, layout.columns)
     while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
         columns.pop()  # an empty column, from a separator at the end of each line

@@ -77,21 +77,25 @@ def test_a_plain_table_is_not_taken_for_a_file_of_an_oscilloscope(tmp_path: Path
     assert raw.t[1] == 1
 
 
-def test_tables_side_by_side_are_records_with_their_own_times(tmp_path: Path) -> None:
+@pytest.mark.parametrize("later", [0, 1])
+def test_tables_side_by_side_are_records_with_their_own_times(tmp_path: Path, later: int) -> None:
+    """The times may be the same in all tables."""
     t = np.arange(500) / 50
     ys = [a * np.exp(-0.2 * t) * np.cos(6 * t) for a in (20.0, 15.0, 10.0)]
     names = ["Time (s)", "Angle (deg)", ""] * 3
-    cells = np.stack([column for k, y in enumerate(ys) for column in (t + k, y)], axis=1).astype(str)
+    cells = np.stack([column for k, y in enumerate(ys) for column in (t + later * k, y)], axis=1).astype(str)
     rows = [[*row[:2], "", *row[2:4], "", *row[4:]] for row in cells]
-    for separator, labels, runs in (
-        (",", ("Run 1", "Run 2", "Run 3"), ["1", "2", "3"]),
-        ("\t", ("soft", "stiff", "none"), [""] * 3),
-        (",", (), [""] * 3),
+    for separator, labels in (
+        (",", ("Run 1", "Run 2", "Run 3")),
+        ("\t", ("soft", "stiff", "none")),
+        (",", ()),
     ):
         top = [cell for label in labels for cell in (label, "", "")][:-2]
         lines = [separator.join(row) for row in ([top] if labels else []) + [names[:-1]] + rows]
         raws = read_records(written(tmp_path / "a.csv", *lines))
-        assert [(raw.unit, raw.run) for raw in raws] == [("deg", run) for run in runs]
+        assert [(raw.unit, raw.channel) for raw in raws] == [
+            ("deg", f"pair {k}.Angle (deg)") for k in (1, 2, 3)
+        ]
         for k, raw in enumerate(raws):
-            np.testing.assert_allclose(raw.t, t + k, atol=1e-9)  # type: ignore[arg-type]
+            np.testing.assert_allclose(raw.t, t + later * k, atol=1e-9)  # type: ignore[arg-type]
             np.testing.assert_allclose(raw.y, ys[k], atol=1e-6)
