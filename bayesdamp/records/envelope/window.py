@@ -31,10 +31,10 @@ GUARD_FRACTION = 0.02
 CHECKED_FRACTION = 0.05
 """A power law describes a decay only if its misfit is small over all blocks of the decay and also over the first blocks
 alone, which are this fraction of all."""
-LEAST_LENGTHENING = 0.15
-"""The search with straight lines gives a start of the decay. An earlier start from a power-law fit replaces it if the
-decay becomes larger by LEAST_DROP in dB, and the added part is at least this fraction of the decay's duration or of its
-fall in dB."""
+LEAST_SHORTENING = 0.15
+"""The search with straight lines gives a start of the decay. An earlier start from a power-law fit is rejected if the
+decay would then also end earlier, by at least this fraction of its duration, and both parts of the decay, before and
+after this end, fall by at least LEAST_DROP."""
 LEAST_DEVIATION = 0.15
 """Deviations of a level from a fit of at most this, in dB, are not significant, because the nonlinearity of detectors
 causes deviations of this size."""
@@ -63,8 +63,6 @@ straight line in dB (`_straightest`)."""
 LEAST_REMAINING = 0.4
 """A start of the decay from the search with short straight lines is rejected if the level falls, between this start and
 the end of the straightest descent, by less than this fraction of the fall in dB of the straightest descent."""
-SURE_DROP = 8.0
-"""A fall of the level by more than this, in dB, is certainly a decay, and not a fluctuation or a drift."""
 SPARSE_READINGS = 60
 """A record with fewer readings is taken for a table of a decay, which begins at the highest reading. The readings at
 its end are a noise floor only if there are more than four and they do not fall (`FALLING_SDS`)."""
@@ -259,7 +257,7 @@ def power_law_start(levels: Levels, begin: int, end: int) -> int:
     The search with straight lines, which gives the start `begin`, may lose the first part of the decay, because dry
     friction and drag curve the level in dB. This function bisects the blocks before `begin` for the first from which a
     power law and a floor describe the levels, and adds a margin (`GUARD_FRACTION`). It returns `begin` itself if the
-    decay would hardly become longer (`LEAST_LENGTHENING`).
+    decay would hardly become larger (by less than `LEAST_DROP`).
 
     levels: levels of the record and their blocks. begin, end: indices of the blocks at which the decay starts,
     according to straight lines, and ends.
@@ -272,13 +270,9 @@ def power_law_start(levels: Levels, begin: int, end: int) -> int:
             first = middle
         else:
             low = middle
-    span, whole = max(end - first, 1), fall_in_db(y, first, end)
-    gain_db = whole - fall_in_db(y, begin, end)
-    if gain_db < LEAST_DROP or (
-        begin - first < LEAST_LENGTHENING * span and gain_db < LEAST_LENGTHENING * whole
-    ):
+    if fall_in_db(y, first, end) - fall_in_db(y, begin, end) < LEAST_DROP:
         return begin
-    return first + (max(1, round(GUARD_FRACTION * span)) if first > 0 else 0)
+    return first + (max(1, round(GUARD_FRACTION * (end - first))) if first > 0 else 0)
 
 
 def power_law_holds(levels: Levels, at: int) -> bool:
@@ -411,12 +405,6 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
         begins = "starts with the record" if top == 0 else f"starts at {t[top]:.4g} s, the highest reading"
         return _window_of(levels, top, end, floor, begins)
     first, last = _straightest(levels)
-    core = fall_in_db(yb, first, last + 1)
-    top = int(np.argmax(yb))
-    # A decay that is nowhere straight in dB: it follows a power law from its highest block on.
-    bent = core < LEAST_DROP and fall_in_db(yb, top, yb.size) > SURE_DROP and power_law_holds(levels, top)
-    if not bent:
-        _refuse_small(core)
     begin, broken = first, first > 0
     for _ in range(START_ROUNDS):
         before = begin
@@ -424,16 +412,16 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
         if abs(begin - before) <= 1:
             break
     end, floor = _follow_on(levels, begin)
-    if core > SURE_DROP and (
-        fall_in_db(yb, begin, end) < LEAST_DROP or fall_in_db(yb, begin, last) < LEAST_REMAINING * core
-    ):
-        begin, broken = first, first > 0  # the start from short lines leaves hardly any decay
+    core = fall_in_db(yb, first, last + 1)
+    if fall_in_db(yb, begin, end) < LEAST_DROP or fall_in_db(yb, begin, last) < LEAST_REMAINING * core:
+        # The start from short lines leaves hardly any decay.
+        begin, broken = first, first > 0
         end, floor = _follow_on(levels, begin)
     earlier = power_law_start(levels, begin, end)
     if earlier != begin:
         behind, lower = _follow_on(levels, earlier)
         # Unless the decay continues in what would be the floor, and not only for its last steep part.
-        short = end - max(begin, behind) < LEAST_LENGTHENING * (behind - earlier)
+        short = end - max(begin, behind) < LEAST_SHORTENING * (behind - earlier)
         if short or min(fall_in_db(yb, begin, end), fall_in_db(yb, behind, end)) < LEAST_DROP:
             begin, broken, end, floor = earlier, earlier > 0, behind, lower
     begins = "starts with the record"
@@ -452,19 +440,15 @@ def _window_of(levels: Levels, begin: int, end: int, floor: NoiseFloor | None, b
     start, stop = int(levels.edges[begin]), int(levels.edges[end])
     if stop - start < LEAST_POINTS:
         raise Refusal(f"only {stop - start} readings are between the start and the noise floor")
-    _refuse_small(fall_in_db(levels.yb, begin, end))
+    drop = fall_in_db(levels.yb, begin, end)
+    if drop < LEAST_DROP:
+        raise Refusal(f"the level falls by only {max(drop, 0):.1f} dB; at least {LEAST_DROP:g} dB are needed")
     ends = "ends with the record"
     if floor is not None:
         ends = f"ends at {levels.t[stop - 1]:.4g} s, {ABOVE_FLOOR:g} dB above the noise floor"
     elif stop < levels.t.size:
         ends = f"ends at {levels.t[stop - 1]:.4g} s"
     return EnvelopeWindow(start, stop, floor, (begins, ends))
-
-
-def _refuse_small(drop: float) -> None:
-    """Raise Refusal if the fall `drop` in dB is below `LEAST_DROP`."""
-    if drop < LEAST_DROP:
-        raise Refusal(f"the level falls by only {max(drop, 0):.1f} dB; at least {LEAST_DROP:g} dB are needed")
 
 
 def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> EnvelopeWindow:
