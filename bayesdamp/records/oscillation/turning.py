@@ -122,34 +122,23 @@ def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
         Indices of the extrema, and 1 if the first is a maximum, −1 if it is a minimum, 0 if there are none.
     """
     extrema: list[int] = []
-    kind = first = 0
-    moves = np.flatnonzero(np.diff(y)) + 1
-    if moves.size == 0:
-        return extrema, first
-    up = y[moves] > y[moves - 1]
-    turns = np.flatnonzero(up[1:] != up[:-1]) + 1
-    begins = moves[np.concatenate([[0], turns])]
-    ends = moves[np.concatenate([turns - 1, [moves.size - 1]])]
-    # On a monotone stretch, an extremum is confirmed when `fallen` passes below it or `risen` above it.
-    fallen, risen = np.minimum.reduceat(y + swing, begins), np.maximum.reduceat(y - swing, begins)
-    low = high = 0
-    values = y.tolist()
-    for end, rises, lowest, highest in zip(
-        ends.tolist(), up[np.concatenate([[0], turns])].tolist(), fallen.tolist(), risen.tolist()
-    ):
-        if rises:
-            high = end if values[end] > values[high] else high
-            if kind <= 0 and highest > values[low]:
+    kind = first = low = high = 0
+    values, swings = y.tolist(), swing.tolist()
+    for i in (np.flatnonzero(np.diff(y)) + 1).tolist():
+        value = values[i]
+        if value > values[i - 1]:
+            high = i if value > values[high] else high
+            if kind <= 0 and value - swings[i] > values[low]:
                 extrema.append(low)
                 first = first or -1
-                kind, high = 1, end
+                kind, high = 1, i
         else:
-            low = end if values[end] < values[low] else low
-            if kind >= 0 and lowest < values[high]:
+            low = i if value < values[low] else low
+            if kind >= 0 and value + swings[i] < values[high]:
                 extrema.append(high)
                 first = first or 1
-                kind, low = -1, end
-    if kind and extrema:
+                kind, low = -1, i
+    if kind:
         extrema.append(high if kind > 0 else low)
     return extrema, first
 
