@@ -1,23 +1,396 @@
-"""Noise models: one class in one module each, looked up by name."""
+"""Noise models: one class in one module each, looked up by name; their base classes, and their fit to residuals.
 
-from bayesdamp.inference.noise._noise import (
-    CORRELATED,
-    GAUSSIAN,
-    NOISES,
-    FittedNoise,
-    IndependentNoise,
-    NoiseModel,
-    SampleNoise,
-    fit_noise,
-)
+The fit gives the most probable parameters and the evidence of the model. It also gives working residuals, with which
+least squares lead to the most probable motion.
+"""
 
-__all__ = [
-    "CORRELATED",
-    "GAUSSIAN",
-    "NOISES",
-    "FittedNoise",
-    "IndependentNoise",
-    "NoiseModel",
-    "SampleNoise",
-    "fit_noise",
-]
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy  # loads its modules when they are used
+from numpy.typing import ArrayLike
+
+from bayesdamp.plugins import Registry
+from bayesdamp.priors import LogNormal, Prior
+from bayesdamp.records.oscillation.features import Features
+from bayesdamp.types import Refusal, Signal
+
+DERIVATIVE_STEP = 1e-5
+"""Step of central differences, as a fraction of `noise_sd` for derivatives by a residual, and of a parameter's value
+for derivatives by the parameter: near the cube root of the rounding error, where errors of rounding and of truncation
+are equal."""
+GAUSSIAN, CORRELATED = "gaussian", "correlated"
+"""Names of the noise models with independent and with correlated normal noise."""
+EVIDENCE_STEP = 0.02
+"""Step of the second differences for the evidence, in units of the standard normal scores of the noise parameters."""
+INFORMATION_STEP = 0.3
+"""`FittedNoise.variance` shifts residuals to compute a derivative. This is the largest shift of a residual, as a
+multiple of the median absolute residual (conventional)."""
+LEAST_INFORMATION = 0.3
+"""Smallest observed Fisher information that `FittedNoise.variance` uses, as a fraction of the expected one; a smaller
+one is replaced by this, because the observed one can be negative by chance (conventional)."""
+LARGEST_SCORE = 6.0
+"""Largest absolute value at which `fit_noise` starts its search for a noise parameter, as the standard normal score of
+the parameter; a larger estimate is replaced by this."""
+
+
+class NoiseModel(ABC):
+    """A distribution of residuals, which are record minus motion.
+
+    The arguments of all methods, where (...) stands for any leading axes, such as draws:
+
+    r: residuals in the unit of the record, shape (..., n); the last axis is time. gaps: times between samples in s,
+    shape (n - 1,). p: values of the parameters and constants by name, each a number or an array that broadcasts to the
+    shape (...).
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    """Names of the inferred parameters."""
+    constants: tuple[str, ...] = ()
+    """Names of numbers that are read from the record, such as its recording step, and not inferred."""
+    tied: tuple[str, str] | None = None
+    """Names of two parameters, if the record determines a combination of them much better than the second one alone;
+    None if there are none."""
+    heavy_tailed: bool = False
+    """Whether the model allows for outliers; if so, outliers are not reported as a misfit."""
+
+    def read(self, signal: Signal) -> dict[str, float]:
+        """Return the values of `constants` by name. Raises Refusal if the model does not apply to the record."""
+        return {}
+
+    @abstractmethod
+    def priors(self, features: Features) -> dict[str, Prior]:
+        """Return the default priors of the parameters by name.
+
+        They depend only on the features of the record, not on the damping model.
+        """
+
+    @abstractmethod
+    def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
+        """Estimate the parameters, by name, from residuals, (n,); the search for the best ones starts there.
+
+        gaps: times between the samples in s, (n - 1,).
+        """
+
+    @abstractmethod
+    def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return the joint log density of all n residuals r, (..., n), in nats: (...).
+
+        gaps: times between the samples in s, (n - 1,). p: parameters and constants of the noise by name, each a number
+        or an array of shape (...).
+        """
+
+    @abstractmethod
+    def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return the derivative of the log density (nats) of residuals r by each residual, (..., n).
+
+        gaps: times between the samples in s, (n - 1,). p: parameters and constants of the noise by name, each a number
+        or an array of shape (...).
+        """
+
+    def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
+        """Return the derivatives of the log density of residuals r, (n,), by the parameters, by name.
+
+        They are computed by central differences, unless a subclass has a closed form; constants have no entry. gaps:
+        times between the samples in s, (n - 1,). p: parameters and constants of the noise by name.
+        """
+        slopes = {}
+        for name in self.parameters:
+            step = DERIVATIVE_STEP * abs(p[name])
+            above, below = (self.log_likelihood(r, gaps, {**p, name: p[name] + s}) for s in (step, -step))
+            slopes[name] = float(above - below) / (2 * step)
+        return slopes
+
+    @abstractmethod
+    def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return R v, (..., n), for a shift v of the record, where RᵀR is the Fisher information about such a shift.
+
+        v: change of each sample in the unit of the record, (..., n). The sum of squares of the result is the
+        information about the size of the shift. gaps: times between the samples in s, (n - 1,). p: parameters and
+        constants of the noise by name.
+        """
+
+    @abstractmethod
+    def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return whitened residuals, (..., n), which are independent and standard normal if the model is right.
+
+        r: residuals in the unit of the record, (..., n). gaps: times between the samples in s, (n - 1,). p: parameters
+        and constants of the noise by name.
+        """
+
+    @abstractmethod
+    def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return the log density of each residual given all others, (..., n), in nats, for cross-validation.
+
+        r: residuals in the unit of the record, (..., n). gaps: times between the samples in s, (n - 1,). p: parameters
+        and constants of the noise by name.
+        """
+
+    def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
+        """Draw the noise of one record, (n,), in the unit of the record. Raises Refusal if the model cannot do this.
+
+        gaps: times between the samples in s, (n - 1,). p: parameters and constants of the noise by name.
+        """
+        raise Refusal(f"the noise model {self.name!r} cannot be simulated, because it has no method `draw`")
+
+
+class IndependentNoise(NoiseModel):
+    """Independent residuals with a common scale `noise_sd`. A subclass must define only `name` and `log_density`.
+
+    Override `slope` if the derivative is known, which is faster, and `information_root` and `whiten` if the noise is
+    far from normal.
+    """
+
+    parameters = ("noise_sd",)
+
+    @abstractmethod
+    def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the log density of each residual in nats, shape (..., n).
+
+        r: residuals in the unit of the record, (..., n). p: parameters and constants of the noise by name, in shapes
+        that broadcast to r (see `by_sample`).
+        """
+
+    def priors(self, features: Features) -> dict[str, Prior]:
+        """Return a lognormal prior, under the key `noise_sd`; its sigma (sd of the logarithm) is 1.
+
+        Its median is the roughness of the record: the sd of its noise over short windows, in the unit of the record.
+        """
+        return {"noise_sd": LogNormal(median=features.roughness, sigma=1.0)}
+
+    def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
+        """Return the root mean square of residuals r, (n,), under the key `noise_sd`. gaps has no effect."""
+        return {"noise_sd": float(np.sqrt(np.mean(r**2)))}
+
+    def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return the sum of the log densities of residuals r, (..., n), in nats: (...).
+
+        gaps has no effect. p: parameters and constants of the noise by name, each a number or an array of shape (...).
+        """
+        return np.sum(self.log_likelihoods(r, gaps, p), axis=-1)
+
+    def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return the log density of each residual in nats, (..., n); it does not depend on the other residuals.
+
+        gaps has no effect. p: parameters and constants of the noise by name, each a number or an array of shape (...).
+        """
+        return self.log_density(r, by_sample(p))
+
+    def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return the derivative of each log density by its residual, (..., n), by central differences.
+
+        gaps has no effect. p: parameters and constants of the noise by name; the step is a fraction of `noise_sd`.
+        """
+        p = by_sample(p)
+        above, below = r + DERIVATIVE_STEP * p["noise_sd"], r - DERIVATIVE_STEP * p["noise_sd"]
+        return (self.log_density(above, p) - self.log_density(below, p)) / (above - below)
+
+    def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return v / noise_sd, (..., n); for normal noise its sum of squares is the Fisher information about a shift v.
+
+        v: change of each sample in the unit of the record, (..., n). p: must contain `noise_sd`. gaps has no effect.
+        """
+        return v / by_sample(p)["noise_sd"]
+
+    def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
+        """Return r / noise_sd, (..., n), which is correct for normal noise. gaps has no effect."""
+        return r / by_sample(p)["noise_sd"]
+
+
+def by_sample(p: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
+    """Return the parameters in p, (...) each, with a last axis of length 1, to broadcast against residuals (..., n)."""
+    return {name: np.asarray(value, float)[..., None] for name, value in p.items()}
+
+
+NOISES: Registry[NoiseModel] = Registry("bayesdamp.inference.noise", "noise model")
+
+
+@dataclass(frozen=True)
+class FittedNoise:
+    """A noise model with its most probable parameters for given residuals (record minus motion).
+
+    Attributes
+    ----------
+    name : str
+        Name of the noise model.
+    values : mapping of str to float
+        Values of its parameters and constants by name; scales such as noise_sd are in the unit of the record.
+    log_evidence : float
+        Log density of the residuals in nats, integrated over the parameters by Laplace's approximation; −∞ if the
+        search did not end at a maximum, nan without a fit. If all parameters are known, it is the log density itself.
+    """
+
+    name: str = GAUSSIAN
+    values: Mapping[str, float] = field(default_factory=dict)
+    log_evidence: float = float("nan")
+
+    def variance(self, residual: np.ndarray, direction: np.ndarray, gaps: np.ndarray) -> float:
+        """Return the variance of white normal noise with the same Fisher information about a shift of the record.
+
+        For a shift that oscillates at one frequency, least squares with this variance are as good as generalised least
+        squares (U. Grenander, Ann. Math. Stat. 25, 252 (1954)). The information is the observed one, from finite
+        differences of the derivative of the log density, but at least `LEAST_INFORMATION` of the expected one.
+
+        Parameters
+        ----------
+        residual : ndarray, shape (n,)
+            Record minus motion.
+        direction : ndarray, shape (n,)
+            The shift, up to a factor.
+        gaps : ndarray, shape (n - 1,)
+            Times between the samples, in s.
+
+        Returns
+        -------
+        float
+            The variance, in the unit of the record squared.
+        """
+        noise = NOISES.get(self.name)
+        step = INFORMATION_STEP * float(np.median(np.abs(residual)) / np.max(np.abs(direction))) * direction
+        above, below = (noise.slope(residual + s, gaps, self.values) for s in (step, -step))
+        observed = float(step @ (below - above)) / (2 * float(step @ step))
+        root = noise.information_root(direction, gaps, self.values)
+        expected = float(np.sum(root**2) / np.sum(direction**2))
+        return 1.0 / max(observed, LEAST_INFORMATION * expected)
+
+    def working_residuals(self, residual: np.ndarray, gaps: np.ndarray, variance: float) -> np.ndarray:
+        """Return modified residuals, (n,), whose least-squares gradient is that of the log density of the noise.
+
+        If they are added to the motion and the motion is fitted to the sum by least squares, repeatedly until nothing
+        changes, the fit maximises the density of the noise (P. J. Huber, Robust Statistics, 1981, section 7.8).
+
+        Parameters
+        ----------
+        residual : ndarray, shape (n,)
+            Record minus motion.
+        gaps : ndarray, shape (n - 1,)
+            Times between the samples, in s.
+        variance : float
+            Variance of the least squares fit, from the method `variance`.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The modified residuals, −variance · d log density / d residual.
+        """
+        return -variance * NOISES.get(self.name).slope(residual, gaps, self.values)
+
+
+@dataclass(frozen=True)
+class SampleNoise:
+    """The noise model that is chosen for a record's samples, and the evidence of all noise models.
+
+    Attributes
+    ----------
+    fitted : FittedNoise
+        The noise model that is chosen.
+    weighed : tuple of FittedNoise
+        All noise models that apply to the record, each fitted to the same residual: that of the motion with all damping
+        terms together or, for a record of very many cycles, that of amplitudes and phases fitted to its blocks.
+    """
+
+    fitted: FittedNoise = field(default_factory=FittedNoise)
+    weighed: tuple[FittedNoise, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the chosen noise model."""
+        return self.fitted.name
+
+    @property
+    def likeliest(self) -> str:
+        """Name of the noise model with the largest evidence in `weighed`; `name` if that is empty.
+
+        It may differ from `name`, the chosen model: another model is chosen instead of Gaussian noise only if its
+        evidence is clearly larger, and correlated noise never.
+        """
+        return max(self.weighed, key=lambda model: model.log_evidence, default=self.fitted).name
+
+    @property
+    def ahead(self) -> float:
+        """Log Bayes factor (nats) of the chosen noise model against Gaussian noise; nan if `weighed` lacks either."""
+        logs = {model.name: model.log_evidence for model in self.weighed}
+        return logs.get(self.name, np.nan) - logs.get(GAUSSIAN, np.nan)
+
+
+def fit_noise(
+    name: str,
+    residual: np.ndarray,
+    signal: Signal,
+    features: Features,
+    known: Mapping[str, float] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+) -> FittedNoise:
+    """Fit a noise model to residuals: maximise the posterior density of its parameters.
+
+    The density is that of standard normal scores, into which the priors transform the parameters.
+
+    Parameters
+    ----------
+    name : str
+        Name of the noise model.
+    residual : ndarray, shape (n,)
+        Record minus motion.
+    signal : Signal
+        The record.
+    features : Features
+        Features of the record, on which default priors depend.
+    known, priors : mapping, optional
+        Known values of noise parameters, which are then not inferred, and priors that replace the default ones, by
+        name; names that are not parameters of this model are ignored.
+
+    Returns
+    -------
+    FittedNoise
+        The most probable parameters, and the evidence by Laplace's approximation.
+
+    Raises
+    ------
+    Refusal
+        If the model does not apply to the record.
+    """
+    noise = NOISES.get(name)
+    constants = {**noise.read(signal), **{n: v for n, v in (known or {}).items() if n in noise.parameters}}
+    given = {n: p for n, p in (priors or {}).items() if n in noise.parameters}
+    inferred = {n: p for n, p in {**noise.priors(features), **given}.items() if n not in constants}
+    gaps = np.diff(signal.t)
+
+    def values(z: np.ndarray) -> dict[str, float]:
+        own = {n: float(p.value(x)) for (n, p), x in zip(inferred.items(), z, strict=True)}
+        return {**own, **constants}
+
+    def negative_log_density(z: np.ndarray) -> float:
+        with np.errstate(all="ignore"):
+            density = float(noise.log_likelihood(residual, gaps, values(z))) - 0.5 * float(z @ z)
+        return -density if np.isfinite(density) else 1e300
+
+    start = noise.start(residual, gaps)
+    z = np.array(
+        [float(np.clip(p.score(start[n]), -LARGEST_SCORE, LARGEST_SCORE)) for n, p in inferred.items()]
+    )
+    if not z.size:
+        density = -negative_log_density(z)
+        return FittedNoise(name, values(z), density if density > -1e300 else -np.inf)
+    z = scipy.optimize.minimize(
+        negative_log_density, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}
+    ).x
+    axes = EVIDENCE_STEP * np.eye(z.size)
+    mixed = [
+        [
+            negative_log_density(z + a + b)
+            - negative_log_density(z + a - b)
+            - negative_log_density(z - a + b)
+            + negative_log_density(z - a - b)
+            for b in axes
+        ]
+        for a in axes
+    ]
+    sign, log_det = np.linalg.slogdet(np.array(mixed) / (4 * EVIDENCE_STEP**2))
+    return FittedNoise(
+        name, values(z), (-negative_log_density(z) - 0.5 * float(log_det)) if sign > 0 else -np.inf
+    )

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bayesdamp.inference.noise._noise import NoiseModel, by_sample
+from bayesdamp.inference.noise import NoiseModel, by_sample
 from bayesdamp.inference.noise.gaussian import LOG_2PI
 from bayesdamp.priors import LogNormal, LogUniform, Prior
 from bayesdamp.records.oscillation.features import Features

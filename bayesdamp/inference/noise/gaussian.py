@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bayesdamp.inference.noise._noise import IndependentNoise, by_sample
+from bayesdamp.inference.noise import IndependentNoise, by_sample
 
 LOG_2PI = math.log(2 * math.pi)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import erfcx, log_ndtr
 
-from bayesdamp.inference.noise._noise import IndependentNoise, by_sample
+from bayesdamp.inference.noise import IndependentNoise, by_sample
 from bayesdamp.types import Refusal, Signal
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import betainc, betaln, ndtri
 
-from bayesdamp.inference.noise._noise import IndependentNoise, by_sample
+from bayesdamp.inference.noise import IndependentNoise, by_sample
 from bayesdamp.priors import LogNormal, Prior
 from bayesdamp.records.oscillation.features import Features
 
