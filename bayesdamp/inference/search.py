@@ -72,18 +72,21 @@ def find_mode(target: Target, starts: Iterable[Mapping[str, float]], *, noise_le
         If no start leads to a finite posterior with a positive definite information matrix, or if at all maxima the
         noise model explains the oscillation instead of the motion.
     """
-    unit = noise_level / np.sqrt(target.signal.t.size)
+    noise, unit = target.noise_model, noise_level / np.sqrt(target.signal.t.size)
     largest = MOST_RESIDUAL * float(np.std(target.signal.y))
     searches: list[LocalSearch] = []
     ends: list[LocalSearch] = []
     for start in starts:
         z = target.scores(start)
         likelihood = Likelihood.near(target, z, SEARCH_ERROR * unit)
-        z = _with_noise(target, z, likelihood.residual(z))
+        residual = likelihood.residual(z)
+        if np.all(np.isfinite(residual)):
+            estimate = target.scores(noise.start(residual, np.diff(target.signal.t)))
+            z = np.where([name in noise.parameters for name in target.names], estimate, z)
         top = maximise_posterior(likelihood, z, retract=target.follow_step)
-        is_motion = _rms(likelihood.residual(top.x)) <= largest
+        is_motion = np.sqrt(np.mean(likelihood.residual(top.x) ** 2)) <= largest
         volume = _log_volume(top.information)
-        searches.append(LocalSearch(z, top.x, top.value, volume, top.converged and is_motion))
+        searches.append(LocalSearch(z, top.x, top.value, volume, top.converged and bool(is_motion)))
         if is_motion and np.isfinite(top.value):
             ends.append(searches[-1])
     if not ends and any(np.isfinite(search.end) for search in searches):
@@ -103,20 +106,6 @@ def find_mode(target: Target, starts: Iterable[Mapping[str, float]], *, noise_le
     mode = Mode(top.x, top.value, top.information, likelihood, tuple(searches))
     mode.sd()  # raises Refusal if the information is not positive definite
     return mode
-
-
-def _with_noise(target: Target, z: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """Return scores z, (d,), with the parameters of the noise estimated from the residuals there, (n,), if finite."""
-    if not np.all(np.isfinite(residual)):
-        return z
-    noise = target.noise_model
-    estimate = target.scores(noise.start(residual, np.diff(target.signal.t)))
-    return np.where([n in noise.parameters for n in target.names], estimate, z)
-
-
-def _rms(r: np.ndarray) -> float:
-    """Return the root mean square of residuals r, (n,), in their unit."""
-    return float(np.sqrt(np.mean(r**2)))
 
 
 def _log_volume(information: np.ndarray) -> float:

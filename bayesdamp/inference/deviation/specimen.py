@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from bayesdamp.inference.deviation.draws import orbit_of, unit_works
-from bayesdamp.inference.deviation.linear import LEAST_KNOTS, DampingLikelihood, grid_of
+from bayesdamp.inference.deviation.linear import LEAST_KNOTS, grid_of
 from bayesdamp.inference.deviation.model_comparison import CandidateResult
 from bayesdamp.inference.deviation.repeats import RecordLikelihood, Repeats, join_runs, solve
 from bayesdamp.inference.model.target import damping_priors
@@ -269,7 +269,12 @@ def compare_runs(
         pairs = [(r, r.run_of(*model)) for r in records]
         known = [_converted(run, model[0], tuple(priors), r.reference, reference) for r, run in pairs if run]
         rest = sum(r.missing(*model, limits.get(model[0], "")) for r, run in pairs if run is None)
-        most = rest + sum(_largest(run.likelihood) for run in known)
+        each = [run.likelihood for run in known]
+        # The maxima of the log likelihoods over all parameters and grid points; coefficients may be negative there.
+        largest = [
+            np.max(x.log + 0.5 * np.sum(x.slope * solve(x.information, x.slope), axis=1)) for x in each
+        ]
+        most = rest + float(np.sum(largest))
         if not known or most + log_odds[model] < best - NATS_BEHIND:
             logs[model] = min(own[model], most)
             continue
@@ -283,15 +288,6 @@ def compare_runs(
             repeats[model], runs[model] = posterior, tuple(known)
     probability = normalise(np.array([v + log_odds[m] for m, v in logs.items()])).tolist()
     return SpecimenComparison(tuple(records), logs, dict(zip(logs, probability, strict=True)), repeats, runs)
-
-
-def _largest(x: DampingLikelihood) -> float:
-    """Return the maximum of a record's log likelihood over all parameters and grid points, in nats.
-
-    A grid point is a combination of sizes and correlation lengths of the deviations from the laws. Coefficients may be
-    negative at this maximum.
-    """
-    return float(np.max(x.log + 0.5 * np.sum(x.slope * solve(x.information, x.slope), axis=1)))
 
 
 def _converted(
