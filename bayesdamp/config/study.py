@@ -50,6 +50,8 @@ MOST_RECORDS = 1_000_000
 error (conventional)."""
 MOST_CHAINS = 1000
 """Greatest number of Markov chains that a study may ask for; a larger number is an error (conventional)."""
+MOST_SAMPLED = 100_000
+"""Greatest number of models that a study may ask to sample; a larger number is an error (conventional)."""
 MOST_COLUMNS = 100_000
 """Largest number, counted from 1, by which a study may select a column of a file; a larger one is an error
 (conventional)."""
@@ -261,7 +263,7 @@ class PosteriorTable(StudySection):
         "gaussian", description='a noise model\'s name in quotes, a list of names, or "auto"'
     )
     best: int | None = Field(
-        None, ge=1, description="a whole number: how many models of a signal are sampled"
+        None, ge=1, le=MOST_SAMPLED, description="a whole number: how many models of a signal are sampled"
     )
     deviation: Deviation = Field(
         "auto", description='"auto", "none" or "law": whether deviations from the laws are allowed'

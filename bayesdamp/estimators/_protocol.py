@@ -114,7 +114,10 @@ def reason_not_applicable(estimator: Estimator[Any], damping: tuple[str, ...]) -
                 f"{estimator.by_position}"
             )
         if term.inferred:
-            return f"{term.name} damping has parameters besides its coefficient, which estimators do not estimate"
+            return (
+                f"{term.name} damping has parameters besides its coefficient, which estimators do not estimate; use "
+                "bd.fit or bayesdamp compare"
+            )
     return None
 
 

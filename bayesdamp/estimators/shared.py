@@ -10,7 +10,6 @@ import numpy as np
 import scipy  # loads its modules when they are used
 from numpy.polynomial import Polynomial
 
-from bayesdamp.physics.damping import median
 from bayesdamp.physics.oscillator import Oscillator, reference_of
 from bayesdamp.records.oscillation.features import Features, features as measure
 from bayesdamp.records.oscillation.turning import midpoints, turning_points
@@ -114,20 +113,13 @@ def epsilon_of(problem: Problem, features: Features) -> float:
 def further_values(problem: Problem, features: Features) -> dict[str, float]:
     """Return the arguments of the damping terms besides their coefficients, by name.
 
-    These are ε if a term depends on the sign of the velocity; the parameters of terms besides their coefficients (known
-    values, or the medians of their priors); and the amplitude, peak velocity or rest position of the record, for terms
-    that are defined relative to them.
+    These are ε if a term depends on the sign of the velocity, and the amplitude, peak velocity or rest position of the
+    record, for terms that are defined relative to them.
     """
     osc, reference = oscillator(problem), reference_of(problem.system, features)
     epsilon = {"epsilon": epsilon_of(problem, features)} if osc.switches else {}
     scales = reference.scales(features.rest)
-    medians = {
-        p.name: median(p.prior(reference.amplitude, reference.frequency))
-        for t in osc.terms
-        for p in t.inferred
-    }
-    known = {n: float(v) for n, v in problem.system.known.items() if n in medians}
-    return {**epsilon, **{n: scales[n] for n in osc.scales}, **medians, **known}
+    return {**epsilon, **{n: scales[n] for n in osc.scales}}
 
 
 def start_parameters(signal: Signal, problem: Problem, features: Features) -> dict[str, float]:

@@ -380,7 +380,8 @@ def separate_clocks(content: Contents) -> Contents:
         for number, (start, stop) in enumerate(spans, start=1):
             pair = f"{group} pair {number}".strip()
             for i in at[start:stop]:
-                name = f"{pair}.{columns[i].name}" if repeated else columns[i].name
+                name = columns[i].name.removeprefix(f"{group}.")
+                name = f"{pair}.{name}" if repeated else name
                 columns[i] = replace(columns[i], name=name, group=pair)
         content = replace(content, paired=True)
     return replace(content, columns=tuple(columns))

@@ -45,9 +45,9 @@ class EnvelopeOptions(Options):
 class Envelope(Estimator[EnvelopeOptions]):
     """Find the damping coefficients that minimise Σ (ln A_observed − ln A_simulated)², with the Hilbert envelopes A.
 
-    Unknown restoring parameters follow from the record's frequency
-    and midline, and an unknown start from the smoothed record; the amplitude of the start is then fitted together with
-    the damping. Record and trajectories with uneven times are interpolated linearly to uniform times.
+    Unknown restoring parameters follow from the record's frequency and midline, and an unknown start from the smoothed
+    record; the amplitude of the start is then fitted together with the damping. Record and trajectories with uneven
+    times are interpolated linearly to uniform times.
     """
 
     options = EnvelopeOptions

@@ -16,7 +16,7 @@ import scipy  # loads its modules when they are used
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.draws import orbit_of, unit_works
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
-from bayesdamp.inference.deviation.slices import slice_proposal
+from bayesdamp.inference.deviation.slices import ONE_SLICE_SD, slice_proposal
 from bayesdamp.physics.kernel import Solver
 
 LEAST_EXPONENT, MOST_EXPONENT = 0.0, 3.0
@@ -34,7 +34,8 @@ DRAWS = 4000
 """Number of draws of the exponent from the posterior of the linear model about the mode, where one linear model is
 enough (`slices.ONE_SLICE_SD`)."""
 MOST_ABOVE = 7.0
-"""An interpolation of log evidences that exceeds the largest of them by more than this, in nats, is not used."""
+"""An interpolation of log evidences that exceeds the largest of them by more than this, in nats, is not used: next to a
+drop of thousands of nats it overshoots (conventional)."""
 LEVELS = (np.arange(400) + 0.5) / 400
 """Equidistant probabilities at which quantiles of the exponent of a power law are returned; the 400 quantiles serve as
 draws."""
@@ -46,8 +47,9 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     """Return quantiles of the exponent p of a damping force c |v|^p at the probabilities `LEVELS`.
 
     The coefficient and all other unknowns are integrated out. The restoring law is that of the best candidate; an empty
-    tuple is returned if this comparison has no result of a power law alone. The prior of the exponent is uniform (from
-    `LEAST_EXPONENT` to `MOST_EXPONENT`).
+    tuple is returned if this comparison has no result of a power law alone, or if no motion fits at the exponents
+    around the most probable one. The prior of the exponent is uniform (from `LEAST_EXPONENT` to `MOST_EXPONENT`); if
+    one linear model is enough (`slices.ONE_SLICE_SD`), it has no effect.
     """
     if not comparison.results:
         return ()
@@ -58,8 +60,12 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     parameters, prior = result.fit.parameters, result.fit.parameters.priors["exponent"]
     proposal = slice_proposal(comparison, result, parameters, result.posterior)
     if proposal is None:
-        draws = result.posterior.draws(DRAWS, np.random.default_rng(0))[0]
-        p = prior.value(draws[:, parameters.free_names.index("exponent")])
+        scores = result.posterior.draws(DRAWS, np.random.default_rng(0))[0][
+            :, parameters.free_names.index("exponent")
+        ]
+        if np.std(scores) >= ONE_SLICE_SD:
+            return ()
+        p = prior.value(scores)
         return tuple(np.quantile(np.clip(p, LEAST_EXPONENT, MOST_EXPONENT), LEVELS).tolist())
     p = prior.value(np.array([part.middle for part in proposal.slices]))
     log = np.array([part.posterior.log_evidence for part in proposal.slices])
@@ -105,14 +111,15 @@ def exponent_starts(comparison: ModelComparison) -> list[float]:
 def _quantiles(p: np.ndarray, log: np.ndarray) -> tuple[float, ...]:
     """Return quantiles of the exponent at `LEVELS`, from log evidences `log` (nats) at rising exponents p, (m,) each.
 
-    The log evidence is interpolated; the prior is uniform from `LEAST_EXPONENT` to `MOST_EXPONENT`.
+    The log evidence is interpolated between the first and the last of them; the prior is uniform from `LEAST_EXPONENT`
+    to `MOST_EXPONENT`.
     """
     low, high = np.clip(p[[0, -1]], LEAST_EXPONENT, MOST_EXPONENT)
     grid = np.linspace(low, high, POINTS)
     values = scipy.interpolate.PchipInterpolator(p, log)(grid)
     if p.size > 2:
         smooth = scipy.interpolate.Akima1DInterpolator(p, log, method="makima", extrapolate=True)(grid)
-        # Next to a drop of thousands of nats this interpolation may overshoot; PCHIP is monotonic.
+        # PCHIP is monotonic between two exponents, so it never overshoots.
         values = smooth if smooth.max() < log.max() + MOST_ABOVE else values
     density = np.exp(values - values.max())
     total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])

@@ -34,7 +34,8 @@ means of neighbours, 0 and ∞."""
 JOINT_DRAWS = 4000
 """Number of draws from the joint posterior of a specimen's damping, given all its records."""
 NO_SPREAD = 1e-9
-"""Spread s with a single record, which does not determine it: practically 0."""
+"""Spread s with a single record, which does not determine it: practically 0, but the prior of the factors is divided by
+it."""
 MOST_STEPS, SETTLED_GAIN = 60, 1e-7
 """Largest number of Gauss–Newton steps, rejected ones included, to the joint mode of the specimen's parameters and the
 records' factors. The steps end earlier if the predicted gain of the log posterior is below the second value, in

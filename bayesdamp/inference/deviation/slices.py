@@ -184,8 +184,8 @@ class SlicedProposal:
 
         w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
         The sliced parameter does not move. u: the draws w before the step. combos: index of each draw's mixture
-        component within its slice, (n,). step: size of the step in posterior sds, up to 1. Scores of
-        coefficients may become negative.
+        component within its slice, (n,). step: size of the step in posterior sds, up to 1. Scores of coefficients
+        may become negative.
         """
         new = u.copy()
         for rows, part, off, others in self._split(u):

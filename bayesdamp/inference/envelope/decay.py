@@ -294,9 +294,8 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
     # The mean of the fitted ln A over a block minus its value in the middle, to second order.
     off = np.gradient(b.t) * np.sqrt(max(1.0 - b.each**-2, 0.0) / 12.0)
     before, after = (law.solve(b.t + shift, x0, rates)[0] for shift in (-off, off))
-    curvature = np.where(
-        after > LOG_AT_REST, 0.5 * (before + after) - fit, 0.0
-    )  # 0 in the block that comes to rest
+    # 0 in the block in which the oscillation comes to rest.
+    curvature = np.where(after > LOG_AT_REST, 0.5 * (before + after) - fit, 0.0)
     b = replace(b, x=b.x - curvature)
     tangents = solver_of(b, law).solve(np.append(rates, x0), tangents=ALL).tangents
     columns, warp = tangents[:, :-KNOTS], tangents[:, -KNOTS:]

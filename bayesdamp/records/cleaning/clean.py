@@ -90,11 +90,11 @@ def sensor_offset(signal: Signal, features: Features) -> float:
 
     It is the mean over whole cycles between turning points. The midline of the turning points is not used as the
     offset, because an asymmetric force shifts it. The result is also 0 for a displacement, whose equilibrium may be
-    anywhere, and if there are fewer than four turning points. signal, features: the record and its features
+    anywhere, and if there are fewer than five turning points. signal, features: the record and its features
     (`features`).
     """
     turns = features.turning_times
-    if signal.quantity == "angle" or turns.size < 4:
+    if signal.quantity == "angle" or turns.size < 5:
         return 0.0
     integral = scipy.interpolate.CubicSpline(signal.t, signal.y).antiderivative()(turns)
     means = (integral[2:] - integral[:-2]) / (turns[2:] - turns[:-2])

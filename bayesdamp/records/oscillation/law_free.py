@@ -200,10 +200,10 @@ def _fit_windows(
     """Fit sinusoids of angular frequency `pace` (m,) in windows of `periods` periods around the times `middles` (m,).
 
     t, y: times in s and values, (n,). pace, change: angular frequency in rad/s, and its time derivative in rad/s², (m,)
-    each; a constant frequency would lose amplitude. turns: times of the turning points in s, (c,), which
-    count the half cycles between windows. Return times (s), amplitudes (in the unit of y), unwrapped phases
-    (rad), noise gains (sd of an amplitude divided by the sd of a sample) and angular frequencies (rad/s), (k,) each, of
-    the windows with enough samples. Raises Refusal if there are fewer than `FEWEST_WINDOWS`.
+    each; a constant frequency would lose amplitude. turns: times of the turning points in s, (c,), which count the half
+    cycles between windows. Return times (s), amplitudes (in the unit of y), unwrapped phases (rad), noise gains (sd of
+    an amplitude divided by the sd of a sample) and angular frequencies (rad/s), (k,) each, of the windows with enough
+    samples. Raises Refusal if there are fewer than `FEWEST_WINDOWS`.
     """
     width = periods * 2 * np.pi / pace
     begins = np.searchsorted(t, middles - 0.5 * width)

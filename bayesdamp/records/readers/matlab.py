@@ -31,8 +31,8 @@ class MatlabReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return numeric variables, and fields of structs, as columns named by their paths.
 
-        Raises InputError if the file has none, as if it contains only MATLAB objects, or if its arrays have more than
-        LARGEST_FILE bytes.
+        Raises InputError if the file has none, as if it contains only MATLAB objects, or if its arrays outside
+        of structs and cells need more than LARGEST_FILE bytes as 64-bit numbers.
         """
         from scipy.io import loadmat, whosmat  # imports slowly, and few records need it
         from scipy.io.matlab import MatlabFunction, MatlabOpaque
