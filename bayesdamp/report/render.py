@@ -43,11 +43,6 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
         If the folder does not contain a run, or if an incompatible version of bayesdamp wrote the run.
     """
     run = RunFolder(folder)
-    if run.info.get("kind") == "envelopes":
-        what = (
-            "this comparison of envelopes is from an earlier version of bayesdamp; compare the records again"
-        )
-        raise InputError(what, str(folder))
     claim(run.folder)
     try:
         page, figures = page_of(run, pool)

@@ -95,12 +95,8 @@ def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
             elif np.isfinite(value):
                 left = value < low
                 text = f"◂ {fmt.number(value, 3)}" if left else f"{fmt.number(value, 3)} ▸"
-                at = {
-                    "xycoords": ("axes fraction", "data"),
-                    "ha": "left" if left else "right",
-                    "va": "center",
-                }
-                ax.annotate(text, (0.0 if left else 1.0, y), fontsize=7, color=MUTED, **at)
+                look = {"fontsize": 7, "color": MUTED, "ha": "left" if left else "right", "va": "center"}
+                ax.text(0.0 if left else 1.0, y, text, transform=ax.get_yaxis_transform(), **look)
     ax.set(
         xlim=(low, high),
         ylim=(len(methods) - 0.4, -0.6),

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -50,7 +49,7 @@ def marginals(model: str, draws: Draws, units: Mapping[str, str], truth: Mapping
         _mark(ax.axvline, truth.get(name))
         ax.set(xlabel=words.axis(name, units.get(name, "")))
         ax.locator_params(axis="x", nbins=4)
-    _legend(figure, _samplers(model, draws), truth)
+    _legend(figure, model, draws, truth)
     return figure
 
 
@@ -99,7 +98,7 @@ def pairs(
                 ax.set_xlabel(words.axis(across, units.get(across, "")))
             else:
                 ax.tick_params(labelbottom=False)
-    _legend(figure, _samplers(model, draws), truth)
+    _legend(figure, model, draws, truth)
     return figure
 
 
@@ -130,12 +129,9 @@ def _look(model: str, place: int) -> dict[str, Any]:
     return {"color": INK, "lw": 1.0, "ls": ("--", ":", "-.")[(place - 1) % 3]}
 
 
-def _samplers(model: str, draws: Draws) -> list[Artist]:
-    """Return the legend entries of the samplers."""
-    return [Line2D([], [], **_look(model, i), label=words.method(s)) for i, s in enumerate(draws)]
-
-
-def _legend(figure: Figure, handles: Sequence[Artist], truth: Mapping[str, float]) -> None:
+def _legend(figure: Figure, model: str, draws: Draws, truth: Mapping[str, float]) -> None:
+    """Draw a legend of the samplers, and of the line at the true value if one is known."""
+    handles = [Line2D([], [], **_look(model, i), label=words.method(s)) for i, s in enumerate(draws)]
     if any(np.isfinite(v) for v in truth.values()):
-        handles = [*handles, Line2D([], [], **TRUE_LINE_STYLE, label="truth")]
+        handles.append(Line2D([], [], **TRUE_LINE_STYLE, label="truth"))
     figure.legend(handles=handles, loc="outside upper left", ncols=len(handles))

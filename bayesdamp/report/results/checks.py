@@ -19,13 +19,12 @@ from bayesdamp.report.results.run import (
     answer_of,
     coefficients,
     damping_of,
-    mode_of,
     models_by_rank,
     rank_models,
     rows_of,
     truth,
 )
-from bayesdamp.store.contents import PosteriorContent
+from bayesdamp.store.contents import ModeContent, PosteriorContent
 from bayesdamp.types import OK, candidate_parts
 from bayesdamp.verdict.agreement import Agreement, agreement, worst_agreement
 from bayesdamp.verdict.parts import Grade
@@ -138,7 +137,7 @@ class RecordChecks:
                 "the answer."
             )
             return [Check(text)] if has_tables else []
-        checks = [*self._convergence(), *self._maxima(), *self._ratios(), *self._truth()]
+        checks = [*self._samples(), *self._ratios(), *self._truth()]
         checks += [*self._evidence(evidence), *self._residuals()]
         true = true_models(self.run).get(self.signal)
         if true is not None and v is not None and v.damping:
@@ -175,11 +174,12 @@ class RecordChecks:
                 by_sampler.setdefault(row["sampler"], []).append(row)
         return by_sampler
 
-    def _convergence(self) -> Iterator[Check]:
-        """Yield a check of each sampler of `model`.
+    def _samples(self) -> Iterator[Check]:
+        """Yield a check of each sampler of `model`, and a failed one if the posterior has another large maximum.
 
-        It is a failed one with the sampler's outcome if this is neither `ok` nor among `UNLISTED_OUTCOMES`; else it
-        gives the largest R̂ and the smallest effective sample size.
+        The check of a sampler is a failed one with the sampler's outcome if this is neither `ok` nor among
+        `UNLISTED_OUTCOMES`; else it gives the largest R̂ and the smallest effective sample size. Another maximum is
+        large if it has more than `LARGEST_OTHER` of the posterior probability.
         """
         outcomes = {(r["sampler"], r["outcome"]) for r in self._rows(self.run.posteriors)}
         for sampler, outcome in sorted(outcomes):
@@ -193,10 +193,8 @@ class RecordChecks:
             if sizes and rhats:
                 text = f"R̂ at most {max(rhats):.3f}, effective sample size at least {min(sizes):,.0f}"
                 yield Check(f"{_name(sampler)} converged: {text}.")
-
-    def _maxima(self) -> Iterator[Check]:
-        """Yield a failed check if the posterior of `model` has another maximum with more than `LARGEST_OTHER`."""
-        mode = mode_of(self.run, self.signal, self.repeat, self.model) if self.model else None
+        result = self.run.task_result("mode", self.signal, self.repeat, self.model or "")
+        mode = ModeContent.maybe(result) if result and result.outcome == OK else None
         share = max(mode.shares[1:], default=0.0) if mode else 0.0
         if share > LARGEST_OTHER:
             yield Check(

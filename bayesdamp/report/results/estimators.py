@@ -277,11 +277,15 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
         rate = ((run.info.get("equilibrium") or {}).get(signal) or {}).get("natural_frequency")
         amplitude = (run.about(signal).get("reference") or {}).get("amplitude")
         if rate and amplitude and source.get("duration"):
-            truth, periods = source.get("truth") or {}, source["duration"] * rate / (2 * math.pi)
-            start = abs(truth.get("theta0") or amplitude)
-            factors = (100 * truth.get("noise_sd", 0.0) / start, (source["samples"] - 1) / periods, periods)
+            simulated, periods = source.get("truth") or {}, source["duration"] * rate / (2 * math.pi)
+            start = abs(simulated.get("theta0") or amplitude)
+            factors = (
+                100 * simulated.get("noise_sd", 0.0) / start,
+                (source["samples"] - 1) / periods,
+                periods,
+            )
             own[signal] = [float(f"{x:.2g}") for x in factors]  # in the order of FACTORS
-    runs = []
+    runs, rows = [], true_estimates(run)
     for model, own in designs.items():
         if len(own) < LEAST_VALUES:
             continue
@@ -292,23 +296,14 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
             along = {s: design[i] for s, design in own.items() if design[:i] + design[i + 1 :] == rest}
             if len(set(along.values())) >= LEAST_VALUES:
                 along = dict(sorted(along.items(), key=lambda item: item[1]))
-                runs.append(_series(run, model, factor, along))
+                places = rows["signal"].map({s: at for at, s in enumerate(along)}).rename("value")
+                each = rows.groupby(["estimator", "stage", places, "repeat"])["error_pct"].agg(rms)
+                parameter = next(iter(coefficients(run, model)), "")
+                sizes = [(run.about(s).get("bound") or {}).get(parameter) or math.nan for s in along]
+                true = [abs(truth(run, s, parameter)) or math.nan for s in along]
+                bounds = [100 * size / value for size, value in zip(sizes, true)]
+                runs.append(ErrorSeries(model, factor, list(along.values()), bounds, each))
     return runs
-
-
-def _series(run: RunFolder, model: str, factor: str, along: dict[str, float]) -> ErrorSeries:
-    """Return the errors on the signals of a series; `along` has the value of the factor for each signal, ascending."""
-    rows = true_estimates(run)
-    places = rows["signal"].map({signal: i for i, signal in enumerate(along)}).rename("value")
-    each = rows.groupby(["estimator", "stage", places, "repeat"])["error_pct"].agg(rms)
-    parameter = next(iter(coefficients(run, model)), "")
-
-    def bound(signal: str) -> float:
-        """Return the Cramér–Rao bound on the damping coefficient in per cent of its true value, or nan."""
-        size = (run.about(signal).get("bound") or {}).get(parameter)
-        return math.nan if size is None else 100 * size / (abs(truth(run, signal, parameter)) or math.nan)
-
-    return ErrorSeries(model, factor, list(along.values()), [bound(s) for s in along], each)
 
 
 def error_interval(errors: Mapping[int, float]) -> tuple[float, float]:

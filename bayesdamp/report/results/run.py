@@ -18,7 +18,7 @@ from bayesdamp.outcomes import Status, reason_of, status_of
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.store import POPULATION, TABLES, Store, TaskResult, read_table
-from bayesdamp.store.contents import AnswerContent, ModeContent
+from bayesdamp.store.contents import AnswerContent
 from bayesdamp.store.files import read_description
 from bayesdamp.store.results import TaskName
 from bayesdamp.types import OK, InputError, Provenance, candidate_name, candidate_parts, sum_probabilities
@@ -306,12 +306,6 @@ def probabilities_by_odds(ranked: EvidenceRanking) -> dict[float, dict[str, floa
         weights = {d: p * (factor / FURTHER_TERM) ** counts[d] for d, p in ranked.dampings.items()}
         shares[factor] = {d: weight / sum(weights.values()) for d, weight in weights.items()}
     return shares
-
-
-def mode_of(run: RunFolder, signal: str, repeat: int, model: str) -> ModeContent | None:
-    """Return the stored posterior mode of a model; None if there is none, or if its task did not end with `ok`."""
-    task_result = run.task_result("mode", signal, repeat, model)
-    return ModeContent.maybe(task_result) if task_result is not None and task_result.outcome == OK else None
 
 
 def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from markupsafe import Markup
@@ -107,24 +107,16 @@ class AnswerSection(Section):
             v = answer.verdict
             claim, remarks = v.sentence, v.remarks
             if v.quantity == "envelope":
-                remarks = (
-                    *([f"The decay {v.window.why.replace('; ', ' and ')}."] if v.window else []),
-                    *remarks,
-                )
+                if v.window:
+                    remarks = (f"The decay {v.window.why.replace('; ', ' and ')}.", *remarks)
                 about = answer.content.envelope
                 draw = partial(figures.envelope, answer.arrays, v, level_unit(about.unit if about else ""))
                 parts.append(run.drawings.add(f"answer-{signal}", LEVELS, draw))
                 if v.decay_rate:
                     parts.append(decay_table(v.decay_rate, v.quality_factor_at))
                 if v.damping:
-                    sums, terms = (
-                        fmt.listing(
-                            f"{words.model(n)} {fmt.probability(p)}"
-                            for n, p in each.items()
-                            if p >= LEAST_SHOWN
-                        )
-                        for each in (v.probabilities, {share.term: share.probability for share in v.energy})
-                    )
+                    by_term = {share.term: share.probability for share in v.energy}
+                    sums, terms = map(_list_probabilities, (v.probabilities, by_term))
                     text = (
                         f"Probability of each damping model: {sums}. Probability that the damping contains a term, "
                         f"alone or in a sum: {terms}."
@@ -143,6 +135,12 @@ class AnswerSection(Section):
             checks=checks,
             parts=parts,
         )
+
+
+def _list_probabilities(probabilities: Mapping[str, float]) -> str:
+    """Return damping sums or terms in words with their probabilities; those below `LEAST_SHOWN` are left out."""
+    shown = {name: p for name, p in probabilities.items() if p >= LEAST_SHOWN}
+    return fmt.listing(f"{words.model(name)} {fmt.probability(p)}" for name, p in shown.items())
 
 
 def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:

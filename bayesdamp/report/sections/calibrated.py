@@ -105,11 +105,6 @@ class CalibratedSection(Section):
         return stack(*parts)
 
 
-def _method(name: str) -> str:
-    """Return the name of a sampler, or of the trajectory fits (`calibrate.tables.CLASSICAL`), in words."""
-    return words.stage("refined") if name.startswith("refined") else words.method(name)
-
-
 def _rows(run: RunFolder, name: str) -> list[Row]:
     """Return the rows of a table of the run; none if the file is missing."""
     path = run.folder / name
@@ -147,7 +142,8 @@ def _model(run: RunFolder, ranks: list[Row], rows: list[Row], model: str) -> Mar
 
     columns: dict[str, Callable[[str], str]] = {"parameter": lambda name: words.symbol(name).text}
     for method, check, level in dict.fromkeys((r["method"], r["check"], r["level"]) for r in rows):
-        header = f"{_method(method)}, {f'{100 * float(level):g} %' if level else 'p of the ranks'}"
+        name = words.stage("refined") if method.startswith("refined") else words.method(method)
+        header = f"{name}, {f'{100 * float(level):g} %' if level else 'p of the ranks'}"
         columns[header] = partial(result_of, check=(method, check, level))
     caption = f"Records with {words.model(model)} damping. {CHECKS}"
     return stack(heading(words.model(model)), figure, Table.of(names, columns, caption=caption))

@@ -84,20 +84,16 @@ class EstimatesSection(SignalSection):
             rows = rows_of(run.estimates, signal=signal, model=model)
             if not rows:
                 continue
-            models[model] = [_table(run, signal, model, rows)]
-            if is_drawn(run, place):
-                models[model] = [*_drawn(run, signal, model), *models[model]]
-            models[model] += _further_results(run, signal, model) if model == best else []
+            content = models[model] = list[object]()
+            compared = [e for e in estimates_of(run, signal, model) if len(e.methods) + bool(e.posterior) > 1]
+            if compared and is_drawn(run, place):
+                caption = f"Coefficients of {words.model(model)} damping, estimated from the record {signal}. {PANELS}"
+                draw = partial(estimate_panels, compared)
+                content.append(run.drawings.add(f"estimates-{signal}-{model}", caption, draw))
+            content.append(_table(run, signal, model, rows))
+            if model == best:
+                content += _further_results(run, signal, model)
         return by_model(models)
-
-
-def _drawn(run: RunFolder, signal: str, model: str) -> list[object]:
-    """Return the figure of the estimates for one model; an empty list without two values to compare."""
-    compared = [e for e in estimates_of(run, signal, model) if len(e.methods) + bool(e.posterior) > 1]
-    if not compared:
-        return []
-    caption = f"Coefficients of {words.model(model)} damping, estimated from the record {signal}. {PANELS}"
-    return [run.drawings.add(f"estimates-{signal}-{model}", caption, partial(estimate_panels, compared))]
 
 
 def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Table:
@@ -107,7 +103,7 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Tabl
     """
     estimated = {r["parameter"]: words.unit(r["unit"]) for r in rows if r["parameter"]}
     damping = [name for name in coefficients(run, model) if name in estimated]
-    known = {n: truth(run, signal, n) for n in damping}
+    known = {n: true for n in damping if math.isfinite(true := truth(run, signal, n))}
     several = len({r["repeat"] for r in rows}) > 1
 
     def value(rows: Sequence[Row], name: str) -> str:
@@ -138,7 +134,7 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Tabl
     for name in dict.fromkeys([*damping, *estimated]):
         symbol = words.symbol(name).text
         columns[f"{symbol} / {words.divisor(estimated[name])}"] = partial(value, name=name)
-        if math.isfinite(known.get(name, math.nan)) and known[name]:
+        if known.get(name):
             header = f"error of {symbol} / %" if len(damping) > 1 else "error / %"
             columns[header] = partial(error, name=name)
     columns |= {
@@ -146,11 +142,7 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Tabl
         "time": lambda rows: fmt.duration(max(r["seconds"] for r in rows)),
         "outcome": outcome,
     }
-    truths = [
-        f"{words.symbol(n).text} = {fmt.digits(v, n=6)} {estimated[n]}"
-        for n, v in known.items()
-        if math.isfinite(v)
-    ]
+    truths = [f"{words.symbol(n).text} = {fmt.digits(v, n=6)} {estimated[n]}" for n, v in known.items()]
     caption = f"Record {signal}, {words.model(model)} damping{': truth ' * bool(truths)}{fmt.listing(truths)}. {TABLE}"
 
     def kind(rows: Sequence[Row]) -> str:

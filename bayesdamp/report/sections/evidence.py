@@ -48,6 +48,11 @@ ANSWER = (
     "also penalises models that fit badly less than the other methods do. Therefore compare log Bayes factors within "
     "one method only."
 )
+ODDS = (
+    "Posterior probability of each damping model if each term after the first multiplies the model's prior "
+    "probability by the factor in the column's header. The rest of the report uses the factor "
+    f"{fmt.number(FURTHER_TERM, 3)}."
+)
 
 
 class EvidenceSection(SignalSection):
@@ -78,7 +83,14 @@ class EvidenceSection(SignalSection):
             count = len({model for _, model in pruned})
             title = f"Not computed further: {count} model{'s' * (count > 1)}, and why"
             parts.append(collapsible(title, replace(_table(run, signal, left_out), caption=PRUNED)))
-        return stack(*parts, _odds_table(run, signal))
+        ranked = rank_models(run, signal, 0)
+        shares = probabilities_by_odds(ranked) if ranked else {}
+        if ranked and shares:  # else all damping models have the same number of terms
+            columns: dict[str, Callable[[str], str]] = {"damping": words.model}
+            for factor, own in shares.items():
+                columns[f"factor {fmt.number(factor, 3)}"] = lambda d, own=own: fmt.probability(own[d])
+            parts.append(Table.of(ranked.dampings, columns, caption=ODDS))
+        return stack(*parts)
 
 
 def _table(run: RunFolder, signal: str, rows: Sequence[Row]) -> Table:
@@ -110,26 +122,6 @@ def _table(run: RunFolder, signal: str, rows: Sequence[Row]) -> Table:
     captions = [EVIDENCE, ADOPTED * ("combined" in methods), ANSWER * ("smc" in methods)]
     left = (len(columns) - 6, len(columns) - 5, len(columns) - 1)
     return Table.of(sorted(rows, key=rank), columns, left, " ".join(filter(None, captions)), kind)
-
-
-def _odds_table(run: RunFolder, signal: str) -> Table | None:
-    """Return a table of the probabilities of a signal's first repeat for other prior odds of a further term.
-
-    None if all damping models have the same number of terms.
-    """
-    ranked = rank_models(run, signal, 0)
-    shares = probabilities_by_odds(ranked) if ranked else {}
-    if not ranked or not shares:
-        return None
-    columns: dict[str, Callable[[str], str]] = {"damping": words.model}
-    for factor, own in shares.items():
-        columns[f"factor {fmt.number(factor, 3)}"] = lambda d, own=own: fmt.probability(own[d])
-    caption = (
-        "Posterior probability of each damping model if each term after the first multiplies the model's prior "
-        "probability by the factor in the column's header. The rest of the report uses the factor "
-        f"{fmt.number(FURTHER_TERM, 3)}."
-    )
-    return Table.of(ranked.dampings, columns, caption=caption)
 
 
 PLUGIN = EvidenceSection()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -55,19 +55,6 @@ TABLE_CAPTION = (
 )
 
 
-def _population_table(rows: Sequence[Row]) -> Table:
-    """Return a table of the rows of population.csv."""
-    columns: dict[str, Callable[[Row], str]] = {
-        "parameter": lambda r: words.symbol(r["parameter"]).text,
-        "mean (95 %)": lambda r: fmt.with_interval(r["mean"], r["mean_low"], r["mean_high"]),
-        "spread (95 %)": lambda r: fmt.with_interval(r["spread"], r["spread_low"], r["spread_high"]),
-        "one more specimen (95 %)": lambda r: fmt.interval(r["next_low"], r["next_high"]),
-        "unit": lambda r: words.unit(r["unit"]),
-    }
-    caption = POPULATION.format(words.model(rows[0]["model"]), rows[0]["specimens"])
-    return Table.of(rows, columns, (0, 4), caption)
-
-
 class OverviewSection(Section):
     """The section with the verdicts on specimens, all damping curves, and a table of the records with links."""
 
@@ -99,7 +86,17 @@ class OverviewSection(Section):
             if v.coefficients:
                 parts.append(coefficients_table(v.coefficients, COMMON.format(words.model(v.damping))))
         if run.population:
-            parts += [heading("Population of the specimens"), _population_table(run.population)]
+            columns: dict[str, Callable[[Row], str]] = {
+                "parameter": lambda r: words.symbol(r["parameter"]).text,
+                "mean (95 %)": lambda r: fmt.with_interval(r["mean"], r["mean_low"], r["mean_high"]),
+                "spread (95 %)": lambda r: fmt.with_interval(r["spread"], r["spread_low"], r["spread_high"]),
+                "one more specimen (95 %)": lambda r: fmt.interval(r["next_low"], r["next_high"]),
+                "unit": lambda r: words.unit(r["unit"]),
+            }
+            first = run.population[0]
+            caption = POPULATION.format(words.model(first["model"]), first["specimens"])
+            table = Table.of(run.population, columns, (0, 4), caption)
+            parts += [heading("Population of the specimens"), table]
         curves = {a.signal: curve for a in records if (curve := curve_of(a)) is not None}
         if curves:
             unit = next(a.verdict.damping_ratio[0].unit for a in records if a.signal in curves)

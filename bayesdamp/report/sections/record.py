@@ -59,11 +59,8 @@ class RecordSection(SignalSection):
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return notes on the record, and figures of the record and of the most probable fits."""
         repeats = run.repeats(signal)
-        task_result, about, own = (
-            run.task_result("signal", signal, repeats[0]),
-            run.about(signal),
-            run.provenance(signal),
-        )
+        task_result = run.task_result("signal", signal, repeats[0])
+        about, own = run.about(signal), run.provenance(signal)
         notes = list(own.sentences)
         if about.get("epsilon_note") and not only_answered(run):  # the answer compares several widths
             notes.append(str(about["epsilon_note"]))

@@ -83,10 +83,8 @@ def _signals(run: RunFolder) -> Table | str:
 
     def samples(signal: str) -> tuple[str, str]:
         """Return the number of used samples and their duration in s as texts; dashes if no result is stored."""
-        answer, task_result = (
-            answer_of(run, signal),
-            run.task_result("signal", signal, run.repeats(signal)[0]),
-        )
+        answer = answer_of(run, signal)
+        task_result = run.task_result("signal", signal, run.repeats(signal)[0])
         if answer is not None and answer.content.envelope is not None:
             w, t = answer.verdict.window, answer.arrays["t"]
             count, duration = answer.content.envelope.samples, w.stop - w.start if w else float(t[-1] - t[0])
