@@ -45,10 +45,8 @@ def compute_chunk(study: Study, series: str, first: int) -> Product:
         probabilities are NaN, and so is the evidence of models after the first that failed.
     """
     models, began = study.models.compare, time.perf_counter()
-    outcomes, evidence_outcomes = (
-        [OK] * RECORDS_PER_TASK,
-        [[""] * len(models) for _ in range(RECORDS_PER_TASK)],
-    )
+    outcomes = [OK] * RECORDS_PER_TASK
+    evidence_outcomes = [[""] * len(models) for _ in range(RECORDS_PER_TASK)]
     truth = np.zeros(RECORDS_PER_TASK, int)
     design = np.full((RECORDS_PER_TASK, 2), np.nan)
     evidence = np.full((RECORDS_PER_TASK, len(models)), np.nan)

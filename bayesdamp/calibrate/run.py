@@ -41,23 +41,22 @@ DONE, SOME_FAILED = 0, 3
 class RecordSeries:
     """A series of simulated records.
 
-    kind: "ranks" tests the posteriors of one `model`; "recovery" tests the probabilities of all models of the study.
-    records: number of records, which is rounded up to whole tasks.
+    records: number of records, which is rounded up to whole tasks. model: the model whose posteriors are tested; empty
+    if the probabilities of all models of the study are tested.
     """
 
-    kind: str
     records: int
     model: str = ""
 
     @property
     def name(self) -> str:
-        """Name of the series: the kind, followed by a slash and the model if the series has one."""
-        return f"{self.kind}/{self.model}" if self.model else self.kind
+        """Name of the series, such as "ranks/viscous" for a model."""
+        return f"ranks/{self.model}" if self.model else RECOVERY
 
     @property
     def module(self) -> ModuleType:
         """The module that computes the tasks of the series: `ranks` or `recovery`."""
-        return ranks if self.kind == "ranks" else recovery
+        return ranks if self.model else recovery
 
     def task(self, study: Study, first: int) -> tuple[str, str]:
         """Return the name of the task that begins with record number `first`, and its key.
@@ -71,7 +70,7 @@ class RecordSeries:
         sources = [*map(TERMS.source, terms), *map(LAWS.source, laws), *map(NOISES.source, study.noises)]
         sources += [*map(SAMPLERS.source, study.calibration.samplers), EVIDENCES.source("importance")]
         parts = self.module.key_parts(study)
-        key = task_key("calibration", self.kind, self.model, first, parts, sources)
+        key = task_key("calibration", self.name, first, parts, sources)
         return f"{self.name}/{first:06d}", key
 
 
@@ -127,17 +126,17 @@ def run_calibration(
         )
     if models:
         recovery.check(study)
-        every = [RecordSeries(RECOVERY, study.recovery.records)]
+        every = [RecordSeries(study.recovery.records)]
     else:
         ranks.check(study)
         compared = study.compare(study.signals[0])
-        every = [RecordSeries("ranks", study.calibration.records, model) for model in compared]
+        every = [RecordSeries(study.calibration.records, model) for model in compared]
     store = Store(out)
     with store.lock():
         if fresh:
             store.clear()
         results = compute_series(study, every, store, workers, console)
-        failed = [c for chunks in results.values() for c in chunks if is_failed(c)]
+        failed = [c for chunks in results.values() for c in chunks if status_of(c.outcome) is Status.FAILED]
         whole = {name: [c for c in chunks if c.outcome == OK] for name, chunks in results.items()}
         whole = {name: chunks for name, chunks in whole.items() if chunks}
         if whole:
@@ -202,11 +201,6 @@ def compute_series(
     return results
 
 
-def is_failed(result: TaskResult) -> bool:
-    """Return whether the whole task failed by a fault of the program (not only single records)."""
-    return status_of(result.outcome) is Status.FAILED
-
-
 def _compute_task(study: Study, folder: Path, series: RecordSeries, first: int) -> TaskResult:
     """Return the result of a task from the store in `folder`.
 
@@ -215,7 +209,7 @@ def _compute_task(study: Study, folder: Path, series: RecordSeries, first: int) 
     use_modules(study.plugins)
     store, (name, key) = Store(folder), series.task(study, first)
     stored = store.find(name)
-    if stored is None or stored.key != key or is_failed(stored):
-        label = series.model or series.kind
+    if stored is None or stored.key != key or status_of(stored.outcome) is Status.FAILED:
+        label = series.model or RECOVERY
         compute_and_store(store, name, key, lambda: series.module.compute_chunk(study, label, first))
     return store.read(name)

@@ -22,7 +22,7 @@ from bayesdamp.claims.judge import (
     Runs,
     Verdict,
     claim,
-    error_of,
+    initial_error,
     initial_estimate,
     on_clean,
     verdict_of,
@@ -155,10 +155,7 @@ def _generations(runs: Runs) -> Judgement:
 
 @claim(CLAIMS, "PINNs converge when they start from a direct estimate.", "4.5")
 def _pinn(runs: Runs) -> Judgement:
-    errors = {
-        s: error_of(initial_estimate("pinn", "viscous", {"start": s}), "viscous")
-        for s in ("uninformed", "direct")
-    }
+    errors = {s: initial_error("pinn", "viscous", {"start": s}) for s in ("uninformed", "direct")}
     sizes = ", ".join(f"{e:.2g} % from the {s} start" for s, e in errors.items())
     good = errors["direct"] < 1
     tail = " It converges without the direct start too." if good and errors["uninformed"] < 1 else ""
@@ -234,13 +231,8 @@ def _sindy(runs: Runs) -> Judgement:
             if not weak or not strong:
                 continue
             better.append(is_significantly_better(weak, strong))
-            result = (
-                "better"
-                if better[-1]
-                else "worse"
-                if is_significantly_better(strong, weak)
-                else "not significantly different"
-            )
+            worse = is_significantly_better(strong, weak)
+            result = "better" if better[-1] else "worse" if worse else "not significantly different"
             pair = f"{_size(along, 'weak_sindy', level)} against {_size(along, 'sindy', level)}"
             parts.append(f"{words.model(along.model)} {level:g} %: {pair}, {result}")
     if not better:
@@ -254,13 +246,8 @@ def _bound(runs: Runs) -> Judgement:
     parts, good = [], []
     for along in runs.along_noise:
         bounds = along.each.index.get_level_values("value").map(dict(enumerate(along.bounds)))
-        ratios = (
-            (along.each / bounds)
-            .xs("refined", level="stage")
-            .dropna()
-            .groupby("estimator")
-            .agg([rms, "size"])
-        )
+        refined = (along.each / bounds).xs("refined", level="stage").dropna()
+        ratios = refined.groupby("estimator").agg([rms, "size"])
         ratios = ratios["rms"][ratios["size"] >= LEAST_ERRORS]
         if ratios.size:
             good.append(ratios.max() < 1.5)

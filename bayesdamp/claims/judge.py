@@ -235,17 +235,12 @@ def period_drift(damping: str) -> float:
     return float(100 * abs(periods[:half].mean() / periods[half:].mean() - 1))
 
 
-def judge_all(claims: Iterable[Claim], runs: Runs) -> list[tuple[Claim, Judgement]]:
-    """Judge each claim by the results of `runs`, and return pairs (claim, judgement) in the order of the claims."""
-    return [(claim, claim.judge(runs)) for claim in claims]
+def page_of_verdicts(claims: Iterable[Claim], runs: Runs) -> str:
+    """Judge each claim by the results of `runs`, and return the page of claims and verdicts in Markdown.
 
-
-def write_page(judgements: Iterable[tuple[Claim, Judgement]], runs: Runs) -> str:
-    """Return the text of the page of claims and verdicts in Markdown, with the runs on which it is based.
-
-    The page is not written to a file.
+    The page names the runs.
     """
-    judgements = list(judgements)
+    judgements = [(claim, claim.judge(runs)) for claim in claims]
     counts = Counter(judgement.verdict for _, judgement in judgements)
     verdicts = [f"{verdict} {counts[verdict]}" for verdict in get_args(Verdict) if counts[verdict]]
     rows = [(c.text, c.where, j.measured, f"**{j.verdict}**") for c, j in judgements]

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from bayesdamp.calibrate import problem, ranks, recovery, run_calibration
+from bayesdamp.calibrate import problem, ranks, recovery
+from bayesdamp.calibrate.run import run_calibration
 from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.inference.noise import NOISES

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bayesdamp.claims import CLAIMS, Claim, Judgement, judge_all, write_page
+from bayesdamp.claims import CLAIMS
 from bayesdamp.claims.accuracy import PRINTED_TIMES, _best_clean
-from bayesdamp.claims.judge import Runs, initial_error, verdict_of
+from bayesdamp.claims.judge import Claim, Judgement, Runs, initial_error, page_of_verdicts, verdict_of
 from bayesdamp.claims.mechanisms import (
     _nonlinearity_is_the_cause,
     _regression_is_accurate,
@@ -63,7 +63,7 @@ def test_the_page_counts_judgements_and_escapes_bars():
         Claim("a | b", "1", lambda _: Judgement("holds", "x")),
         Claim("c", "2", lambda _: Judgement("does not hold", "y")),
     ]
-    page = write_page(judge_all(claims, NONE), NONE)
+    page = page_of_verdicts(claims, NONE)
     assert "holds 1, does not hold 1." in page
     assert "a \\| b" in page
     assert "**does not hold**" in page

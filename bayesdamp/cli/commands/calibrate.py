@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from bayesdamp.calibrate import run_calibration
+from bayesdamp.calibrate.run import run_calibration
 from bayesdamp.cli import options as o
 from bayesdamp.cli.files import check_folder
 from bayesdamp.cli.runs import read_study

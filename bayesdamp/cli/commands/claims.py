@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from bayesdamp.claims import CLAIMS, judge_all, write_page
-from bayesdamp.claims.judge import TITLE, Runs
+from bayesdamp.claims import CLAIMS
+from bayesdamp.claims.judge import TITLE, Runs, page_of_verdicts
 from bayesdamp.cli.files import check_replaceable
 from bayesdamp.report.results.estimators import error_series
 from bayesdamp.report.results.run import RunFolder
@@ -38,5 +38,5 @@ def claims(
         if not error_series(RunFolder(folder)):
             what = "has no errors for a series of noise levels, sampling rates or lengths (as studies/noise*.toml has)"
             raise InputError(f"--noise {folder}: {what}; give the folder of bayesdamp study noise")
-    write_bytes(out, write_page(judge_all(CLAIMS, runs), runs).encode(errors="replace"))
+    write_bytes(out, page_of_verdicts(CLAIMS, runs).encode(errors="replace"))
     typer.echo(out)
