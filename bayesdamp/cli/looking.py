@@ -154,17 +154,13 @@ def braille_rows(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[
     at = np.minimum(((t - t[0]) / span * wide).astype(int), wide - 1) if span > 0 else np.zeros(t.size, int)
     level = np.minimum(((y - low) / size * high).astype(int), high - 1) if size > 0 else np.zeros(t.size, int)
     canvas = np.zeros((high, wide), bool)
-    last: int | None = None
-    for x in range(wide):
+    last = level[0]
+    for x in np.unique(at):
         values = level[at == x]
-        if values.size == 0:
-            continue
-        bottom, top = int(values.min()), int(values.max())
-        if last is not None:  # extend the range so that it touches the column before it
-            bottom = min(bottom, last + 1) if last < bottom else bottom
-            top = max(top, last - 1) if last > top else top
+        # Extend the range so that it touches the column before it.
+        bottom, top = min(values.min(), last + 1), max(values.max(), last - 1)
         canvas[high - 1 - top : high - bottom, x] = True
-        last = int(values[-1])
+        last = values[-1]
     bits = (canvas.reshape(rows, 4, columns, 2) * _DOTS[None, :, None, :]).sum(axis=(1, 3))
     return ["".join(chr(0x2800 + int(b)) for b in row) for row in bits]
 

@@ -330,7 +330,6 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
     If the file marks its records as runs, the runs of one channel are repeats of one specimen, which has the name of
     the file without its ending, and of the channel if there are several. Other records have no specimen.
     """
-    o = options
     signals = []
     for record in records:
         time, angle = record.raw.columns
@@ -343,13 +342,13 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
                 "file": str(record.path),
                 "time": time,
                 "angle": angle,
-                "rate": o.rate,
+                "rate": options.rate,
                 "unit": record.unit,
                 "quantity": record.quantity,
-                "clock": o.clock,
-                "start": o.start,
-                "stop": o.stop,
-                "time_unit": o.time_unit,
+                "clock": options.clock,
+                "start": options.start,
+                "stop": options.stop,
+                "time_unit": options.time_unit,
                 "label": distinguishing_label(record, records),
                 "specimen": specimen,
             }

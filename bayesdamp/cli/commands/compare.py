@@ -131,7 +131,16 @@ def compare(
                 raise InputError(f"--{name}: does not apply to envelope records; remove it")
         keys = {name: reading[name] for name in ("time", "angle", "rate")} | {"frequency": frequency}
         keys |= {end: o.parse_time(reading[end], f"--{end}") for end in ("start", "stop")}
-        signals, failed = _envelopes(records, reading["unit"], **keys)
+        from bayesdamp.pipeline.envelopes import read_recording  # imports slowly
+
+        def check(path: Path) -> RecordOptions:
+            # Not validated as a [[signal]], because its errors would name keys that the user did not write.
+            unit = reading["unit"]
+            source = Recording.model_construct(file=path.name, path=path.resolve(), unit=unit or "", **keys)
+            read_recording(source, path.name)
+            return {"file": str(path), "unit": unit, "quantity": "envelope", **keys}
+
+        signals, failed = read_each(records, check)
     else:
         if frequency is not None:
             raise InputError("--frequency: applies to envelopes only; give --quantity envelope, or remove it")
@@ -175,37 +184,6 @@ def compare(
     running = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
     running["checked"] = bool(chosen.records) and all(record.signal is not None for record in chosen.records)
     return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **running)
-
-
-def _envelopes(
-    paths: Sequence[Path], unit: str | None, **options: Any
-) -> tuple[list[RecordOptions], list[InputError]]:
-    """Return files of envelopes as entries [[signal]] of a study, and the errors of the files that cannot be read.
-
-    Parameters
-    ----------
-    paths
-        The files.
-    unit
-        Unit of the readings; None to take it from the files.
-    **options
-        Further keys of a [[signal]]: time, angle, rate, frequency, start, stop.
-
-    Raises
-    ------
-    InputError
-        If no file can be read.
-    """
-
-    from bayesdamp.pipeline.envelopes import read_recording  # imports slowly
-
-    def check(path: Path) -> RecordOptions:
-        # Not validated as a [[signal]], because its errors would name keys that the user did not write.
-        source = Recording.model_construct(file=path.name, path=path.resolve(), unit=unit or "", **options)
-        read_recording(source, path.name)
-        return {"file": str(path), "unit": unit, "quantity": "envelope", **options}
-
-    return read_each(paths, check)
 
 
 def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileRecord]:

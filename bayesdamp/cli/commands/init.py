@@ -65,29 +65,17 @@ def study_text(records: Sequence[RecordOptions], out: Path) -> str:
     lines += [
         _line(Header, key, value) for key, value in tables.items() if not isinstance(value, dict | list)
     ]
+    last = ("specimen", "restoring", "system")  # the last keys of a [[signal]]
     for signal in tables["signal"]:
         given = signal | {key: signal.get(key, "auto") for key in ("clock", "start", "stop")}
-        lines += [
-            "",
-            "[[signal]]",
-            *(_line(SignalTable, key, value) for key, value in sorted(given.items(), key=_sort_key)),
-        ]
+        keys = [*(key for key in given if key not in last), *(key for key in last if key in given)]
+        lines += ["", "[[signal]]", *(_line(SignalTable, key, given[key]) for key in keys)]
     for name, (section, what) in _TABLES.items():
         lines += ["", f"# {what}", f"[{name}]"]
         lines += [_line(section, key, value) for key, value in tables[name].items()]
     text = "\n".join(lines) + "\n"
     resolve_study(tomllib.loads(text), out)
     return text
-
-
-def _sort_key(item: tuple[str, Any]) -> int:
-    """Return a sort key for the items (key, value) of a [[signal]] table.
-
-    specimen, restoring and system come last, in this order; all other items get the same sort key (-1), so that they
-    stay in their order before these.
-    """
-    last = ("specimen", "restoring", "system")
-    return last.index(item[0]) if item[0] in last else -1
 
 
 def _line(section: type[StudySection], key: str, value: object) -> str:
