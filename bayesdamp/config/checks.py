@@ -90,13 +90,9 @@ def check_number(raw: object, key: str, *, positive: bool = False, minimum: floa
     A bool is not a number. key: full key of the value, for the message. positive: whether it must be above 0. minimum:
     smallest allowed value.
     """
-    right = (
-        "a positive number"
-        if positive
-        else "a number"
-        if minimum is None
-        else f"a number of at least {minimum:g}"
-    )
+    right = "a positive number" if positive else "a number"
+    if minimum is not None:
+        right += f" of at least {minimum:g}"
     try:
         value = float(raw) if isinstance(raw, int | float) and not isinstance(raw, bool) else math.nan
     except OverflowError:  # an integer of more than 308 digits

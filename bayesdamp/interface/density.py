@@ -120,11 +120,9 @@ class Density(ResultView):
         It is −∞ if the motion grows without bound, and outside the support of the prior.
         """
         x = self._vector(x)
-        return (
-            self._likelihood.log_likelihood_of(self._parameters(x))
-            if np.isfinite(self.log_prior(x))
-            else -np.inf
-        )
+        if not np.isfinite(self.log_prior(x)):
+            return -np.inf
+        return self._likelihood.log_likelihood_of(self._parameters(x))
 
     def log_posterior(self, x: ArrayLike) -> float:
         """Return log prior plus log likelihood at x, (d,), not normalised; −∞ outside the support of the prior."""

@@ -103,13 +103,8 @@ def simulate(
     """
     needed = LAWS.get(restoring, "simulate").parameters
     terms = [TERMS.get(term, "simulate") for term in damping]
-    numbers = (
-        *needed,
-        *START,
-        "noise_time",
-        "noise_dof",
-        *(n for t in terms for n in t.further if n != "rest"),
-    )
+    further = (n for t in terms for n in t.further if n != "rest")
+    numbers = (*needed, *START, "noise_time", "noise_dof", *further)
     for key in parameters:
         if key not in numbers:
             raise InputError(f"simulate: {restoring} has no parameter {key!r}{nearest(key, list(numbers))}")

@@ -160,12 +160,8 @@ def _candidates(study: Study, store: Store) -> Iterator[tuple[StudyCandidate, Ro
 
 def _head(record: StudyRecord, candidate: str) -> Row:
     """Return the columns that name a candidate on a record: signal, repeat, model and restoring."""
-    return {"signal": record.spec.name, "repeat": record.repeat, **_model(record.spec, candidate)}
-
-
-def _model(spec: SignalSpec, candidate: str) -> Row:
-    """Return the columns with the damping sum (`model`) and the restoring law (`restoring`) of a candidate."""
-    return dict(zip(("model", "restoring"), spec.parts(candidate), strict=True))
+    model, restoring = record.spec.parts(candidate)
+    return {"signal": record.spec.name, "repeat": record.repeat, "model": model, "restoring": restoring}
 
 
 def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
