@@ -51,17 +51,17 @@ def digits(value: float, width: float = math.nan, n: int = 4) -> str:
     """Return a value rounded to the second significant digit of `width`, its uncertainty, with "−" and powers of ten.
 
     It is rounded to a whole number if the width is 10 or more. If the width is not positive, or the value is 0, return
-    the value with at most `n` significant digits, as short as possible, and without a power of ten up to 1e9. A dash
-    for NaN.
+    the value with at most `n` significant digits, as short as possible, and without a power of ten up to 1e9. NaN and
+    infinity as `number` returns them.
     """
-    if math.isnan(value):
-        return NONE
+    if not math.isfinite(value):
+        return number(value)
     if not width > 0 or value == 0:
         return _typeset(f"{float(f'{value:.{n}g}'):.9g}")
     places = 1 - math.floor(math.log10(width))
     if abs(value) >= LARGE_NUMBER or (places > MOST_DECIMALS and abs(value) < SMALL_NUMBER):
         return _typeset(f"{value:.{min(max(places + math.floor(math.log10(abs(value))) + 1, 1), 15)}g}")
-    return _typeset(f"{value:.{min(max(0, places), 15)}f}")
+    return fixed_decimals(value, min(max(0, places), 15))
 
 
 NEGLIGIBLE_ERROR = 1e-7
@@ -163,7 +163,7 @@ def _typeset(text: str) -> str:
 
 def percentage(fraction: float) -> str:
     """Return a fraction in per cent with two significant digits, from 10 % on as an integer; without the sign %."""
-    return f"{100 * fraction:.0f}" if 100 * fraction >= 9.95 else f"{100 * fraction:.2g}"
+    return f"{100 * fraction:.0f}" if 100 * fraction >= 9.95 else digits(100 * fraction, n=2)
 
 
 def time_span(start: float, stop: float) -> str:

@@ -155,7 +155,7 @@ class FeatureValues:
 
     rest: median midline of the last half of the turning points (rad or m; 0 for velocity and acceleration).
     amplitude, final_amplitude: displacement amplitude at the first and at the last sample (rad or m).
-    frequency, period: mean over the record, in rad/s and s, weighted by the precision of the midline crossings.
+    frequency, period: mean over the record, in rad/s and s, from a line through the times of its turning points.
     cycles: number of cycles whose turning points stand out of the noise.
     samples_per_cycle: number of samples in a mean period.
     roughness: standard deviation of the noise, in the unit of the recorded quantity.

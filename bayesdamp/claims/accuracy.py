@@ -173,7 +173,7 @@ def _best_clean(comparison: EstimatorComparison) -> Judgement:
         f"Mean initial error, best first: {sizes}. Least squares takes {fmt.duration(seconds.get('least_squares'))} "
         f"for the three records; the fastest is {words.method(fastest)}."
     )
-    parts = (fastest == "least_squares") + bool(means["least_squares"] < 0.01)
+    parts = (fastest == "least_squares") + bool(means.reindex(["least_squares"]).iloc[0] < 0.01)
     return Judgement(("does not hold", "holds in part", "holds")[parts], measured)
 
 

@@ -22,8 +22,7 @@ from bayesdamp.units import UNITS
 
 PRUNE_NATS = 20.0
 """A candidate (a damping sum under a restoring law) is left out if its log evidence is at least this far below the
-largest, in nats: a relative probability of 2e-9. The evidence is that of the answer (by linear approximations), whose
-error is a few nats at most if a posterior is not normal."""
+largest, in nats: a relative probability of 2e-9. The evidence is that of the answer, by linear approximations."""
 SAMPLED_CANDIDATES = 2
 """Number of candidates (damping sums under a restoring law) whose posterior is sampled, the most probable ones."""
 WARMUP, DRAWS = 100, 500

@@ -340,10 +340,13 @@ def _read_published(path: Path) -> tuple[dict[str, str], ...]:
     """
     try:
         reader = csv.DictReader(io.StringIO(read_plain(path, "a CSV file"), newline=""))
-        return tuple({column: row[column] or "" for column in _PUBLISHED} for row in reader)
-    except (InputError, csv.Error, KeyError) as error:
-        what = f"is {show(path.name)}, which cannot be read ({error})"
-        raise StudyError("published", f"{what}; its columns must be {', '.join(_PUBLISHED)}") from None
+        missing, rows = set(_PUBLISHED) - set(reader.fieldnames or ()), list(reader)
+    except (InputError, csv.Error) as error:
+        raise StudyError("published", f"is {show(path.name)}, which cannot be read ({error})") from None
+    if missing:
+        what = f"is {show(path.name)}, which has no column {min(missing)}"
+        raise StudyError("published", f"{what}; its columns must be {', '.join(_PUBLISHED)}")
+    return tuple({column: row[column] or "" for column in _PUBLISHED} for row in rows)
 
 
 def _check_across_tables(study: Study) -> None:

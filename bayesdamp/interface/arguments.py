@@ -55,7 +55,8 @@ def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
         each = map(np.asarray, array.flat) if array.dtype.kind == "O" else (array,)
         for dtype in (a.dtype for a in each if a.dtype.kind in _NOT_NUMBERS):
             right = "give real numbers, and times in s: (t - t[0]) / numpy.timedelta64(1, 's')"
-            raise InputError(f"{what} contains {dtype.type.__name__}; {right}", where)
+            kind = {"S": "text", "U": "text", "m": "times", "M": "dates"}.get(dtype.kind, dtype.type.__name__)
+            raise InputError(f"{what} contains {kind}; {right}", where)
         numbers = np.array(array, float)
     except (TypeError, ValueError):
         raise InputError(f"{what} must be an array of numbers", where) from None
@@ -130,9 +131,10 @@ def check_settings(
 
     Several noise models are returned as a tuple. Raises InputError, which states valid values.
     """
-    named = noise if isinstance(noise, str) else tuple(noise)
+    given = names_given(noise)
+    named = "auto" if given == ("auto",) else given
     read_section(PosteriorTable, {"noise": named, "deviation": deviation, "sensor": sensor}, who)
-    check_plugins(NOISES, () if named == "auto" else names_given(named), f"{who}.noise")
+    check_plugins(NOISES, () if named == "auto" else given, f"{who}.noise")
     return named
 
 

@@ -31,8 +31,8 @@ def choose_candidates(record: StudyRecord) -> tuple[Sequence[str], Sequence[str]
 
     The log evidences of the first answer decide. A candidate is evaluated if it is less than `models.prune` below the
     largest (see `rank_candidates`); the best `posterior.best` of these are sampled. If the study sets neither limit, or
-    the record has no answer, all candidates are evaluated and sampled. With a limit, none is if the outcome of the
-    record is not OK.
+    the record has no answer, all candidates are evaluated and sampled. If a limit is set and the outcome of the record
+    is not OK, no candidate is evaluated or sampled.
     """
     study, names = record.study, record.study.compare(record.spec)
     prune, best = study.models.prune, study.posterior.best

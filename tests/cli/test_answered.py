@@ -28,7 +28,7 @@ def test_posteriors_have_the_truth_and_the_parts_of_their_uncertainty(folder: Pa
     assert 0 <= fit["deviation_low"] <= fit["deviation"] <= fit["deviation_high"]
     assert {r["method"] for r in read_table(folder / "out" / "evidence.csv")} == {"smc"}
     page = (folder / "out" / "report.html").read_text(encoding="utf-8")
-    assert "Sequential Monte Carlo gives this result and confirms that of linear approximations" in page
+    assert "Sampling (sequential Monte Carlo) confirms the result of linear approximations" in page
 
 
 def test_a_quick_comparison_samples_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -65,4 +65,4 @@ def test_a_result_that_cannot_be_written_is_not_a_failed_task(
     with monkeypatch.context() as broken:
         fill_disk(broken, errno.EIO, 1)
         assert main(COMPARE) == 3
-    assert "failed: OSError" in capsys.readouterr().out
+    assert "failed: OSError" in capsys.readouterr().err

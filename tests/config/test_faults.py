@@ -94,7 +94,7 @@ def test_wrong_published_figures_are_refused(tmp_path: Path) -> None:
         (None, "is 'printed.csv', which cannot be read"),
         (
             "estimator,signal\nenvelope,one\n",
-            "is 'printed.csv', which cannot be read ('error_pct'); its columns must be",
+            "is 'printed.csv', which has no column error_pct; its columns must be",
         ),
     ):
         if content is not None:

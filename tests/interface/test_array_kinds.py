@@ -15,9 +15,9 @@ STAMPS = np.datetime64("2024-05-01") + (TIMES * 1e9).astype("timedelta64[ns]")
 REFUSED = {
     "true and false": (TIMES, Y > 0, "y contains bool"),
     "complex": (TIMES, Y + 1j, "y contains complex128"),
-    "text as objects": (TIMES, Y.astype(str).astype(object), "y contains str_"),
-    "bytes": (TIMES.astype("S"), Y, "t contains bytes_"),
-    "dates": (STAMPS, Y, "t contains datetime64; give real numbers, and times in s"),
+    "text as objects": (TIMES, Y.astype(str).astype(object), "y contains text"),
+    "bytes": (TIMES.astype("S"), Y, "t contains text"),
+    "dates": (STAMPS, Y, "t contains dates; give real numbers, and times in s"),
     "masked": (TIMES, np.ma.masked_greater(Y, 0.2), "y has .* masked values"),
     "a table": ({}, Y, "t must be an array of numbers"),
 }

@@ -31,7 +31,9 @@ def claims(
             )
     check_replaceable(out, TITLE)
     runs = Runs(paper, tuple(noise or ()))
-    if runs.compared is not None and (runs.compared.published.empty or runs.compared.errors.empty):
+    if runs.compared is not None and (
+        runs.compared.published.empty or not runs.compared.errors.notna().any(axis=None)
+    ):
         what = "is not a run of the paper's study (studies/paper.toml)"
         raise InputError(f"--paper {paper}: {what}; give the folder of bayesdamp study paper")
     for folder in noise or ():

@@ -26,7 +26,7 @@ from bayesdamp.config.study import (
     SignalTable,
     StudySection,
 )
-from bayesdamp.store.files import save_bytes
+from bayesdamp.store.files import write_bytes
 from bayesdamp.types import InputError
 
 _TABLES: dict[str, tuple[type[StudySection], str]] = {
@@ -118,10 +118,13 @@ def init(
     chosen = select_records(files, options, every=True)
     for line in [*chosen.doubted, *chosen.notes]:
         typer.echo(line, err=True)
-    text = study_text(study_signals(chosen.records, options), out)
+    try:
+        text = study_text(study_signals(chosen.records, options), out)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
     if os.path.lexists(out):
         raise InputError(f"{out}: already exists and is not overwritten; move it away first")
-    save_bytes(out, text.encode())
+    write_bytes(out, text.encode())
     typed = shlex.quote(str(out))
     typer.echo(f"{out} is written; next: bayesdamp check {typed} and bayesdamp study {typed}")
     return 0

@@ -299,7 +299,7 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
                 places = rows["signal"].map({s: at for at, s in enumerate(along)}).rename("value")
                 each = rows.groupby(["estimator", "stage", places, "repeat"])["error_pct"].agg(rms)
                 parameter = next(iter(coefficients(run, model)), "")
-                sizes = [(run.about(s).get("bound") or {}).get(parameter) or math.nan for s in along]
+                sizes = [float((run.about(s).get("bound") or {}).get(parameter) or math.nan) for s in along]
                 true = [abs(truth(run, s, parameter)) or math.nan for s in along]
                 bounds = [100 * size / value for size, value in zip(sizes, true)]
                 runs.append(ErrorSeries(model, factor, list(along.values()), bounds, each))
