@@ -32,14 +32,6 @@ class StudyError(InputError):
     def __init__(self, key: str, what: str) -> None:
         super().__init__(what, key if len(key) <= 80 else f"{key[:50]}...{key[-27:]}")
 
-    def within(self, table: str) -> str:
-        """Return the message for a reader who sees only one table: the key without the leading name of this table.
-
-        In `table` "simulate", for example, the key "simulate.samples" becomes "samples".
-        """
-        key = "" if self.where == table else self.where.removeprefix(f"{table}.")
-        return f"{key}: {self.what}" if key else self.what
-
 
 def join_keys(key: str, name: str) -> str:
     """Return the full key of `name` in the table `key`, such as "simulate.samples"; `name` alone if `key` is empty."""

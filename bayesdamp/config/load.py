@@ -145,13 +145,12 @@ def _read_question(path: Path) -> tuple[dict[str, Any], Path, dict[str, str]]:
         nowhere = (name for name in inputs if not any((f / name).is_file() for f in folders))
         missing = next(nowhere, next(name for name in inputs if not (path.parent / name).is_file()))
         raise StudyError("", f"the input file {missing} of the run is missing; put it next to run.json")
-    changed = ""
+    changed: list[str] = []
     for folder in complete:
-        digests = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in inputs}
-        changed = next((name for name, digest in inputs.items() if digests[name] != digest), "")
+        changed = [n for n in inputs if hashlib.sha256((folder / n).read_bytes()).hexdigest() != inputs[n]]
         if not changed:
             return tables, folder, plugins
-    raise StudyError("", f"{changed} has changed since the run; put the file of the run next to run.json")
+    raise StudyError("", f"{changed[0]} has changed since the run; put the file of the run next to run.json")
 
 
 def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:

@@ -264,7 +264,11 @@ class Fit(Result, Storable):
             If there is no fit.
         """
         wanted = quantity or self.signal.quantity
-        times = check_times(t, wanted)
+        if wanted not in QUANTITIES:
+            raise InputError(f"predict: unknown quantity {wanted!r}{nearest(wanted, list(QUANTITIES))}")
+        times = numbers_of(t, "t", "predict").ravel()
+        if not np.all(np.isfinite(times)):
+            raise InputError("predict: t must be finite times, in s from the first sample")
         if self.law is not None:
             value, sd = predict_approximate(self.law, times, wanted)
         else:
@@ -499,19 +503,6 @@ def tabulate_ratios(
     table["amplitude"] *= own.scale
     table.insert(1, "unit", own.name)
     return table
-
-
-def check_times(t: ArrayLike, quantity: str) -> Vector:
-    """Convert a number or an array of any shape to times, (m,), in the same order; `quantity` is only checked.
-
-    Raises InputError if a time is not a finite number, or the quantity is unknown.
-    """
-    if quantity not in QUANTITIES:
-        raise InputError(f"predict: unknown quantity {quantity!r}{nearest(quantity, list(QUANTITIES))}")
-    times = numbers_of(t, "t", "predict").ravel()
-    if not np.all(np.isfinite(times)):
-        raise InputError("predict: t must be finite times, in s from the first sample")
-    return times
 
 
 def predict_exact(

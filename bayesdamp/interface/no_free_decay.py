@@ -60,7 +60,7 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
     columns = np.column_stack(
         [own.frequencies, ratios, ratios - half, ratios + half, own.first / scale, own.last / scale]
     )
-    modes = tuple(Oscillation(*row, signal.unit) for row in columns.tolist())
+    modes = tuple(Oscillation(*row, unit=signal.unit) for row in columns.tolist())
     first = signal.provenance.start
     duration = float(signal.t[-1] - signal.t[0])
     spread = (modes[0].high - modes[0].low) * modes[0].frequency

@@ -123,7 +123,8 @@ def simulate(
     try:  # validated as a study's own simulation
         source = resolve_signal(entry, {}, Path(), "").source
     except StudyError as error:
-        raise InputError(error.within("simulate"), name) from None
+        key = error.where.removeprefix("simulate").removeprefix(".")
+        raise InputError(f"{key}: {error.what}" if key else error.what, name) from None
     assert isinstance(source, Simulation)
     return Signal.of(simulate_source(source, restoring, source.truth, name, np.random.default_rng(seed)))
 

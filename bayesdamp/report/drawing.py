@@ -58,8 +58,6 @@ LETTERS_PER_INCH, MARK_LETTERS = 12.5, 7
 """Letters per inch of a legend, and the width of an entry's line and gap in letters (both measured)."""
 RIGHT_MARGIN = 0.2
 """Space to the right of the panels of a figure, in inches."""
-DRAWN_GAP = 20.0
-"""A gap in the samples that is longer than this many median sampling intervals is drawn as a gap in the line."""
 LARGEST_SVG = 80_000
 """Largest size in bytes of an SVG that is embedded in the page; larger figures are embedded as PNG."""
 NARROW_WIDTH, LEAST_ZOOM = 440, 0.8
@@ -100,28 +98,6 @@ def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
     """
     longest = max(map(len, labels), default=1)
     return max(1, min(len(labels), most, int(LETTERS_PER_INCH * width / (longest + MARK_LETTERS))))
-
-
-def interrupt_at_gaps(t: np.ndarray, y: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Insert a nan into a line at each long gap of the record, so that the line is interrupted there.
-
-    Parameters
-    ----------
-    t, y
-        Points of the line in the order of time, (n,); they may be a selection of the samples.
-    sampled
-        Times of all samples of the record, ascending, in the unit of t, (m,).
-
-    Returns
-    -------
-    tuple
-        t and y of the line. For each gap that is longer than `DRAWN_GAP` median sampling intervals, a point with
-        y = nan is inserted at the gap's beginning.
-    """
-    gaps = np.diff(sampled)
-    begins = sampled[:-1][gaps > DRAWN_GAP * np.median(gaps)] if gaps.size else sampled[:0]
-    places = np.searchsorted(t, begins, side="right")
-    return np.insert(t, places, begins), np.insert(np.asarray(y, float), places, np.nan)
 
 
 def label_with_plain_numbers(axis: Axis) -> None:

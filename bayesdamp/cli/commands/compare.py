@@ -129,10 +129,11 @@ def compare(
         for name, value in given.items():
             if value:
                 raise InputError(f"--{name}: does not apply to envelope records; remove it")
+        from bayesdamp.pipeline.envelopes import read_recording  # imports slowly
+
         keys: dict[str, Any] = {name: reading[name] for name in ("time", "angle", "rate")}
         keys |= {end: o.parse_time(reading[end], f"--{end}") for end in ("start", "stop")}
         keys["frequency"] = frequency
-        from bayesdamp.pipeline.envelopes import read_recording  # imports slowly
 
         def check(path: Path) -> RecordOptions:
             # Not validated as a [[signal]], because its errors would name keys that the user did not write.

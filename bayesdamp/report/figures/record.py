@@ -18,13 +18,14 @@ from bayesdamp.report.drawing import (
     WIDTH,
     colour,
     fix_margins,
-    interrupt_at_gaps,
     legend_columns,
 )
 from bayesdamp.types import FreeDecay
 
 USED, NOT_USED = "#0072B2", "#56B4E9"
 """Colours of the free decay that is used, and of other free decays."""
+DRAWN_GAP = 20.0
+"""A gap in the samples that is longer than this many median sampling intervals is drawn as a gap in the line."""
 _POINTS = 2000
 """Default number of points to which a line is thinned."""
 
@@ -159,17 +160,21 @@ def draw_raw_record(
 def thin_line(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.ndarray, np.ndarray]:
     """Return a line (t, y) thinned to about `points` points, which include its ends and the extremes of each section.
 
-    At each gap of the samples that is longer than `DRAWN_GAP` median sampling intervals it has a point with
-    y = nan. A line with at most `points` samples is not thinned.
+    t, y: times, ascending, and values, (n,). A line with at most `points` samples is not thinned. At the beginning of
+    each gap that is longer than `DRAWN_GAP` median sampling intervals, a point with y = nan interrupts the line.
     """
     size = -(-len(t) // max(1, points // 2))
-    if size <= 2:
-        return interrupt_at_gaps(t, y, t)
-    blocks = np.pad(y, (0, -len(t) % size), mode="edge").reshape(-1, size)
-    begins = size * np.arange(len(blocks))
-    places = np.unique([begins + blocks.argmin(axis=1), begins + blocks.argmax(axis=1)])
-    places = np.union1d(places, [0, len(t) - 1])
-    return interrupt_at_gaps(t[places], y[places], t)
+    thin_t, thin_y = t, np.asarray(y, float)
+    if size > 2:
+        blocks = np.pad(y, (0, -len(t) % size), mode="edge").reshape(-1, size)
+        begins = size * np.arange(len(blocks))
+        places = np.unique([begins + blocks.argmin(axis=1), begins + blocks.argmax(axis=1)])
+        places = np.union1d(places, [0, len(t) - 1])
+        thin_t, thin_y = t[places], thin_y[places]
+    gaps = np.diff(t)
+    begins = t[:-1][gaps > DRAWN_GAP * np.median(gaps)] if gaps.size else t[:0]
+    at = np.searchsorted(thin_t, begins, side="right")
+    return np.insert(thin_t, at, begins), np.insert(thin_y, at, np.nan)
 
 
 def _zoom(
