@@ -210,13 +210,9 @@ def estimates_of(run: RunFolder, signal: str, model: str) -> list[CoefficientEst
         rows = [r for r in rows if math.isfinite(r["value"])]
         own, refined = ({r["estimator"]: r["value"] for r in rows if r["stage"] == stage} for stage in STAGES)
         unit = str(rows[0]["unit"]) if rows else ""
-        row = summaries.get(parameter)
+        row, true = summaries.get(parameter), truth(run, signal, parameter)
         interval = (row["q2.5"], row["q97.5"]) if row and math.isfinite(row["q2.5"] + row["q97.5"]) else None
-        estimates.append(
-            CoefficientEstimates(
-                signal, model, parameter, unit, truth(run, signal, parameter), own, refined, interval
-            )
-        )
+        estimates.append(CoefficientEstimates(signal, model, parameter, unit, true, own, refined, interval))
     return estimates
 
 

@@ -39,9 +39,8 @@ class PosteriorsSection(SignalSection):
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether posteriors were sampled on a signal."""
-        return any(r["signal"] == signal for r in run.posteriors) or bool(
-            run.task_results("posterior", signal)
-        )
+        has_rows = any(r["signal"] == signal for r in run.posteriors)
+        return has_rows or bool(run.task_results("posterior", signal))
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return figures of the marginal posteriors, and tables of parameters and derived quantities, by model.
@@ -72,9 +71,8 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
     """
     draws: dict[str, dict[str, np.ndarray]] = {}
     units = {r["parameter"]: r["unit"] for r in rows_of(run.posteriors, signal=signal, model=model)}
-    for task_result in sorted(
-        run.task_results("posterior", signal, repeat, model), key=lambda c: c.parts.method != "nuts"
-    ):
+    results = run.task_results("posterior", signal, repeat, model)
+    for task_result in sorted(results, key=lambda c: c.parts.method != "nuts"):
         array = task_result.arrays.get("draws")
         content = PosteriorContent.of(task_result)
         names = content.posterior.names

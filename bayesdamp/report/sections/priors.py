@@ -68,9 +68,8 @@ class PriorsSection(SignalSection):
         default = SharedHalfNormal(per_ratio=1.0).describe()
         is_shared = any(str(prior) == default for table in tables for prior in table.values())
         sentences = [COMPARED, OTHER_FORMS * only_answered(run), COMMON_SCALE * is_shared, WIDE_PRIOR]
-        return stack(
-            paragraph(" ".join(filter(None, sentences))), by_signal(run, self.part, signals), assumed
-        )
+        odds = paragraph(" ".join(filter(None, sentences)))
+        return stack(odds, by_signal(run, self.part, signals), assumed)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return a table of a signal's priors: parameter, meaning, prior in words, and the models that have it."""

@@ -70,8 +70,8 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     caption = "Number of simulated records, by true damping model (rows) and most probable one (columns)."
     confusion = Table(["", *names], lines, caption=caption)
 
-    def fixed(name: str, places: int = 3) -> Callable[[Mapping[str, Any]], str]:
-        return lambda row: fmt.fixed_decimals(row[name], places)
+    def fixed(name: str) -> Callable[[Mapping[str, Any]], str]:
+        return lambda row: fmt.fixed_decimals(row[name], 3)
 
     by_probability: dict[str, Callable[[Mapping[str, Any]], str]] = {
         "probability of the most probable model": lambda b: f"{b['from']:g} to {b['to']:g}",

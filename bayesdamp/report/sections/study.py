@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table, symbols
@@ -43,9 +43,7 @@ class StudySection(Section):
             )
         sentences += _systems(run)
         text = json.dumps(run.study, indent=2, ensure_ascii=False)
-        details = collapsible(
-            "All settings, with their defaults", Markup("<pre>{}</pre>").format(escape(text))
-        )
+        details = collapsible("All settings, with their defaults", Markup("<pre>{}</pre>").format(text))
         return stack(*(paragraph(symbols(sentence)) for sentence in sentences), _signals(run), details)
 
 
