@@ -106,9 +106,8 @@ class Comparison(Result):
         ]
         frame = data_frame(rows, None if rows else _CANDIDATES)
         for name in ("log_evidence", "log_evidence_exact"):
-            if name in frame:
-                frame[name] = frame[name].astype(float)
-                frame[name] -= frame.groupby("record")[name].transform("max")
+            frame[name] = frame[name].astype(float)
+            frame[name] -= frame.groupby("record")[name].transform("max")
         order = ["record", "log_evidence", "log_evidence_exact"]
         return frame.sort_values(order, ascending=[True, False, False], ignore_index=True)
 

@@ -495,9 +495,8 @@ def tabulate_ratios(
     if fit.law is None:
         raise Refusal(NO_RATIO_TABLE if fit.outcome == OK else fit.outcome)
     comparison, own = fit.law.comparison, fit.signal.own_unit.displacement
-    wanted = amplitudes_in_base_unit(amplitudes, comparison, fit.signal.own_unit) or default_amplitudes(
-        comparison
-    )
+    given = amplitudes_in_base_unit(amplitudes, comparison, fit.signal.own_unit)
+    wanted = given or default_amplitudes(comparison)
     ratios = fit.law.ratios(wanted, fit.law.scores if u is None else u, fit.model.sensor)
     table = data_frame(map(asdict, ratios))
     table["amplitude"] *= own.scale
@@ -550,7 +549,6 @@ def predict_approximate(law: Single, times: Vector, wanted: str) -> tuple[Vector
             'the deviations from the law are not known elsewhere; use a Model with deviation="none" to extrapolate'
         )
     grid, at = np.unique(times, return_inverse=True)
-    motions = law.motions(
-        np.concatenate([law.best, law.scores[:: len(law.scores) // BAND_DRAWS]]), grid, wanted
-    )
+    drawn = np.concatenate([law.best, law.scores[:: len(law.scores) // BAND_DRAWS]])
+    motions = law.motions(drawn, grid, wanted)
     return motions[0][at], np.nanstd(motions[1:], axis=0)[at]

@@ -149,9 +149,8 @@ class Posterior(Result, types.Posterior):
         Raises Refusal without draws, and if the fit assumes exact laws.
         """
         self._require_draws()
-        return tabulate_ratios(
-            self.fit, amplitudes, self.u.reshape(-1, self.u.shape[-1]) if self.u.size else None
-        )
+        u = self.u.reshape(-1, self.u.shape[-1]) if self.u.size else None
+        return tabulate_ratios(self.fit, amplitudes, u)
 
     @property
     def log_prior(self) -> Array:
