@@ -207,12 +207,6 @@ def initial_estimate(
     return run(method, signal, problem, options=options, stages=("initial",), seed=SEED)[0]
 
 
-def error_of(estimate: Estimate, damping: str) -> float:
-    """Return the absolute error of an estimated damping coefficient in per cent of `TRUTH`; nan if it has no value."""
-    value = estimate.values.get(TERMS.get(damping).parameter, np.nan)
-    return 100 * abs(value / TRUTH[damping] - 1)
-
-
 def initial_error(
     method: str, damping: str, options: Mapping[str, object] | None = None, **record: Any
 ) -> float:
@@ -220,7 +214,9 @@ def initial_error(
 
     `record` can contain restoring, simulated and assumed. The error is nan if there is no estimate.
     """
-    return error_of(initial_estimate(method, damping, options, **record), damping)
+    estimate = initial_estimate(method, damping, options, **record)
+    value = estimate.values.get(TERMS.get(damping).parameter, np.nan)
+    return 100 * abs(value / TRUTH[damping] - 1)
 
 
 def period_drift(damping: str) -> float:

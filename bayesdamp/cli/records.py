@@ -101,18 +101,6 @@ class ReadingOptions:
         for name in ("start", "stop"):
             object.__setattr__(self, name, parse_time(getattr(self, name), f"--{name}"))
 
-    def read(self, path: Path) -> list[RawRecord]:
-        """Read the selected runs and channels of a file, a record each. Raises InputError if this is not possible."""
-        return read_records(
-            path,
-            time=self.time,
-            value=self.angle,
-            rate=self.rate,
-            runs=self.runs,
-            channels=self.channels or (),
-            time_unit=self.time_unit,
-        )
-
 
 def with_reading_options(command: Callable[..., int]) -> Callable[..., int]:
     """Give a command the options of `ReadingOptions`, which are passed to it as further keyword arguments.
@@ -185,8 +173,16 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
     InputError
         If the file cannot be read.
     """
-    raws, given = options.read(path), options.unit is not None
-    records = []
+    raws = read_records(
+        path,
+        time=options.time,
+        value=options.angle,
+        rate=options.rate,
+        runs=options.runs,
+        channels=options.channels or (),
+        time_unit=options.time_unit,
+    )
+    records, given = [], options.unit is not None
     for raw in raws:
         unit, quantity = unit_or_guess(raw, options.unit, options.quantity)
         doubts = findings(raw, unit, quantity, given)
