@@ -22,7 +22,7 @@ import json, sys
 from pathlib import Path
 import bayesdamp
 from bayesdamp.config import load_study
-from bayesdamp.store import Store
+from bayesdamp.store.results import Store
 from bayesdamp.pipeline.jobs import jobs_of, tasks_of
 assert bayesdamp.__file__.startswith(sys.argv[1])
 study = load_study(sys.argv[2])

@@ -27,8 +27,11 @@ from bayesdamp.pipeline.progress import progress_bar
 from bayesdamp.pipeline.tasks import compute_and_store, task_key
 from bayesdamp.pipeline.workers import open_pool
 from bayesdamp.plugins import use_modules
-from bayesdamp.store import Store, TaskResult, provenance, write_json, write_table
 from bayesdamp.store.contents import RanksContent
+from bayesdamp.store.files import write_json
+from bayesdamp.store.origin import provenance
+from bayesdamp.store.results import Store, TaskResult
+from bayesdamp.store.tables import write_table
 from bayesdamp.types import OK
 
 RECOVERY = "recovery"

@@ -14,8 +14,8 @@ from scipy.stats import binom, binomtest, norm
 from bayesdamp.calibrate import statistics
 from bayesdamp.calibrate.ranks import LIKELIHOOD
 from bayesdamp.config import Study
-from bayesdamp.store import TaskResult
 from bayesdamp.store.contents import ChunkContent, RanksContent, RecoveryContent
+from bayesdamp.store.results import TaskResult
 from bayesdamp.types import OK
 
 LEVELS = (0.5, 0.8, 0.95)

@@ -27,8 +27,9 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.records.envelope.record import EnvelopeRecord
-from bayesdamp.store import DAMPING_CURVES, TaskResult
 from bayesdamp.store.files import save_bytes
+from bayesdamp.store.results import TaskResult
+from bayesdamp.store.tables import DAMPING_CURVES
 from bayesdamp.types import OK, InputError
 from bayesdamp.units import UNITS, Unit, level_unit, unit_named
 from bayesdamp.verdict.parts import Grade, decay_table, ratios_table

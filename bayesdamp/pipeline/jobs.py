@@ -18,8 +18,7 @@ from bayesdamp.pipeline.candidates.tasks import compute, task_keys
 from bayesdamp.pipeline.records import StudyRecord, compute_signal
 from bayesdamp.pipeline.tasks import Make, digest_of
 from bayesdamp.plugins import use_modules
-from bayesdamp.store import Store, TaskResult
-from bayesdamp.store.results import TaskName
+from bayesdamp.store.results import Store, TaskName, TaskResult
 from bayesdamp.types import OK
 
 FAR_IN_ANSWER = Status.PRUNED.because("much less probable than the best model in the answer")

@@ -26,8 +26,9 @@ from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord
-from bayesdamp.store import Store, TaskResult, sha256
 from bayesdamp.store.contents import FeatureValues, RecordContent
+from bayesdamp.store.origin import sha256
+from bayesdamp.store.results import Store, TaskResult
 from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Provenance, Refusal, Signal, System
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit

@@ -22,10 +22,10 @@ from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import run
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import split
-from bayesdamp.store import TABLES, Store, TaskResult, read_table
 from bayesdamp.store.contents import EstimateContent, EvidenceContent, ModeContent, PosteriorContent
 from bayesdamp.store.files import read_description
-from bayesdamp.store.results import TaskName
+from bayesdamp.store.results import Store, TaskName, TaskResult
+from bayesdamp.store.tables import TABLES, read_table
 from bayesdamp.types import OK, InputError
 
 if TYPE_CHECKING:

@@ -35,8 +35,7 @@ from bayesdamp.pipeline.workers import KILLED_OUTCOME, open_pool, restart, run_i
 from bayesdamp.plugins import use_modules
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.sources import package_digest
-from bayesdamp.store import Store, TaskResult
-from bayesdamp.store.results import TaskName
+from bayesdamp.store.results import Store, TaskName, TaskResult
 from bayesdamp.types import InputError
 from bayesdamp.verdict.types import Verdict
 

@@ -20,15 +20,6 @@ from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.evidence import evidence_by_method, probabilities
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.tasks import task_seed
-from bayesdamp.store import (
-    DAMPING_CURVES,
-    POPULATION,
-    TABLES,
-    Store,
-    provenance,
-    write_json,
-    write_table,
-)
 from bayesdamp.store.contents import (
     AnswerContent,
     EstimateContent,
@@ -37,7 +28,10 @@ from bayesdamp.store.contents import (
     RecordContent,
     SampledPosterior,
 )
-from bayesdamp.store.files import SCHEMA
+from bayesdamp.store.files import SCHEMA, write_json
+from bayesdamp.store.origin import provenance
+from bayesdamp.store.results import Store
+from bayesdamp.store.tables import DAMPING_CURVES, POPULATION, TABLES, write_table
 from bayesdamp.types import NORMAL_95, OK, Evidence
 from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
 from bayesdamp.verdict.specimen import pool_coefficients, specimen

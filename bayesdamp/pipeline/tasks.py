@@ -15,9 +15,9 @@ import numpy as np
 from bayesdamp.config import Study
 from bayesdamp.outcomes import Status
 from bayesdamp.sources import code_digest
-from bayesdamp.store import Store, TaskResult
 from bayesdamp.store.contents import Content
 from bayesdamp.store.files import is_disk_full
+from bayesdamp.store.results import Store, TaskResult
 from bayesdamp.types import OK, InputError, Refusal
 
 _CANDIDATE = (

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
 from PIL import Image
 
-from bayesdamp.store import write_bytes
+from bayesdamp.store.files import write_bytes
 from bayesdamp.types import candidate_parts
 
 INK = "#222222"

@@ -11,8 +11,8 @@ from markupsafe import Markup
 from bayesdamp.plugins import has_added_plugins
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import SECTIONS, TEMPLATES, fill
-from bayesdamp.store import write_bytes
 from bayesdamp.store.contents import OtherVersionError
+from bayesdamp.store.files import write_bytes
 from bayesdamp.store.results import claim, remove_listed
 from bayesdamp.types import InputError
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from bayesdamp.formatting import markdown_table
-from bayesdamp.store import provenance, write_bytes, write_json
+from bayesdamp.store.files import write_bytes, write_json
+from bayesdamp.store.origin import provenance
 
 PACKAGES = ("bayesdamp", "jax", "numpy", "scipy", "numba", "numpyro")
 

@@ -17,7 +17,8 @@ from bayesdamp.config.compare import comparison, laws_for
 from bayesdamp.config.load import record_question
 from bayesdamp.pipeline.records import StudyRecord, compute_signal
 from bayesdamp.pipeline.tasks import compute_and_store
-from bayesdamp.store import Store, write_json
+from bayesdamp.store.files import write_json
+from bayesdamp.store.results import Store
 from tests.records.tables import write_table
 
 

@@ -14,8 +14,8 @@ from bayesdamp.cli import main
 from bayesdamp.interface.answer import answer
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.record import RawRecord
-from bayesdamp.store import Store
 from bayesdamp.store.contents import RecordContent
+from bayesdamp.store.results import Store
 from bayesdamp.types import Signal
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Grade, MotionKind

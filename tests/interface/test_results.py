@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import bayesdamp as bd
-from bayesdamp.store import write_json
+from bayesdamp.store.files import write_json
 from bayesdamp.types import InputError
 from bayesdamp.verdict.parts import DampingRatio, Grade
 from bayesdamp.verdict.types import Verdict

@@ -19,8 +19,9 @@ from bayesdamp.pipeline.answering import stored_fit
 from bayesdamp.pipeline.jobs import choose_candidates
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.store import Store, TaskResult, read_table
 from bayesdamp.store.contents import AnswerContent, ComparedCandidate
+from bayesdamp.store.results import Store, TaskResult
+from bayesdamp.store.tables import read_table
 from bayesdamp.types import Evidence, Refusal
 from tests.interface.problems import not_refused
 from tests.studies import ESTIMATED, WEIGHED, study_text, write_study

@@ -13,7 +13,7 @@ from bayesdamp.config import Recording
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.pipeline.jobs import Job, tasks_of
 from bayesdamp.pipeline.records import read_free_decay
-from bayesdamp.store import Store
+from bayesdamp.store.results import Store
 from tests.studies import COMPARED, study_text, write_study
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.store import Store, read_table
+from bayesdamp.store.results import Store
+from bayesdamp.store.tables import read_table
 from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
 
 STUDY = study_text(

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.store import Store, read_table
 from bayesdamp.store.contents import ModeContent
+from bayesdamp.store.results import Store
+from bayesdamp.store.tables import read_table
 from tests.physics.independent import trajectory
 from tests.studies import study_text, write_study
 

@@ -12,8 +12,8 @@ import pytest
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report.results.checks import RecordChecks
 from bayesdamp.report.results.run import RunFolder, probabilities_by_odds, rank_models
-from bayesdamp.store import TaskResult
 from bayesdamp.store.contents import AnswerContent, ModeContent
+from bayesdamp.store.results import TaskResult
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.parts import Coefficient, DampingRatio, Grade, Interval, Rival
 from bayesdamp.verdict.types import Verdict

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.report.render import render
-from bayesdamp.store import Store, TaskResult, write_json
-from bayesdamp.store.results import claim
+from bayesdamp.store.files import write_json
+from bayesdamp.store.results import Store, TaskResult, claim
 from bayesdamp.types import InputError
 from tests.report.pages import Page
 

@@ -14,9 +14,9 @@ from bayesdamp.report.render import render
 from bayesdamp.report.results.estimators import estimates_of
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.terminal import print_conclusion
-from bayesdamp.store import Store, TaskResult, write_json
 from bayesdamp.store.contents import ComparedCandidate
-from bayesdamp.store.results import claim
+from bayesdamp.store.files import write_json
+from bayesdamp.store.results import Store, TaskResult, claim
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval
 from bayesdamp.verdict.types import Verdict
 

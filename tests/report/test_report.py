@@ -14,7 +14,7 @@ from bayesdamp.report.render import render
 from bayesdamp.report.results.run import RunFolder, models_not_pruned
 from bayesdamp.report.sections import SECTIONS
 from bayesdamp.report.terminal import print_conclusion
-from bayesdamp.store import write_json
+from bayesdamp.store.files import write_json
 from tests.report.conftest import RunMaker
 from tests.report.pages import Page, foreign
 

@@ -15,7 +15,6 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 
-from bayesdamp.store import Store, TaskResult
 from bayesdamp.store.contents import (
     AnswerContent,
     ChunkContent,
@@ -23,6 +22,7 @@ from bayesdamp.store.contents import (
     ModeContent,
     RecordContent,
 )
+from bayesdamp.store.results import Store, TaskResult
 from bayesdamp.types import Provenance
 
 PLAIN: dict[type, Iterator[Any]] = {

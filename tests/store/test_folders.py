@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.store import Store, TaskResult, write_bytes
-from bayesdamp.store.files import temporary_path
-from bayesdamp.store.results import MARK_FILE, MARK_TEXT
+from bayesdamp.store.files import temporary_path, write_bytes
+from bayesdamp.store.results import MARK_FILE, MARK_TEXT, Store, TaskResult
 from bayesdamp.types import InputError
 
 CELL = TaskResult("signal/a/0", "k")

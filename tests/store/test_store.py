@@ -13,20 +13,11 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from bayesdamp.store import (
-    TABLES,
-    Store,
-    TaskResult,
-    files,
-    origin,
-    provenance,
-    read_table,
-    sha256,
-    write_bytes,
-    write_json,
-    write_table,
-)
-from bayesdamp.store.files import temporary_path
+from bayesdamp.store import files, origin
+from bayesdamp.store.files import temporary_path, write_bytes, write_json
+from bayesdamp.store.origin import provenance, sha256
+from bayesdamp.store.results import Store, TaskResult
+from bayesdamp.store.tables import TABLES, read_table, write_table
 from bayesdamp.types import InputError
 
 NAME = "estimate/bench/0/viscous+coulomb/least_squares"
@@ -106,7 +97,7 @@ def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
 WRITER = """
 import sys, numpy as np
 from pathlib import Path
-from bayesdamp.store import Store, TaskResult
+from bayesdamp.store.results import Store, TaskResult
 store = Store(Path(sys.argv[1]))
 with store.lock():
     print("locked", flush=True)

@@ -15,7 +15,7 @@ from pathlib import Path
 from bayesdamp.cli.records import ReadingOptions, records_in
 from bayesdamp.formatting import markdown_table
 from bayesdamp.interface.answer import Answer, answer
-from bayesdamp.store import write_table
+from bayesdamp.store.tables import write_table
 from bayesdamp.types import Signal
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict, columns

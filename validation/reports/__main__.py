@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from bayesdamp.store import write_json
+from bayesdamp.store.files import write_json
 from validation.reports.contradictions import contradictions
 from validation.reports.recipes import RECIPES, Recipe
 from validation.reports.stamps import FILE, digest, stale, stamps

@@ -12,7 +12,7 @@ from bayesdamp.claims.judge import TITLE, Runs, page_of_verdicts
 from bayesdamp.cli.files import check_replaceable
 from bayesdamp.report.results.estimators import error_series
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.store import write_bytes
+from bayesdamp.store.files import write_bytes
 from bayesdamp.types import InputError
 
 

@@ -18,7 +18,7 @@ from bayesdamp.interface.simulate import START, simulate as simulate_record
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import read_modules, use_modules
-from bayesdamp.store import write_bytes
+from bayesdamp.store.files import write_bytes
 from bayesdamp.types import InputError
 
 FIRST_LINE = "# simulated by bayesdamp\n"

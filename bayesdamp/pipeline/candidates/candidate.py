@@ -17,8 +17,8 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.answering import ANSWER, stored_fit
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.serial import join
-from bayesdamp.store import Store
 from bayesdamp.store.contents import AnswerContent, ModeContent
+from bayesdamp.store.results import Store
 from bayesdamp.types import OK, InputError, Problem, Refusal
 
 

@@ -25,7 +25,7 @@ from bayesdamp.report.results.run import (
     summary_rows,
     truth,
 )
-from bayesdamp.store import TABLES
+from bayesdamp.store.tables import TABLES
 from bayesdamp.types import OK
 
 Frame = Any

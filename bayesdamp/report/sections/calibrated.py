@@ -18,7 +18,7 @@ from bayesdamp.report import words
 from bayesdamp.report.drawing import FAINT, LOOKS, MUTED, WIDTH
 from bayesdamp.report.results.run import Row, RunFolder, rows_of
 from bayesdamp.report.sections import Section, heading, paragraph, stack
-from bayesdamp.store import read_table
+from bayesdamp.store.tables import read_table
 from bayesdamp.types import OK
 
 EXPLAINED = (

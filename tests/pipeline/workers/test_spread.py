@@ -17,7 +17,7 @@ from bayesdamp.machine import processes
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.pipeline.workers import open_pool, run_in_pool
 from bayesdamp.plugins import use_modules
-from bayesdamp.store import Store
+from bayesdamp.store.results import Store
 from tests.pipeline.workers.test_cluster import local_cluster
 from tests.studies import (
     COMPARED,
