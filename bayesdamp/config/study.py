@@ -347,6 +347,11 @@ class Recording(FileTable):
 
     file: str
     path: Path
+
+    def __hash__(self) -> int:
+        """Return a hash of all fields."""
+        return hash(tuple(self.__dict__.values()))
+
     unit: str = "rad"
 
 
