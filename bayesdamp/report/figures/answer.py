@@ -166,9 +166,8 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
         width = 0.7 if "+" in terms else 1.0
         look = {"color": colour(terms), "ls": dash(terms), "lw": width}
         ax.plot(a, 100 * arrays[name], label=words.model(terms), **look)
-    title = "Equivalent damping ratio, " + (
-        "and each model fitted alone" if laws else "measured without a law"
-    )
+    how = "and each model fitted alone" if laws else "measured without a law"
+    title = f"Equivalent damping ratio, {how}"
     ax.set(title=title, xlabel=f"amplitude / {unit}", ylabel="damping ratio / %", xscale="log")
     ax.set_ylim(0, 1.35 * top or 1.0)  # the top is 0 if nothing is lost
     label_with_plain_numbers(ax.xaxis)
@@ -193,9 +192,8 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
     figure = Figure(figsize=(WIDTH, 3.4))
     ax = figure.subplots()
     few = len(curves) <= MOST_COLOURED
-    for (name, (at, ratio, low, high)), ink in zip(
-        curves.items(), cycle(INKS if few else (MUTED,)), strict=False
-    ):
+    inks = cycle(INKS if few else (MUTED,))
+    for (name, (at, ratio, low, high)), ink in zip(curves.items(), inks, strict=False):
         ax.fill_between(at, 100 * low, 100 * high, color=ink, alpha=0.15 if few else 0.05, lw=0)
         ax.plot(at, 100 * ratio, color=ink, lw=1.4 if few else 0.8, label=name)
     tops = [np.nanmax(curve[1]) for curve in curves.values()]

@@ -485,9 +485,7 @@ def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Tabl
         "record": name,
         "damping": damping,
         "probability": lambda a: fmt.probability(a.verdict.probability),
-        "frequency / Hz": lambda a: (
-            fmt.number(a.verdict.frequency.value, 4) if a.verdict.frequency else fmt.NONE
-        ),
+        "frequency / Hz": lambda a: fmt.number(a.verdict.frequency and a.verdict.frequency.value, 4),
     }
     if len(envelopes) < len(records):
         columns["damping ratio (95 %), amplitude"] = size

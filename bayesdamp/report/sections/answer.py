@@ -89,9 +89,8 @@ class AnswerSection(Section):
     def render(self, run: RunFolder) -> str:
         """Return the verdict on each record; without records, a sentence that says so."""
         if not run.signals:
-            return paragraph(
-                "This folder does not contain any results yet. Run the study with bayesdamp study."
-            )
+            text = "This folder does not contain any results yet. Run the study with bayesdamp study."
+            return paragraph(text)
         return by_signal(run, self.part, run.signals, ANCHOR)
 
     def part(self, run: RunFolder, signal: str) -> Markup:

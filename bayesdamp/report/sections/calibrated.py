@@ -97,11 +97,10 @@ class CalibratedSection(Section):
             "records left out, and why": refused,
         }
         parts: list[object] = [paragraph(claim, "lead"), *map(paragraph, EXPLAINED)]
-        parts += [Table.of(counts, of_model, (0, 5), TRIED)]
+        parts.append(Table.of(counts, of_model, (0, 5), TRIED))
         ranks = _rows(run, "ranks.csv")
-        parts += [
-            _model(run, rows_of(ranks, model=model), rows_of(rows, model=model), model) for model in counts
-        ]
+        for model in counts:
+            parts.append(_model(run, rows_of(ranks, model=model), rows_of(rows, model=model), model))
         return stack(*parts)
 
 
