@@ -217,9 +217,8 @@ def _weak(runs: Runs) -> Judgement:
     if not parts:
         return NO_RUN
     verdict = "holds" if max(worst) <= 2 else "does not hold" if min(best) > 2 else "holds in part"
-    return Judgement(
-        verdict, f"Initial estimates, with the range of ranks that the repeats allow: {'; '.join(parts)}."
-    )
+    measured = f"Initial estimates, with the range of ranks that the repeats allow: {'; '.join(parts)}."
+    return Judgement(verdict, measured)
 
 
 @claim(CLAIMS, "In noise, the weak form is better than SINDy because it uses no derivative.", "3.9")

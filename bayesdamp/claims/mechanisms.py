@@ -81,9 +81,8 @@ def _topological_works_on_springs(runs: Runs) -> Judgement:
         f"is {printed:.3g} %."
     )
     good = max(errors.values()) < 5 and math.isfinite(printed)
-    return Judgement(
-        "holds in part" if good and printed > 10 else "holds" if good else "does not hold", measured
-    )
+    verdict = "holds in part" if good and printed > 10 else "holds" if good else "does not hold"
+    return Judgement(verdict, measured)
 
 
 @claim(CLAIMS, "SINDy: tanh in place of sign reduces the Coulomb error from 11 to 2.2 %.", "3.4, 5.3")

@@ -427,10 +427,8 @@ def expand(signals: list[dict[str, Any]], sweeps: list[Any]) -> list[dict[str, A
     for i, sweep in enumerate(tables, start=1):
         key, values_key = f"sweep[{i}].key", f"sweep[{i}].values"
         head, _, tail = sweep.key.partition(".")
-        valid = (
-            (bool(tail) and "." not in tail) if head in _INNER_TABLES else (head in _FILE_KEYS and not tail)
-        )
-        if not valid:
+        has_one_key = bool(tail) and "." not in tail
+        if not (has_one_key if head in _INNER_TABLES else head in _FILE_KEYS and not tail):
             right = 'it must be like "simulate.noise_sd", "system.gravity" or "start"'
             raise StudyError(key, f"is {show(sweep.key)}, which is not a key of a signal; {right}")
         if not any(_applies(sweep.key, signal) for signal in signals):

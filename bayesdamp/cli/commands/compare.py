@@ -177,11 +177,8 @@ def compare(
 
     folder = out if out is not None else choose_folder(study)
     if folder.name != study.name and out is None and not quiet:
-        before = folder.with_name(study.name)
-        typer.echo(
-            f"{before} contains a run with other records or settings; this run is written to {folder}",
-            err=True,
-        )
+        before = f"{folder.with_name(study.name)} contains a run with other records or settings"
+        typer.echo(f"{before}; this run is written to {folder}", err=True)
     depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
     running = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
     running["checked"] = bool(chosen.records) and all(record.signal is not None for record in chosen.records)

@@ -62,9 +62,8 @@ def study_text(records: Sequence[RecordOptions], out: Path) -> str:
         f"#   bayesdamp study {typed}    to compute it in minutes; with --quick only the answer, in seconds",
         "",
     ]
-    lines += [
-        _line(Header, key, value) for key, value in tables.items() if not isinstance(value, dict | list)
-    ]
+    header = {key: value for key, value in tables.items() if not isinstance(value, dict | list)}
+    lines += [_line(Header, key, value) for key, value in header.items()]
     last = ("specimen", "restoring", "system")  # the last keys of a [[signal]]
     for signal in tables["signal"]:
         given = signal | {key: signal.get(key, "auto") for key in ("clock", "start", "stop")}

@@ -70,8 +70,7 @@ def look(
         for line in view.lines:
             console.print(f"  {line}", markup=False, highlight=False)
         if i < MOST_PLOTS:
-            width = max(
-                NARROWEST_PLOT, min(console.width, 100) - 2
-            )  # the width of a terminal may be reported as 0
+            # The width of a terminal may be reported as 0.
+            width = max(NARROWEST_PLOT, min(console.width, 100) - 2)
             console.print(looking.plot(view.t, view.y, view.window, width))
     return 0
