@@ -28,7 +28,7 @@ from bayesdamp.pipeline.tasks import compute_and_store, task_key
 from bayesdamp.pipeline.workers import open_pool
 from bayesdamp.plugins import use_modules
 from bayesdamp.store.contents import RanksContent
-from bayesdamp.store.files import write_json
+from bayesdamp.store.files import SCHEMA, write_json
 from bayesdamp.store.origin import provenance
 from bayesdamp.store.results import Store, TaskResult
 from bayesdamp.store.tables import write_table
@@ -179,6 +179,7 @@ def _write(study: Study, store: Store, results: Mapping[str, Sequence[TaskResult
         "description": study.description,
         "seed": study.seed,
         "kind": "model recovery" if models else "calibration",
+        "schema": SCHEMA,
         "study": study.resolved(),
         **provenance(),
         "result": summary,

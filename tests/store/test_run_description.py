@@ -11,7 +11,7 @@ import pytest
 import bayesdamp as bd
 from bayesdamp.claims import accuracy
 from bayesdamp.cli import main
-from bayesdamp.store.files import read_description
+from bayesdamp.store.files import SCHEMA, read_description
 from bayesdamp.store.results import MARK_FILE, MARK_TEXT
 from bayesdamp.types import InputError
 
@@ -65,7 +65,7 @@ def test_commands_that_need_a_study_refuse_a_run_of_another_command(
     tmp_path: Path, refused: Callable[..., str]
 ) -> None:
     page = tmp_path / "claims.md"
-    for text in ("{}", '{"kind": "calibration"}', '{"name": "rig"}'):
+    for text in ("{}", f'{{"kind": "calibration", "schema": {SCHEMA}}}', '{"name": "rig"}'):
         folder = written(tmp_path / "run", text)
         for option in ("--paper", "--noise"):
             line = refused("claims", option, str(folder), "--out", str(page))

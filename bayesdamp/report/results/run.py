@@ -18,7 +18,7 @@ from bayesdamp.outcomes import Status, reason_of, status_of
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.store.contents import AnswerContent
-from bayesdamp.store.files import read_description
+from bayesdamp.store.files import SCHEMA, read_description
 from bayesdamp.store.results import Store, TaskName, TaskResult
 from bayesdamp.store.tables import POPULATION, TABLES, read_table
 from bayesdamp.types import OK, InputError, Provenance, candidate_name, candidate_parts, sum_probabilities
@@ -96,6 +96,9 @@ class RunFolder:
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
         self.info = read_description(self.folder)
+        if "kind" in self.info and self.info.get("schema") != SCHEMA:
+            what = "was written by another version of bayesdamp; run the calibration again"
+            raise InputError(f"{self.folder / 'run.json'}: {what}")
         tables: list[list[Row]] = []
         for name, columns in {**TABLES, "population.csv": POPULATION}.items():
             path = self.folder / name
