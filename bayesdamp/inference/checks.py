@@ -10,13 +10,7 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.coordinates.truncated_normal import truncated_near
-from bayesdamp.inference.mode import (
-    ROUGH_LAST_STEP,
-    Mode,
-    covariance_factor,
-    maximise_posterior,
-    value_sds,
-)
+from bayesdamp.inference.mode import ROUGH_LAST_STEP, Mode, covariance_factor, maximise_posterior, value_sds
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NoiseModel
 from bayesdamp.inference.residual_tests import (

@@ -49,12 +49,7 @@ from bayesdamp.verdict.parts import (
     Share,
     UsedWindow,
 )
-from bayesdamp.verdict.specimen import (
-    common_verdict,
-    pool_records,
-    specimen_probabilities,
-    spread_remark,
-)
+from bayesdamp.verdict.specimen import common_verdict, pool_records, specimen_probabilities, spread_remark
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import at_middle, named, sentence, with_interval
 

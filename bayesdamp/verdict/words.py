@@ -9,13 +9,7 @@ from typing import TYPE_CHECKING
 from bayesdamp.formatting import digits, percentage, probability, with_error, with_interval
 from bayesdamp.physics.damping import TERMS, words_of
 from bayesdamp.verdict import thresholds
-from bayesdamp.verdict.parts import (
-    FrequencyAt,
-    Grade,
-    Interval,
-    MotionKind,
-    Oscillation,
-)
+from bayesdamp.verdict.parts import FrequencyAt, Grade, Interval, MotionKind, Oscillation
 from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:

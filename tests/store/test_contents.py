@@ -15,13 +15,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 
-from bayesdamp.store.contents import (
-    AnswerContent,
-    ChunkContent,
-    Content,
-    ModeContent,
-    RecordContent,
-)
+from bayesdamp.store.contents import AnswerContent, ChunkContent, Content, ModeContent, RecordContent
 from bayesdamp.store.results import Store, TaskResult
 from bayesdamp.types import Provenance
 

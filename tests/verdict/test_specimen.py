@@ -10,24 +10,13 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.linear import LEAST_KNOTS, grid_of
-from bayesdamp.inference.deviation.specimen import (
-    Model,
-    RatioLikelihood,
-    RunComparison,
-    compare_runs,
-)
+from bayesdamp.inference.deviation.specimen import Model, RatioLikelihood, RunComparison, compare_runs
 from bayesdamp.inference.model.target import damping_priors
 from bayesdamp.priors import FURTHER_TERM, OTHER_FORMS_COUNT, OTHER_FORMS_ODDS, SharedHalfNormal
 from bayesdamp.types import Reference
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Bound, DampingRatio, Grade, Interval, Share
-from bayesdamp.verdict.specimen import (
-    RecordAnswer,
-    common_verdict,
-    pool_coefficients,
-    pool_records,
-    specimen,
-)
+from bayesdamp.verdict.specimen import RecordAnswer, common_verdict, pool_coefficients, pool_records, specimen
 from bayesdamp.verdict.types import Verdict
 from tests.inference.runs import by_quadrature, run_of
 

@@ -10,12 +10,7 @@ import typer
 from rich.console import Console
 
 from bayesdamp.cli import looking, options as o
-from bayesdamp.cli.records import (
-    ReadingOptions,
-    doubt_lines,
-    records_in,
-    with_reading_options,
-)
+from bayesdamp.cli.records import ReadingOptions, doubt_lines, records_in, with_reading_options
 from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.records.columns import separate_clocks
 from bayesdamp.records.envelope.record import are_envelopes

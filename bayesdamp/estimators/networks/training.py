@@ -16,13 +16,7 @@ import torch
 from torch import Tensor
 from torch.func import jvp
 
-from bayesdamp.estimators.shared import (
-    epsilon_of,
-    oscillator,
-    ratios_per_unit,
-    start_parameters,
-    thin_record,
-)
+from bayesdamp.estimators.shared import epsilon_of, oscillator, ratios_per_unit, start_parameters, thin_record
 from bayesdamp.physics.damping import EXACT
 from bayesdamp.physics.forces import with_names
 from bayesdamp.records.oscillation.features import Features

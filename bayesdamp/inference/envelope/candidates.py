@@ -28,14 +28,7 @@ from bayesdamp.inference.envelope.noise import Noise, whiten_columns
 from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.amplitude import AmplitudeSolver, DecayLaw, PowerLaw
 from bayesdamp.physics.kernel.solve import ALL, Motion
-from bayesdamp.priors import (
-    SCORE_RATIO,
-    SHARED_SCALES,
-    Normal,
-    Prior,
-    SharedHalfNormal,
-    shared_log_density,
-)
+from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, Normal, Prior, SharedHalfNormal, shared_log_density
 from bayesdamp.records.envelope.window import NoiseFloor
 
 KNOTS = 14

@@ -29,15 +29,7 @@ from bayesdamp.inference.envelope.candidates import (
 )
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
 from bayesdamp.numerics.weights import effective_size, normalise
-from bayesdamp.physics.amplitude import (
-    POWERS,
-    SUMS,
-    DecayLaw,
-    Scale,
-    Shape,
-    are_proportional,
-    log_loss,
-)
+from bayesdamp.physics.amplitude import POWERS, SUMS, DecayLaw, Scale, Shape, are_proportional, log_loss
 from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.priors import FURTHER_TERM, SHARED_SCALES, odds
 from bayesdamp.records.envelope.window import ABOVE_FLOOR

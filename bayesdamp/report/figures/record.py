@@ -10,16 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bayesdamp.report import words
-from bayesdamp.report.drawing import (
-    DASHES,
-    FAINT,
-    INK,
-    MUTED,
-    WIDTH,
-    colour,
-    fix_margins,
-    legend_columns,
-)
+from bayesdamp.report.drawing import DASHES, FAINT, INK, MUTED, WIDTH, colour, fix_margins, legend_columns
 from bayesdamp.types import FreeDecay
 
 USED, NOT_USED = "#0072B2", "#56B4E9"

@@ -12,24 +12,12 @@ from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
 from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
-from bayesdamp.report.results.run import (
-    ANCHOR,
-    RecordAnswer,
-    RunFolder,
-    answer_of,
-    no_verdict_sentence,
-)
+from bayesdamp.report.results.run import ANCHOR, RecordAnswer, RunFolder, answer_of, no_verdict_sentence
 from bayesdamp.report.sections import Section, by_signal, collapsible, fill, paragraph
 from bayesdamp.store.contents import ComparedCandidate
 from bayesdamp.types import OK
 from bayesdamp.units import level_unit
-from bayesdamp.verdict.parts import (
-    Coefficient,
-    Grade,
-    decay_table,
-    modes_table,
-    ratios_table,
-)
+from bayesdamp.verdict.parts import Coefficient, Grade, decay_table, modes_table, ratios_table
 from bayesdamp.verdict.words import energy_sentences, noise_sentence
 
 SHAPES = (

@@ -9,19 +9,9 @@ from functools import partial
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.report import words
-from bayesdamp.report.results.estimators import (
-    STAGES,
-    category_of,
-    compare_estimators,
-    printed_error,
-)
-from bayesdamp.report.results.run import (
-    RunFolder,
-)
-from bayesdamp.report.sections import (
-    Section,
-    stack,
-)
+from bayesdamp.report.results.estimators import STAGES, category_of, compare_estimators, printed_error
+from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.sections import Section, stack
 
 ERRORS = (
     "Absolute error of the damping coefficients that each method estimates on each signal, in % of the true values "

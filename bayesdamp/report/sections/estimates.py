@@ -12,28 +12,10 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.report import words
-from bayesdamp.report.figures.estimators import (
-    estimate_panels,
-    force,
-)
-from bayesdamp.report.results.estimators import (
-    estimates_of,
-    true_models,
-)
-from bayesdamp.report.results.run import (
-    Row,
-    RunFolder,
-    coefficients,
-    models_by_rank,
-    rows_of,
-    truth,
-)
-from bayesdamp.report.sections import (
-    SignalSection,
-    by_model,
-    is_drawn,
-    stack,
-)
+from bayesdamp.report.figures.estimators import estimate_panels, force
+from bayesdamp.report.results.estimators import estimates_of, true_models
+from bayesdamp.report.results.run import Row, RunFolder, coefficients, models_by_rank, rows_of, truth
+from bayesdamp.report.sections import SignalSection, by_model, is_drawn, stack
 from bayesdamp.store.contents import EstimateContent
 from bayesdamp.types import OK
 

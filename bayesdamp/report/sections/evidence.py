@@ -20,12 +20,7 @@ from bayesdamp.report.results.run import (
     rank_models,
     rows_of,
 )
-from bayesdamp.report.sections import (
-    SignalSection,
-    collapsible,
-    repeat_column,
-    stack,
-)
+from bayesdamp.report.sections import SignalSection, collapsible, repeat_column, stack
 from bayesdamp.types import OK
 
 EVIDENCE = (

@@ -12,20 +12,10 @@ from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures.answer import MOST_COLOURED, overview
-from bayesdamp.report.results.run import (
-    Row,
-    RunFolder,
-    answers,
-    curve_of,
-    overview_table,
-    specimens,
-)
+from bayesdamp.report.results.run import Row, RunFolder, answers, curve_of, overview_table, specimens
 from bayesdamp.report.sections import Section, heading, paragraph, stack
 from bayesdamp.report.sections.answer import SHAPES, coefficients_table
-from bayesdamp.verdict.parts import (
-    decay_table,
-    ratios_table,
-)
+from bayesdamp.verdict.parts import decay_table, ratios_table
 from bayesdamp.verdict.words import energy_sentences
 
 SPECIMEN_RATIOS = (

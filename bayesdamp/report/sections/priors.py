@@ -7,17 +7,8 @@ from markupsafe import Markup
 from bayesdamp.formatting import Table
 from bayesdamp.priors import FURTHER_TERM, LEAST_SCALE, MOST_SCALE, OTHER_FORMS_ODDS, SharedHalfNormal
 from bayesdamp.report import words
-from bayesdamp.report.results.run import (
-    RunFolder,
-    only_answered,
-)
-from bayesdamp.report.sections import (
-    SignalSection,
-    bullets,
-    by_signal,
-    paragraph,
-    stack,
-)
+from bayesdamp.report.results.run import RunFolder, only_answered
+from bayesdamp.report.sections import SignalSection, bullets, by_signal, paragraph, stack
 
 COMPARED = (
     "All single damping terms have the same prior probability; each further term of a sum multiplies the probability "

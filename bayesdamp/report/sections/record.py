@@ -11,21 +11,8 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.record import ModelFit, draw_raw_record, record
-from bayesdamp.report.results.run import (
-    Row,
-    RunFolder,
-    answer_of,
-    models_not_pruned,
-    only_answered,
-    rows_of,
-)
-from bayesdamp.report.sections import (
-    SignalSection,
-    bullets,
-    is_drawn,
-    paragraph,
-    stack,
-)
+from bayesdamp.report.results.run import Row, RunFolder, answer_of, models_not_pruned, only_answered, rows_of
+from bayesdamp.report.sections import SignalSection, bullets, is_drawn, paragraph, stack
 from bayesdamp.store.contents import RecordContent
 from bayesdamp.types import OK
 

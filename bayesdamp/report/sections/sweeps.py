@@ -6,23 +6,10 @@ from functools import partial
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.figures.estimators import (
-    LOWEST_ERROR,
-    sweep,
-)
-from bayesdamp.report.results.estimators import (
-    FACTORS,
-    error_series,
-    sort_by_category,
-)
-from bayesdamp.report.results.run import (
-    RunFolder,
-)
-from bayesdamp.report.sections import (
-    Section,
-    heading,
-    stack,
-)
+from bayesdamp.report.figures.estimators import LOWEST_ERROR, sweep
+from bayesdamp.report.results.estimators import FACTORS, error_series, sort_by_category
+from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.sections import Section, heading, stack
 
 
 class SweepsSection(Section):

@@ -19,15 +19,7 @@ from bayesdamp.pipeline.workers import open_pool, run_in_pool
 from bayesdamp.plugins import use_modules
 from bayesdamp.store.results import Store
 from tests.pipeline.workers.test_cluster import local_cluster
-from tests.studies import (
-    COMPARED,
-    ESTIMATED,
-    WEIGHED,
-    plugin_source,
-    study_text,
-    tables_of,
-    write_study,
-)
+from tests.studies import COMPARED, ESTIMATED, WEIGHED, plugin_source, study_text, tables_of, write_study
 
 STUDY = study_text(
     ESTIMATED,
