@@ -150,7 +150,7 @@ def _read_question(path: Path) -> tuple[dict[str, Any], Path, dict[str, str]]:
         changed = [n for n in inputs if hashlib.sha256((folder / n).read_bytes()).hexdigest() != inputs[n]]
         if not changed:
             return tables, folder, plugins
-    raise StudyError("", f"{changed[0]} has changed since the run; put the file of the run next to run.json")
+    raise StudyError("", f"{changed[0]} has changed since the run; put its version of then next to run.json")
 
 
 def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:

@@ -146,7 +146,7 @@ class Motions:
 
 @dataclass(frozen=True)
 class DerivedQuantity:
-    """A derived quantity: name, units, and the function that computes it.
+    """A quantity that is computed from the parameters of each draw: its name, units, and the function for it.
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ class DerivedQuantity:
     angular, linear : str
         Units for an angle in rad and for a displacement in m.
     of : callable
-        Function that returns the values for all draws, or None if the quantity does not apply to the model.
+        Function that returns the values for all draws. It returns None if the model has no such quantity.
     """
 
     name: str

@@ -219,10 +219,11 @@ class Fit(Result, Storable):
         return Oscillator(self.model.terms, self.model.restoring)
 
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
-        """Return a table of equivalent damping ratios at amplitudes, with the parts of their sd and 95 % intervals.
+        """Return a table of equivalent damping ratios at several amplitudes, with their uncertainty.
 
         Columns: amplitude, unit (of the amplitude), value (median; a fraction), low and high (ends of the 95 %
-        interval), sd_noise and sd_law. They include the deviation from the law and the linearity error of the sensor.
+        interval), sd_noise (standard deviation due to noise) and sd_law (due to the deviation of the damping from its
+        law). The interval covers both, and the linearity error of the sensor.
 
         Parameters
         ----------
@@ -232,9 +233,9 @@ class Fit(Result, Storable):
         Raises
         ------
         InputError
-            If an amplitude is outside the range of the record by more than a factor of 1.3.
+            If an amplitude is above 1.3 times the largest, or below 1/1.3 of the smallest, in the record.
         Refusal
-            If there is no fit, or if the fit assumes exact laws; use `sample(fit).derived` then.
+            If there is no fit, or if the fit takes the laws as exact; then use `sample(fit).derived`.
         """
         return tabulate_ratios(self, amplitudes)
 

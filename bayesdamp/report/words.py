@@ -31,10 +31,9 @@ _WORDS = {
 
 
 def symbol(parameter: str) -> Symbol:
-    """Return the symbol of a parameter and its meaning.
+    """Return what stands for a parameter in text and in figures, and the meaning of the parameter.
 
-    A parameter without a symbol is written with the words of `_WORDS`, or else with its name, both in text and in
-    figures.
+    It is the parameter's symbol; if it has none, its words in `_WORDS`; if there are none, its name.
     """
     named = parameter_symbol(parameter) or _SYMBOLS.get(parameter)
     text, meaning = _WORDS.get(parameter) or (parameter, meaning_of(parameter))

@@ -298,11 +298,11 @@ def coefficients_of(comparison: SpecimenComparison, damping: str, unit: str) -> 
 
 
 def pool_coefficients(specimens: Sequence[Verdict]) -> list[tuple[Coefficient, PooledMean]]:
-    """Return each damping coefficient of the first specimen, with its mean and spread over all specimens.
+    """Return the mean and spread of each damping coefficient over all specimens, in the order of the first one.
 
-    The list is empty if there are fewer than two specimens, if they do not all have the same named damping and
-    restoring law, or if a coefficient is missing or has another unit. Coefficients of envelopes are relative to
-    amplitudes at their starts, so they are not pooled.
+    The list is empty if there are fewer than two specimens, if their dampings or restoring laws differ or were not
+    named, or if a specimen lacks a coefficient or has it in another unit. Coefficients of envelopes are not pooled,
+    because each is relative to the amplitude at the start of its own envelope.
     """
     models = {(v.damping, v.restoring, v.quantity == "envelope") for v in specimens}
     if (

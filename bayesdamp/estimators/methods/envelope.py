@@ -140,11 +140,10 @@ class _EnvelopeMatch:
         return np.log(self._envelope(y)[self.used]) - self.observed_log
 
     def fit(self, coefficients: np.ndarray, scaled: bool) -> tuple[np.ndarray, float]:
-        """Fit the damping coefficients by bounded least squares, starting from these.
+        """Fit the damping coefficients by bounded least squares, starting from the given values.
 
-        The vector that is searched has the coefficients in units of their start, and, if `scaled`, the factor by which
-        the start of the motion is multiplied. Return the k coefficients in natural units, (k,), and this factor (1.0 if
-        not `scaled`).
+        The search varies the coefficients divided by their starting values and, if `scaled`, a factor on the initial
+        state of the motion. Return the k coefficients in natural units, (k,), and this factor (1.0 if not `scaled`).
         """
         k = coefficients.size
         units = np.maximum(coefficients, coefficients.max() * 1e-3 if k == 1 else 1e-12)

@@ -173,12 +173,11 @@ def residual_squares(
 def predict(
     record: RecordToPredict, library: list[CandidateTerm], x: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """Return the recorded quantity (n, m) that m models predict from start states (m, 2) at the first sample.
+    """Predict the recorded quantity by each of m models, (n, m).
 
-    Model i is θ̈ = −(known force) − Σ x[i, j] · (function j of the library), with x (m, p). A start state is
-    displacement and velocity.
-    Forces that are not damping are interpolated in tables, as functions of θ at θ̇ = 0. Beyond twice the range of the
-    record all forces are constant.
+    Model i is θ̈ = −(known force) − Σ x[i, j] · (function j of the library), with x (m, p). start: displacement and
+    velocity of each model at the first sample, (m, 2). Forces other than damping are read from a table over θ, computed
+    at θ̇ = 0. Where a motion exceeds twice the range of the record, every force keeps its value at this limit.
     """
     t, theta, omega = record.t, record.theta, record.omega
     middle, half = (theta.max() + theta.min()) / 2, np.ptp(theta)

@@ -87,11 +87,11 @@ def power_solver(comparison: ModelComparison, p: float) -> Solver:
 
 
 def exponent_starts(comparison: ModelComparison) -> list[float]:
-    """Return three exponents at which fits may start, limited to the prior.
+    """Return three exponents at which fits may start, each limited to the range of the prior.
 
-    They are the local exponent 1 + d log ζ / d log A of the best candidate at the middle amplitude, with its damping
-    ratio ζ at an amplitude A, then a smaller and a larger one (`ASIDE`). The list is empty if the best candidate has no
-    orbit there or loses no energy.
+    The first is 1 + d log ζ / d log A at the middle amplitude, where ζ(A) is the damping ratio of the best candidate at
+    amplitude A. The others are smaller and larger (`ASIDE`). The list is empty if the best candidate cannot oscillate
+    at this amplitude or loses no energy there.
     """
     best, middle = comparison.best, comparison.data.middle
     solver = comparison.solvers[best.candidate.restoring]

@@ -191,14 +191,15 @@ class IndependentNoise(NoiseModel):
         return (self.log_density(above, p) - self.log_density(below, p)) / (above - below)
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return v / noise_sd, (..., n); for normal noise its sum of squares is the Fisher information about a shift v.
+        """Return v / noise_sd, (..., n), where v is the change of each sample that a unit of a parameter causes.
 
-        v: change of each sample in the unit of the record, (..., n). p: must contain `noise_sd`. gaps has no effect.
+        For normal noise, its sum of squares is the Fisher information about this parameter. v: in the unit of the
+        record, (..., n). p: must contain `noise_sd`. gaps: not used.
         """
         return v / by_sample(p)["noise_sd"]
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return r / noise_sd, (..., n), which is correct for normal noise. gaps has no effect."""
+        """Return r / noise_sd, (..., n), which is correct for normal noise. gaps: not used."""
         return r / by_sample(p)["noise_sd"]
 
 

@@ -75,9 +75,10 @@ class Kernel:
 
 
 def kernel_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> Kernel:
-    """Return the kernel for the named damping terms and restoring laws; its functions are compiled when first called.
+    """Return the kernel, the compiled equation of motion, for the named damping terms and restoring laws.
 
-    Raises Refusal if a term or law has no `kernel`, or if the source of its `kernel` cannot be read.
+    Its functions are compiled at their first call. Raises Refusal if a term or law has no method `kernel`, or if the
+    source code of this method cannot be read.
     """
     return _kernel_of(terms, laws, tuple(map(TERMS.get, terms)), tuple(map(LAWS.get, laws)))
 

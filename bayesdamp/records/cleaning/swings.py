@@ -117,9 +117,9 @@ def _without_holes(marks: Iterable[int], across: np.ndarray) -> list[int]:
 def information(turns: TurningPoints, stretch: tuple[int, int]) -> float:
     """Return a measure of how much information a stretch of half cycles contains about the damping; no unit.
 
-    It is n (0.02 + ln r) for n half cycles. r is the larger of the first two ranges (maximum minus minimum) divided by
-    the smaller of the last two, or 1 if this is less. stretch: index of its first turning point, and that after its
-    last.
+    It is n (0.02 + ln r) for n half cycles. The range of a half cycle is its maximum minus its minimum. r is the larger
+    range of the first two half cycles divided by the smaller range of the last two, but at least 1. stretch: index of
+    its first turning point, and 1 + index of its last one.
     """
     ranges = np.abs(np.diff(turns.values[slice(*stretch)]))
     few = min(2, ranges.size)

@@ -203,7 +203,7 @@ class RunFolder:
 
     @cached_property
     def _repeats(self) -> dict[str, set[int]]:
-        """The numbers of the repeats that have rows in a table or stored results, by signal."""
+        """The repeats (numbered from 0) of each signal that have rows in a table or stored results."""
         pairs = [(row["signal"], row["repeat"]) for row in self._rows]
         pairs += [(place.record, place.repeat) for place in self._places.values()]
         repeats: dict[str, set[int]] = {}

@@ -22,9 +22,9 @@ from bayesdamp.types import OK
 Details = Mapping[str, Any]
 """Further results of an estimator by name, as it stores them."""
 PANELS = (
-    "Each method's own estimate (open circle) and the result of the trajectory fit that starts there (filled circle); "
-    "of several repeats, the first is shown. An arrow with a number: an estimate that is off the axis. Dashed line "
-    "(where the true value is known): the true value. Shaded (where there is a posterior): its 95 % interval."
+    "Open circle: each method's own estimate. Filled circle: the trajectory fit that starts at this estimate. Of "
+    "several repeats, the first is shown. An arrow with a number: an estimate that is off the axis. Dashed line (where "
+    "the true value is known): the true value. Shaded (where there is a posterior): its 95 % interval."
 )
 TABLE = (
     "Estimates by method and stage, with the standard error (±) if the method gives one. The error is absolute, in % "

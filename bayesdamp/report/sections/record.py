@@ -21,12 +21,12 @@ WHOLE = (
     "decays."
 )
 FITTED = (
-    "the used part of the record (grey; time counts from its start) and the fits of the most probable models at their "
+    "the part that is used (grey; time counts from its start), and the fits of the most probable models at their "
     "posterior modes. Top: the best fit. Middle: the first and the last cycles with all fits. Below: the residual of "
     "each fit, the best first, with its root mean square (rms). Right of it, if the noise model whitens the residual: "
     "the autocorrelation of the whitened residual; white noise stays in the grey band (± 2 standard deviations)."
 )
-WITHOUT_FITS = "the used part of the record. Time counts from its start."
+WITHOUT_FITS = "the part of the record that is used. Time counts from the start of this part."
 """Captions of the figures of a record, after its name."""
 NOT_STORED = "The samples of this record are not stored with the run; run the study again."
 
