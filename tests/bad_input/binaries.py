@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 from scipy.io import savemat
 
-from tests.bad_input.case import READ, Case, T, Y, nothing, raw
+from tests.bad_input.case import READ, Case, T, Y, raw
 from tests.records.readers import written
 
 
@@ -124,18 +124,14 @@ DAMAGED: tuple[tuple[str, str, Callable[[Path], object], str], ...] = (
     ("of a link", "a.h5", hdf(lambda file: file.update(x=h5py.ExternalLink("/etc/hostname", "x"))), "no numeric array"),
     ("of 1e6 numbers", "a.npy", partial(header, shape=(10**6,)), "cut off"),
     ("of 1e300 numbers", "a.npy", partial(header, shape=(10**150, 10**150)), ""),
-    ("of no numbers", "a.npy", partial(header, shape=(0,)), ""),
     ("of version 9", "a.npy", raw(b"\x93NUMPY\x09\0" + bytes(200)), ""),
     ("of brackets", "a.npy", raw(b"\x93NUMPY\1\0\xff\xff" + b"(" * 65535), "not readable"),
     ("of values of nan", "a.npz", arrays(t=T, x=Y * np.nan), ""),
-    ("not there", "a.npz", nothing, ""),
     ("of a rate of 0", "a.wav", partial(wav_head, rate=0), ""),
     ("of 65,535 channels", "a.wav", partial(wav_head, channels=65535), ""),
     ("cut off", "a.wav", raw(b"RIFF\x24\0\0\0WAVEfmt "), "not readable"),
-    ("of null", "a.json", as_json("null"), ""),
     ("of 100,000 levels", "a.json", as_json("[" * 10**5 + "]" * 10**5), "not readable"),
     ("of 400 digits", "a.json", as_json({"time": [10**400 + i for i in range(200)], "angle": _Y}), ""),
-    ("of unlike lengths", "a.json", as_json({"time": _T, "angle": [1, 2]}), ""),
     ("of true and false", "a.json", as_json({"time": _T, "angle": [True, False] * 100}), ""),
     ("cut off", "a.json", as_json('{"time": [1, 2'), "not readable"),
     ("cut off", "a.mat", raw(b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM\x0f\0\0\0"), "cut off"),
@@ -143,7 +139,6 @@ DAMAGED: tuple[tuple[str, str, Callable[[Path], object], str], ...] = (
     ("cut off", "a.parquet", raw(b"PAR1" + bytes(60)), "not readable"),
     ("without data", "a.lvm", raw(b"LabVIEW Measurement\t\n"), "has no rows of numbers"),
     ("of a link to elsewhere", "a.tdms", raw(b"TDSm" + b"\xff" * 60), ""),
-    ("of a picture", "a.png", raw(b"\x89PNG\r\n\x1a\n" + bytes(500)), "unknown format"),
 )  # fmt: skip
 
 

@@ -74,12 +74,8 @@ OTHERS = {
     "2,000 levels": f"version = 1\nx = {LEVELS}\n",
     "an integer of 5,000 digits": "version = 1\nseed = " + "9" * 5000 + "\n",
     "a key of 100,000 letters": "version = 1\n" + "k" * 100000 + " = 1\n",
-    "an impossible date": "version = 1\nseed = 2024-02-30\n",
-    "a table that is a list": "version = 1\n[signal]\n[[signal]]\n",
     "an escaping published file": 'published = "../../../etc/passwd"\n' + GOOD,
-    "a published device": 'published = "/dev/zero"\n' + GOOD,
     "a plug-in that is a device": GOOD + '[plugins]\nmodules = ["/dev/zero"]\n',
-    "a plug-in that is not there": GOOD + '[plugins]\nmodules = ["none.py"]\n',
     "a plug-in that is not Python": GOOD + '[plugins]\nmodules = ["a.toml"]\n',
 }
 
@@ -95,7 +91,6 @@ FILES = [
 CASES = [
     *IN_TABLES, *_in_signals(), *_in_system(), *BEYOND, *FILES, *(study(text, name) for name, text in OTHERS.items()),
     Case("a study of random bytes", ("check", "FILE"), "a.toml", raw(bytes(range(256)) * 9), "text in UTF-8"),
-    Case("a study that does not exist", ("check", "none.toml"), line="; give"),
     study(" " * (17 * 2**20), "a study of 17 MiB", "it has more than 16 MiB"),
     Case("a study of blanks", ("check", "FILE"), "a.toml", raw(b"\n \n" * 99), "is empty"),
 ]  # fmt: skip

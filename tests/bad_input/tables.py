@@ -14,11 +14,9 @@ from tests.bad_input.case import READ, REFUSED, Case, T, Y, raw, rows, text
 LOOK = ("look", "FILE", "--time", "1", "--angle", "2")
 
 NOT_NUMBERS = {
-    "a word": "abc", "not a number": "nan", "minus infinite": "-Infinity", "a formula": "=A1+1",
-    "an exponent of digits": "1e" + "9" * 300, "5,000 digits": "9" * 5000, "a picture sign": "\U0001f600",
-    "a percentage": "5%", "an escape": "\x1b[31m", "a long word": "x" * 100000,
+    "a word": "abc", "not a number": "nan", "minus infinite": "-Infinity", "a long word": "x" * 100000,
+    "an exponent of digits": "1e" + "9" * 300, "5,000 digits": "9" * 5000, "an escape": "\x1b[31m",
     "an impossible date": "2024-13-01T00:00:00", "an impossible time zone": "2024-01-01T00:00:00+99:99",
-    "a time of 60 min": "10:60:00",
 }  # fmt: skip
 """Cells without a number."""
 
@@ -32,9 +30,9 @@ def all_times(path: Path, cell: str) -> None:
 
 
 CELLS = [
-    Case(f"{name} in {where}", LOOK, write=partial(write, cell=cell))
+    Case(f"{name} in {where}", LOOK, write=partial(write, cell=cell), line=line)
     for name, cell in NOT_NUMBERS.items()
-    for where, write in (("a value", one_value), ("all times", all_times))
+    for where, write, line in (("a value", one_value, "a.csv: line 102: "), ("all times", all_times, ""))
 ]
 """One bad value is reported with its line; a column of bad times is not read as times."""
 
@@ -43,6 +41,7 @@ MARKS = [
          line="4 values are -9999, far from all others"),
     Case("a single outlier of nines", LOOK, write=partial(rows, y=lambda i: -9999 if i == 7 else Y[i]),
          statuses=(READ,)),
+    Case("an empty cell in place of a sample", LOOK, write=partial(one_value, cell=""), statuses=(READ,)),
     Case("a study as a record", ("compare", "FILE"), "a.toml", text("[system]"), line="bayesdamp study"),
     Case("quick and exact", ("compare", "FILE", "--quick", "--exact"), write=rows, line="only one of them"),
 ]  # fmt: skip
@@ -50,18 +49,15 @@ MARKS = [
 _LINES = [f"{t},{y}" for t, y in zip(T, Y)]
 TEXTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "empty": (raw(b""), "is empty"),
-    "a mark of UTF-8 alone": (raw(b"\xef\xbb\xbf"), "nothing but blanks"),
     "zeros": (raw(bytes(5000)), "nothing but blanks"),
     "a head": (text("time,angle\n"), ""),
     "an open quote": (text('time,angle\n"' + "\n".join(_LINES)), ""),
     "a letter": (text("Dear Sir or Madam,\nthank you for the pendulum.\n" * 30), ""),
     "random bytes": (raw(np.random.default_rng(27).bytes(5000)), ""),
-    "3 samples": (partial(rows, n=3), ""),
     "values of 1e308": (partial(rows, y=lambda i: 1e308 * np.cos(i)), "not a measurement"),
     "values of 1e-300": (partial(rows, y=lambda i: 1e-300 * np.cos(i)), "too little"),
     "times of 1e100": (partial(rows, t=lambda i: 1e100 * i), "right column"),
     "times of 1e-300": (partial(rows, t=lambda i: 1e-300 * i), "no instrument resolves"),
-    "impossible dates": (partial(rows, t=lambda i: f"2024-02-30T10:00:{i % 60:02d}"), "is not a number"),
     "a constant": (partial(rows, y=lambda i: 2.5), "constant"),
     "times that stand still": (partial(rows, t=lambda i: 1.0), ""),
     "times that go back": (partial(rows, t=lambda i: -T[i]), ""),
@@ -86,14 +82,4 @@ NAMES = [
     for form in FORMATS
 ]
 
-MISSING = [
-    *(Case(f"{cell[:20]} in place of a sample", LOOK, write=partial(one_value, cell=cell), line=line)
-      for cell, line in (
-          ("NA", "a.csv: line 102: "), ("nan", "a.csv: line 102: "), ("---", "correct it or leave the row out"),
-          ("x" * 100000, "correct it or leave the row out"),
-      )),
-    Case("an empty cell in place of a sample", LOOK, write=partial(one_value, cell=""), statuses=(READ,)),
-]  # fmt: skip
-"""Marks of missing samples are refused with a remedy; a row with an empty cell is left out."""
-
-CASES = [*CELLS, *MISSING, *MARKS, *WRONG, *NAMES]
+CASES = [*CELLS, *MARKS, *WRONG, *NAMES]
