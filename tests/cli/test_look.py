@@ -18,7 +18,6 @@ from bayesdamp.pipeline.records import read_raw
 from bayesdamp.types import InputError
 from tests.records.tables import T, Y, write_table
 from tests.report.pages import numbers
-from tests.studies import study_text
 
 NOISE = np.random.default_rng(4).normal(0, 0.01, T.size)
 
@@ -162,21 +161,15 @@ def test_a_file_without_a_free_decay_is_refused(tmp_path, capsys) -> None:
     assert not (tmp_path / "out").exists()
 
 
-STUDY = study_text(
-    system='restoring = "linear", stiffness = "free", rest_angle = "free", theta0 = "free", omega0 = "free"',
-    name="third",
-    file="rig.csv",
-    unit="deg",
-)
-
-
 def test_a_study_selects_a_run_and_a_channel(tmp_path) -> None:
-    runs(tmp_path / "rig.csv")
-    for keys in ('run = 3\nchannel = "Angle, left (deg)"', 'run = "3"\nchannel = "angle, LEFT"', "run = 3"):
-        (tmp_path / "a.toml").write_text(STUDY + keys, encoding="utf-8")
-        source = load_study(tmp_path / "a.toml").signals[0].source
-        assert isinstance(source, Recording)
-        np.testing.assert_allclose(read_raw(source).y, 30 * Y, atol=1e-6)
+    file = str(runs(tmp_path / "rig.csv"))
+    for keys in (
+        {"run": 3, "channel": "Angle, left (deg)"},
+        {"run": "3", "channel": "angle, LEFT"},
+        {"run": 3},
+    ):
+        (signal,) = comparison([{"file": file, **keys}]).signals
+        np.testing.assert_allclose(read_raw(signal.source).y, 30 * Y, atol=1e-6)
 
 
 def levels(path: Path, head: str) -> Path:

@@ -28,7 +28,6 @@ PRINTED = 'version = 1\npublished = "printed.csv"'
 FAULTS = {
     # the file as a whole
     "empty": ("", "is empty; a study starts with version = 1"),
-    "syntax": ("version = 1\nname =\n", "line 2, column 7: is not TOML"),
     "no version": (SYSTEM + SIGNAL, "version: is missing; it must be 1"),
     "top key": (swap("version = 1", "version = 1\nseeds = 3"), "seeds: unknown key; did you mean 'seed'?"),
     "no signal": ("version = 1\n" + SYSTEM, "signal: is missing; a study has at least one [[signal]]"),
@@ -40,9 +39,7 @@ FAULTS = {
     # priors
     "no prior": (swap("20.0", "{ mean = 1 }"), "system.stiffness: names no prior; it must be a table such as"),
     "prior missing": (swap("20.0", '{ prior = "normal", mean = 1 }'), "stiffness.sd: is missing; it must be a num"),
-    "prior order": (swap("20.0", '{ prior = "uniform", low = 2, high = 1 }'), "system.stiffness: low (2) must be below high (1)"),
     "negative noise": (swap("omega0", 'noise_sd = { prior = "uniform", low = -1, high = 1 }\nomega0'), "system.noise_sd: is uniform(low -1, high 1), which allows values below zero"),
-    "negative term": (GOOD + '[models]\nprior = { viscous = { prior = "normal", mean = 1, sd = 1 } }\n', "models.prior.viscous: is normal(mean 1, sd 1), which allows values below zero; it must be"),
     # [[signal]]
     "signal key": (GOOD + "fiel = 3\n", "signal[one].fiel: unknown key; did you mean 'file'?"),
     "neither": ("version = 1\n" + SYSTEM + '[[signal]]\nname = "x"\n', "signal[x]: has neither simulate nor file"),
@@ -59,9 +56,6 @@ FAULTS = {
     "no noise_sd": (swap(", noise_sd = 0.003", ""), "signal[one].simulate: noise_sd is missing; a simulation needs"),
     "free": (swap("20.0", '"free"'), "signal[one].simulate: stiffness is missing; a simulation needs the true value"),
     "no rest": (swap("viscous", "stiffness = -20.0, viscous"), "signal[one].simulate: the law linear has no stable equilibrium within 10 of 0.3 rad; choose"),
-    "no rest in metres": (swap("viscous", "stiffness = -20.0, viscous").replace("samples = 100", 'samples = 100, unit = "m"'), "linear has no stable equilibrium within 10 of 0.3 m; choose"),
-    "no known rest": (swap("20.0", "-20.0"), "signal[one].system: stiffness = -20: it must be above 0 under the law linear"),
-    "no spring": (swap("20.0", "0.0").replace('"linear"', '"pendulum"'), "signal[one].system: stiffness = 0: it must be above 0 under the law pendulum"),
     "no rest under another law": (swap('"linear"', '"duffing"').replace("20.0", "-20.0").replace("rest_angle = 0.0", "rest_angle = 0.0\ncubic = 50.0") + '[models]\nrestoring = ["pendulum"]\n', "signal[one].system: stiffness = -20: it must be above 0 under the law pendulum"),
     # a file
     "no file": (rig(old='"rig.csv"', new='"rg.csv"'), "signal[rig].file: 'rg.csv' does not exist; paths are relative to"),
@@ -75,10 +69,11 @@ FAULTS = {
     "options": (GOOD + "[estimators]\nenvelope = 3\n", "estimators.envelope: is 3; it must be a table"),
     "repeats": (GOOD + "[estimators]\nrepeats = { envelop = 2 }\n", "estimators.repeats.envelop: unknown key; did you mean 'envelope'?"),
     "variant of": (GOOD + VARIANT.replace('"sindy"\nswitch', '"sindi"\nswitch'), "estimators.by_sign.variant_of: unknown estimator 'sindi'"),
-    "variant of 3": (GOOD + VARIANT.replace('"sindy"\nswitch', "3\nswitch"), "estimators.by_sign.variant_of: is 3; it must be an estimator's name"),
     "variant's name": (GOOD + VARIANT.replace("[estimators.by_sign]", "[estimators.koopman]"), "estimators.koopman: is the name of an estimator"),
     "variant of nothing": (GOOD + VARIANT.replace('variant_of = "sindy"\n', ""), "by_sign"),
     "model sum": (GOOD + '[models]\ncompare = ["viscous+viscous"]\n', "models.compare: is 'viscous+viscous'; it must be a sum of different terms"),
+    "another law": (GOOD + '[models]\nrestoring = ["linear", "dufing"]\n', "did you mean 'duffing'"),
+    "another law's": (GOOD.replace("omega0", "cubic = 1.0\nomega0") + '[models]\nrestoring = ["linear", "pendulum"]\n', "cubic"),
     "sampler": (GOOD + '[posterior]\nsamplers = ["nut"]\n', "unknown sampler 'nut'; did you mean 'nuts'?"),
 }  # fmt: skip
 """A study, and a part of the line that names the key."""

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from bayesdamp.config import Study, load_study
-from bayesdamp.priors import HalfNormal, Normal
+from bayesdamp.priors import HalfNormal
 from tests.config.studies import FILE_SIGNAL, GOOD, SIGNAL, SYSTEM, write
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
@@ -43,17 +43,9 @@ MEANINGS: dict[str, tuple[str, Callable[[Study], Any], Any]] = {
         ("study", ("viscous", "coulomb", "quadratic"), ("initial", "refined"), ("nuts", "emcee"),
          ("importance", "bridge")),
     ),
-    "known values": (
-        GOOD, lambda s: dict(s.signals[0].system.known),
-        {"stiffness": 20.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0},
-    ),
     "known in a signal's own system": (
         f"version = 1\n{FREE}{OWN_SYSTEM}",
         lambda s: dict(s.signals[0].system.known), {"stiffness": 20.0, "theta0": 0.3},
-    ),
-    "free, or with a prior": (
-        f"version = 1\n{FREE}{OWN_SYSTEM}", lambda s: dict(s.signals[0].system.free),
-        {"rest_angle": Normal(mean=0.1, sd=1), "omega0": None, "noise_sd": None},
     ),
     "scales of the system": (
         f"version = 1\n{FREE}{OWN_SYSTEM}",
@@ -86,13 +78,9 @@ MEANINGS: dict[str, tuple[str, Callable[[Study], Any], Any]] = {
         lambda s: (truths(s, "rest_angle"), s.signals[1].system.known["rest_angle"]),
         ([("one-rest_angle-m0p1", -0.1), ("one-rest_angle-0p2", 0.2)], 0.2),
     ),
-    "all is seven": (GOOD + '[models]\ncompare = "all"\n', lambda s: len(s.models.compare), 7),
-    "an empty list switches a stage off": (
-        GOOD + "[estimators]\nuse = []\n[posterior]\nsamplers = []\n[evidence]\nmethods = []\n",
-        lambda s: (s.estimators.use, s.posterior.samplers, s.evidence.methods), ((), (), ()),
-    ),
     "the documentation's example": (
-        PAGE.split("```toml\n")[1].split("```")[0], lambda s: (s.name, s.posterior.noise), ("rig", "auto"),
+        PAGE.split("```toml\n")[1].split("```")[0], lambda s: (s.name, s.noises),
+        ("rig", ("correlated", "gaussian", "quantised", "student_t")),
     ),
     "a signal's own models": (
         "version = 1\n" + SYSTEM + SIGNAL + OWN_MODELS + SIGNAL.replace('"one"', '"two"'),

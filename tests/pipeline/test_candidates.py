@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from functools import partial
 from itertools import product
 from types import SimpleNamespace
 from typing import cast
@@ -23,7 +22,6 @@ from bayesdamp.store.contents import AnswerContent, ComparedCandidate
 from bayesdamp.store.results import Store, TaskResult
 from bayesdamp.store.tables import read_table
 from bayesdamp.types import Evidence, Refusal
-from tests.interface.problems import not_refused
 from tests.studies import ESTIMATED, WEIGHED, study_text, write_study
 
 LAWS = ("linear", "duffing")
@@ -35,19 +33,6 @@ TWO_LAWS = study_text(
     name="swing",
     system='restoring = "linear", stiffness = 20.0, cubic = 1.0, theta0 = 0.3, omega0 = 0.0, epsilon = 0.05',
 )
-
-
-def test_a_wrong_law_is_refused_in_one_line(tmp_path) -> None:
-    """Control: a record in metres, which both laws allow."""
-    laws, metres = '["linear", "duffing"]', TWO_LAWS.replace("samples = 300", 'samples = 300, unit = "m"')
-    pendulum = metres.replace(", cubic = 1.0", "").replace('"duffing"', '"pendulum"')
-    wrong = {
-        "did you mean 'duffing'": TWO_LAWS.replace(laws, '["linear", "dufing"]'),
-        "cubic": TWO_LAWS.replace(laws, '["linear", "pendulum"]'),
-        "a translation, but the restoring law pendulum needs an angle": pendulum,
-    }
-    assert not_refused((partial(write_study, tmp_path, text), line) for line, text in wrong.items()) == []
-    assert write_study(tmp_path, metres)
 
 
 def test_every_damping_is_fitted_under_every_law_with_its_own_known_parameters(tmp_path) -> None:

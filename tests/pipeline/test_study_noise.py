@@ -49,10 +49,6 @@ def test_a_noise_model_that_does_not_suit_the_record_is_refused(tmp_path):
     assert "The answer uses the noise model" not in report
 
 
-def test_auto_means_every_noise_model(tmp_path):
-    assert study(tmp_path, '"auto"').noises == ("correlated", "gaussian", "quantised", "student_t")
-
-
 FRICTION = study_text(
     "estimators = { use = [] }",
     'models = { compare = ["coulomb", "viscous+coulomb"] }',

@@ -31,16 +31,6 @@ def test_thinning_keeps_the_extremes():
     assert np.all(np.diff(at) > 0)
 
 
-def test_the_record_of_an_acceleration_is_labelled_as_one() -> None:
-    t = np.linspace(0.0, 1.0, 50)
-    arrays = {name: np.cos(t) for name in ("record", "fit", "residual")} | {"t": t}
-    arrays |= {name: 1 + t for name in ("amplitude", "ratio", "low", "high", "work/viscous")}
-    labels = [ax.get_ylabel() for ax in answer(arrays, "m", "viscous", "acceleration / (m/s²)").axes]
-    record = "acceleration / (m/s²)"
-    assert labels == [record, "damping ratio / %", record, "energy lost / (m²/s²)"]
-    assert [ax.get_ylabel() for ax in answer(arrays, "m", "viscous", "").axes][::2] == ["m", "m"]
-
-
 def labels_inside(figure: Figure) -> bool:
     FigureCanvasAgg(figure).draw()
     width, height = figure.bbox.size

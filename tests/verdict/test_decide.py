@@ -135,6 +135,7 @@ SURE = {"viscous": thresholds.TERM_SURE, "coulomb": 0.6, "quadratic": 0.0}
         ({"unexplained": thresholds.REMARK}, {"unexplained": thresholds.REMARK - TINY}, "explained neither by"),
         ({"midline": -0.0123}, {"midline": 0.5 * thresholds.MIDLINE}, "The midline drifts by 1.2 % of the first"),
         ({"cycles": cycles_of(0.29)}, {"cycles": cycles_of(0.31)}, "hard to distinguish"),
+        ({"undetermined": ("rest_angle",)}, {"undetermined": ()}, "rest angle; its interval is just the prior"),
         (
             {"inseparable": (("zeta", "mu_q"),)}, {"inseparable": ()},
             "Only a combination of the coefficient of viscous damping and the coefficient of quadratic (drag) damping",
@@ -263,27 +264,6 @@ def test_a_frequency_that_the_restoring_law_contradicts_is_the_measured_one() ->
     assert (verdict.decided, verdict.contradicted, verdict.frequency) == (True, False, None)
     assert "frequency 0.720000 ± 0.000100 Hz at 0.03 rad" in verdict.sentence
     assert any("contradicts the measured frequency" in remark for remark in verdict.remarks)
-
-
-def test_reservations_precede_other_remarks() -> None:
-    """Another damping under exact laws, a twin, what is not determined, a shallow decay, a small misfit; then facts."""
-    verdict = verdict_of(
-        damping={"viscous": 0.97, "coulomb": 0.03},
-        damping_if_exact={"coulomb": 0.6, "viscous": 0.4},
-        term={"viscous": 1.0, "coulomb": 0.03, "quadratic": 0.01, "structural": 0.02},
-        bound={"coulomb": 0.05, "quadratic": 0.02, "structural": 0.45},
-        undetermined=("rest_angle",),
-        cycles=cycles_of(0.1),
-        unexplained=0.02,
-        midline=0.004,
-        exponent=Quantity(1.0, 0.9, 1.1),
-        notes=["Given a note."],
-    )
-    parts = [
-        "exactly, Coulomb", "from structural", "rest angle; its interval is just the prior", "falls by only 10 %",
-        "A residual of 2 %", "drifts by 0.4 %", "Given a note", "which is viscous",
-    ]  # fmt: skip
-    assert all(part in line for part, line in zip(parts, verdict.remarks, strict=True))
 
 
 def test_the_fall_of_the_amplitude_follows_from_the_damping_ratio() -> None:

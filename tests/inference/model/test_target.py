@@ -13,7 +13,6 @@ from scipy import stats
 from bayesdamp.inference.model.likelihood import Likelihood
 from bayesdamp.inference.model.target import Target, build_target, default_prior
 from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import (
     SHARED_SIGMAS,
     HalfNormal,
@@ -185,33 +184,6 @@ def test_the_linearised_motion_is_exact_in_parameters_in_which_the_motion_is_lin
     for at, linear in ((start, True), (stiff, False)):
         along, exact = likelihood.gradient_along(line, at), likelihood.gradient(at)[1]
         assert (along[2:] == pytest.approx(exact[2:], rel=1e-5)) is linear
-
-
-def test_a_step_is_straight_in_the_natural_coordinates_of_the_law():
-    """Its end is that of the line with the step's initial direction. Control: a step that is straight in scores ends
-    elsewhere. For a law without natural coordinates steps are straight in scores."""
-    t = np.linspace(0, 5, 60)
-    law = LAWS.get("horizontal_pendulum")
-    names = (*law.parameters, "theta0")
-    osc = Oscillator(("viscous",), "horizontal_pendulum")
-    priors: dict[str, Prior] = {"zeta": HalfNormal(scale=0.4)}
-    priors |= {n: default_prior(n, osc, "gaussian", REFERENCE, FEATURES) for n in names}
-    target = Target(Signal(t, np.cos(t)), osc, "gaussian", priors, {"omega0": 0.0, "noise_sd": 0.1})
-    z = target.scores({"stiffness": 18.0, "gravity": 2.0, "spring_angle": 0.02, "theta0": 0.3})
-    step = np.linspace(0.1, 0.4, z.size)
-
-    def natural(at: np.ndarray) -> np.ndarray:
-        coordinates = law.natural({n: float(v) for n, v in target.values(at).items()})
-        return np.array([coordinates[n] for n in names])
-
-    end, d = target.follow_step(z, step), 1e-5
-    expected = natural(z) + (natural(z + d * step) - natural(z - d * step)) / (2 * d)
-    assert natural(end) == pytest.approx(expected, rel=1e-4, abs=1e-4)
-    assert end[0] == z[0] + step[0]  # of the damping
-    assert natural(z + step) != pytest.approx(expected, rel=1e-3, abs=1e-3)
-    likelihood, other = sharing()
-    straight = 0.1 * np.ones(other.size)
-    assert likelihood.target.follow_step(other, straight) == pytest.approx(other + straight, abs=1e-12)
 
 
 def test_scores_and_values_are_inverse_functions():

@@ -63,14 +63,6 @@ def test_the_variance_of_correlated_noise_is_its_power_at_the_frequency_of_the_s
     assert noise.variance(np.ones(T.size), np.cos(frequency * T), GAPS) == pytest.approx(power, rel=0.05)
 
 
-def test_gaussian_noise_gives_plain_least_squares():
-    """Its variance is that of every sample, and its working residuals are the residuals."""
-    noise, r = FittedNoise("gaussian", {"noise_sd": 0.3}), np.sin(7 * T) + 0.1
-    variance = noise.variance(r, np.cos(4 * T), GAPS)
-    assert variance == pytest.approx(0.09, rel=1e-6)
-    np.testing.assert_allclose(noise.working_residuals(r, GAPS, variance), r, rtol=1e-6)
-
-
 def student(r: np.ndarray, sd: np.ndarray, dof: np.ndarray) -> np.ndarray:
     """Return the log densities of residuals (n,) for scales and degrees of freedom of the same shape."""
     return np.asarray(stats.t.logpdf(r, dof[..., None], scale=sd[..., None]).sum(axis=-1))

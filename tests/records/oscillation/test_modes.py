@@ -69,15 +69,6 @@ def test_a_nonlinear_oscillator_is_not_several_even_if_no_law_fits(
     assert find_other_motion(t, y, PERIOD, no_law_fits=True) is None
 
 
-def test_weak_beats_are_recognised_only_if_no_law_fits() -> None:
-    """Negative control: more than two modes."""
-    beats = sum_of((0.3, 1.0, 0.01), (0.02, 1.06, 0.01))
-    assert find_other_motion(*beats, PERIOD) is None
-    assert find_other_motion(*beats, PERIOD, no_law_fits=True).kind == "beats"
-    three = sum_of((0.3, 1.0, 0.01), (0.02, 1.08, 0.01), (0.01, 2.0, 0.01), noise=0.001)
-    assert find_other_motion(*three, PERIOD, no_law_fits=True) is None
-
-
 @pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.slow)])
 def test_no_record_of_the_validation_is_several(every: int) -> None:
     """When the thresholds were set, there was no false alarm in 120 records with another seed."""
