@@ -23,7 +23,6 @@ Y = 0.3 * np.exp(-0.05 * T) * np.cos(4.47 * T)
 REFUSED: dict[str, Callable[[], object]] = {
     "read: path is int; it must be a path": lambda: ANY.read(3),
     "read: unknown argument 'vlaue'; did you mean 'value'": lambda: ANY.read("rig.csv", vlaue=2),
-    "read: rate is str; it must be a number, in Hz": lambda: ANY.read("rig.csv", rate="100"),
     "features: signal is ndarray; it must be a Signal": lambda: ANY.features(Y),
     "signal: give times and values, signal(t, y), or values alone": lambda: ANY.signal(T),
     "Model: missing a required argument: 'damping'": lambda: ANY.Model(),
@@ -31,8 +30,6 @@ REFUSED: dict[str, Callable[[], object]] = {
     "compare: give one signal": lambda: ANY.compare(3),
     "signal: give times or rate, not both": lambda: ANY.signal(T, Y, rate=25.0),
     "signal: rate is 0; it must be a number of Hz": lambda: ANY.signal(Y, rate=0),
-    "plot: unknown argument 'axes'; did you mean 'ax'": lambda: bd.signal(T, Y).plot(axes=None),  # type: ignore[call-arg]
-    "save: missing a required argument: 'path'": lambda: MODEL.save(),  # type: ignore[call-arg]
     "load: unknown argument 'recrd'; did you mean 'record'": lambda: ANY.Verdict.load("x", recrd="a"),
 }
 

@@ -144,17 +144,11 @@ def test_records_of_one_specimen_share_a_damping(tmp_path: Path) -> None:
 
 REFUSED: list[tuple[dict, str]] = [
     ({"damping": ["viscuos"]}, "viscous"),
-    ({"restoring": "pendulm"}, "unknown restoring law 'pendulm'; did you mean 'pendulum'"),
-    ({"deviation": "no"}, 'it must be "auto", "none" or "law"'),
     ({"known": {"stifness": 20.0}}, "did you mean 'stiffness'"),
     ({"known": {"cubic": 1.0}, "restoring": "linear"}, r"known\.cubic: unknown key"),
     (
         {"known": {"stiffness": -4.0}, "restoring": "pendulum"},
         "stiffness = -4: it must be above 0 under the law pendulum",
-    ),
-    (
-        {"known": {"stiffness": 0.0}},
-        "stiffness = 0: it must be above 0 under the law linear",
     ),
     ({"priors": {"visc": bd.HalfNormal(0.1)}}, "did you mean 'viscous'"),
     ({"sensor": -1.0}, "0 to below"),

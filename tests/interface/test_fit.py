@@ -119,7 +119,6 @@ REFUSED: dict[str, Callable[[], object]] = {
     "must be a Posterior or a Fit": lambda: bd.evidence(record()),  # type: ignore[arg-type]
     "did you mean 'nuts'": lambda: bd.sample(fit(), "nut"),
     "sample.draws: is 1; it must be a whole number from 10 to 10,000,000": lambda: bd.sample(fit(), draws=1),
-    "did you mean 'bridge'": lambda: bd.evidence(fit(), "brige"),
     "did you mean 'koopman'": lambda: bd.estimate(record(), "kopman", MODEL),
     "t must be finite times": lambda: fit().predict([np.nan]),
     "did you mean 'angle'": lambda: fit().predict([1.0], "angel"),

@@ -42,14 +42,12 @@ CLEAR: dict[str, tuple[dict[str, np.ndarray], str, str]] = {
     "residuals of a fit": (
         {"t": T, "x": Y, "r": 0.2 * np.exp(-0.07 * T) * (np.cos(6 * T) - np.cos(6.8 * T))}, "t", "x",
     ),
-    "times in two units": ({"Time (s)": T, "Time (ms)": 1000 * T, "x": Y}, "Time (s)", "x"),
 }  # fmt: skip
 ONLY_CHOICE = (
     "two columns",
     "sample numbers first",
     "times last",
     "a switch and a constant",
-    "times in two units",
 )
 """Tables in which only one column is a motion, so that the choice needs no explanation."""
 
@@ -67,7 +65,6 @@ def test_a_clear_choice_is_made_and_explained(tmp_path: Path, case: str) -> None
 
 UNCLEAR: dict[str, tuple[dict[str, np.ndarray], bool, str]] = {
     "two motions": ({"t": T, "x": Y, "y": OTHER}, True, "'x', 'y' may each be the record; give the name"),
-    "two motions without names": ({"t": T, "x": Y, "y": OTHER}, False, "2, 3 may each be the record"),
     "channels without a unit": ({"t": T, "ch1": Y, "ch2": OTHER}, True, "or of several channels"),
     "two motions without times": ({"x": Y, "y": OTHER}, True, "may each be the record"),
     "only times": ({"t": T}, True, "has only one column, and it contains the times"),
@@ -179,7 +176,6 @@ PAIRS = [
     ["Time A (s)", "A (mm)", "Time B (s)", "B (mm)"],
     ["Time A", "A", "Time B", "B"],
     ["t1", "x1", "t2", "x2"],
-    ["Timed", "with", "Timed", "without"],
     ["", "", "", ""],
 ]
 

@@ -22,18 +22,14 @@ NO_RUN = {
     '{"name": "rig", "stu': "cannot be read",
     DEEP: "cannot be read",
     "[]": "does not describe a run",
-    "3": "does not describe a run",
-    "null": "does not describe a run",
     '{"schema": 1}': "was written by another version of bayesdamp",
 }
 NO_STUDY = [
     "{",
-    "[]",
     "{}",
     '{"asked": {"tables": {}}, "inputs": [1]}',
     '{"asked": {"tables": {}}, "study": {"plugins": 3}}',
     '{"asked": {"tables": {}}, "study": {"plugins": [{}]}}',
-    DEEP,
 ]
 
 

@@ -82,14 +82,9 @@ BAD = {
     "one repeated": (TWICE, {}, "repeats"),
     "bursts as logged": (np.floor(T / 0.1) * 0.1, {"clock": "as_logged"}, "cannot use"),
     "pause between bursts": (PAUSE, {}, "pause"),
-    "no times, no rate": (None, {}, "rate in Hz"),
     "one time": (np.zeros(1000), {}, "all times are 0"),
-    "clock": (T, {"clock": "atomic"}, "unknown clock 'atomic'"),
-    "unit": (T, {"unit": "inch"}, "unknown unit 'inch'"),
-    "quantity": (T, {"quantity": "jerk"}, "unknown quantity 'jerk'"),
     "start": (T, {"start": 11.0}, "start = 11 s is outside the record"),
     "word": (T, {"stop": "end"}, "stop must be"),
-    "order": (T, {"start": 5.0, "stop": 4.0}, "must be before"),
     "short": (T, {"start": 5.0, "stop": 5.05}, "at least 10"),
 }
 
