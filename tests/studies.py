@@ -13,7 +13,7 @@ ESTIMATED = 'estimators = { use = ["least_squares"], stages = ["initial"] }'
 COMPARED = 'models = { compare = ["viscous", "quadratic"] }'
 WEIGHED = "posterior = { samplers = [] }\nevidence = { methods = ['laplace'], referee = 'never' }"
 
-PLUGINS = {"cubic_drag": "howto/own-term.md", "soft_spring": "extending.md"}
+PLUGINS = {"cubic_drag": "howto/own-term.md", "soft_spring": "extending.md", "thinning": "extending.md"}
 """Names of plug-ins, and the pages of docs/ that define them."""
 
 

@@ -15,30 +15,12 @@ from bayesdamp.physics.damping import parse_model
 from bayesdamp.records.envelope.record import EnvelopeRecord, make_record
 from bayesdamp.types import InputError
 from tests.records.tables import write_table
+from tests.studies import plugin_source
 from validation.truth.turning_points import FORCES, FREQUENCY, OMEGA, readings, turning_points
 
 SUMS = tuple(
     map(parse_model, ["viscous", "coulomb", "quadratic", "viscous+quadratic", "viscous+coulomb", "cubic"])
 )
-THINNING = '''
-from bayesdamp.physics.damping import DampingTerm
-
-
-class Thinning(DampingTerm):
-    """F = c v / (1 + |v|/0.35)."""
-
-    name = "thinning"
-    parameter = "c_thinning"
-    unit = "1/s"
-    words = "thinning"
-
-    @staticmethod
-    def kernel(x, v, epsilon):
-        return v / (1.0 + abs(v) / 0.35)
-
-
-PLUGIN = Thinning()
-'''
 
 
 def envelope(force, seed: int, unit: str = "rad") -> EnvelopeRecord:
@@ -75,9 +57,9 @@ def written(path, unit: str = "rad") -> str:
 
 
 def test_a_user_s_own_term_is_compared(tmp_path, capsys, refused):
-    """Its force depends on a velocity, so that amplitudes in volts are refused."""
+    """Amplitudes in volts are refused if its force depends on a fixed velocity."""
     plugin, out = tmp_path / "thinning.py", tmp_path / "out"
-    plugin.write_text(THINNING)
+    plugin.write_text(plugin_source("thinning"))
     options = ["--quantity", "envelope", "--frequency", str(OMEGA / 2 / np.pi), "--plugin", str(plugin)]
     assert main(["compare", written(tmp_path / "r.csv"), *options, "--out", str(out)]) == 0
     (item,) = json.loads((out / "verdict.json").read_text())
@@ -89,6 +71,7 @@ def test_a_user_s_own_term_is_compared(tmp_path, capsys, refused):
     assert [float(row["thinning"])] == [e["probability"] for e in item["energy"] if e["term"] == "thinning"]
     assert "thinning" in (out / "report.html").read_text()
     capsys.readouterr()
+    plugin.write_text(plugin_source("thinning").replace("/ thinning_velocity", "/ 0.35"))
     message = refused("compare", written(tmp_path / "v.csv", "V"), *options, "--out", str(tmp_path / "no"))
     assert "depends on the amplitude in rad or m" in message
     assert not (tmp_path / "no").exists()
