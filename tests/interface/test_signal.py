@@ -97,18 +97,6 @@ def test_a_file_that_is_not_the_result_is_refused(tmp_path: Path) -> None:
         bd.Fit.load(record().save(tmp_path / "signal"))
 
 
-def test_a_file_of_several_runs_is_a_record_of_several_runs(tmp_path: Path) -> None:
-    head = ",".join(f"Time (s) Run #{i},Angle (deg) Run #{i}" for i in (1, 2, 3))
-    path = write_table(tmp_path / "logger.csv", head, TIMES, EXACT, TIMES, 2 * EXACT, TIMES, 3 * EXACT)
-    logger = bd.read(path)
-    assert (logger.runs, logger.unit) == ((1, 2, 3), "deg")
-    sizes = np.array([np.ptp(signal.y) for signal in logger.signals()])
-    assert sizes / sizes[0] == pytest.approx([1, 2, 3], rel=1e-2)
-    assert [raw.run for raw in bd.read(path, runs="1,3").raw] == ["1", "3"]
-    with pytest.raises(bd.InputError, match="has no run 4; its runs are"):
-        logger.signal(4)
-
-
 def test_releases_are_the_free_decays_of_each_run(tmp_path: Path) -> None:
     """Run 1 is released at 0 and at 40 s, run 2 never."""
     t = np.arange(1600) / 20
@@ -117,6 +105,8 @@ def test_releases_are_the_free_decays_of_each_run(tmp_path: Path) -> None:
     head = "Time (s) Run #1,x (m) Run #1,Time (s) Run #2,x (m) Run #2"
     logger = bd.read(write_table(tmp_path / "a.csv", head, t, decays + noise[0], t, noise[1]))
     assert list(logger.releases) == [1, 2]
+    with pytest.raises(bd.InputError, match="has no run 4; its runs are"):
+        logger.signal(4)
     assert logger.releases[2] == ()
     (first, _), (second, last) = logger.releases[1]
     assert first < 2

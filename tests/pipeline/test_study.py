@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import math
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -142,21 +140,3 @@ def test_a_simulated_record_without_an_oscillation_is_refused_and_the_others_are
     assert signals["noisy"]["outcome"] == "ok"
     # Every simulated record has a bound, whether it shows an oscillation or not.
     assert signals["short"]["bound"]["zeta"] > signals["noisy"]["bound"]["zeta"] > 0
-
-
-IMPORTS = """
-import sys
-from pathlib import Path
-from bayesdamp.config import load_study
-from bayesdamp.pipeline.run import run_study
-assert run_study(load_study(sys.argv[1]), Path(sys.argv[2]), workers=1) == 0
-print(sorted({name.partition(".")[0] for name in sys.modules} & {"torch", "pysindy", "pyoperon", "gudhi", "optax"}))
-"""
-
-
-def test_a_study_imports_only_the_libraries_that_its_methods_need(tmp_path):
-    text = QUICK.replace('"least_squares"', '"least_squares", "sindy"').replace("['laplace']", "[]")
-    write_study(tmp_path, text)
-    command = [sys.executable, "-c", IMPORTS, str(tmp_path / "study.toml"), str(tmp_path / "out")]
-    process = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert process.stdout.strip() == "['pysindy']"

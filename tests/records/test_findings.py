@@ -61,21 +61,6 @@ def test_a_doubt_is_reported_if_and_only_if_there_is_one(tmp_path: Path, case: s
 
 
 @pytest.mark.parametrize(
-    ("head", "message", "option"),
-    [
-        ("t,disp (1e-3 m)", "'1e-3 m', is not a unit of displacement", {"unit": "mm"}),
-        ("t (1e-3 s),angle", "'1e-3 s', is not known", {"time_unit": "ms"}),
-    ],
-)
-def test_python_refuses_an_unknown_unit_and_names_the_option(tmp_path: Path, head, message, option) -> None:
-    path = write_table(tmp_path / "a.csv", head, T, Y)
-    with pytest.raises(bayesdamp.InputError, match=message) as caught:
-        bayesdamp.read(path)
-    assert f"{next(iter(option))}=" in str(caught.value)
-    assert bayesdamp.read(path, **option).signal().t.size > 100
-
-
-@pytest.mark.parametrize(
     ("name", "size", "unit"),
     [
         ("angle", 1, "rad"), ("angle", 50, "deg"), ("", 50, "deg"), ("voltage", 50, "counts"),

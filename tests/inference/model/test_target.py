@@ -166,12 +166,6 @@ def test_the_curvature_is_the_information_of_the_linearised_motion_of_the_noise_
     assert np.abs(information - expected)[0, 0] > 0.01 * prior[0, 0] > 0
 
 
-def test_whitened_residuals_are_those_in_units_of_the_sd():
-    likelihood, z = sharing()
-    residual, sd = likelihood.residual(z), likelihood.target.all_values(z)["noise_sd"]
-    assert likelihood.whitened(residual, z) == pytest.approx(residual / sd, rel=1e-12)
-
-
 def test_the_linearised_motion_is_exact_in_parameters_in_which_the_motion_is_linear():
     """The motion of a linear oscillator is linear in its start, but not in its stiffness, which is the control."""
     t = np.linspace(0, 5, 60)
