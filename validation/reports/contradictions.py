@@ -95,11 +95,9 @@ def of_study(folder: Path) -> list[str]:
                 truth = true_ratio(oscillator, r["amplitude"] * RADIANS[r["unit"]])
                 what = f"damping ratio at {r['amplitude']:.3g} {r['unit']}"
                 ratios.append((record, what, r["low"], r["high"], truth))
-    tables = (
-        pd.DataFrame(ratios, columns=INTERVAL),
-        pd.DataFrame(_posteriors(folder, signals), columns=INTERVAL),
-    )
-    return [*wrong, *(sentence for table in tables for sentence in misses(table))]
+    for intervals in (ratios, _posteriors(folder, signals)):
+        wrong += misses(pd.DataFrame(intervals, columns=INTERVAL))
+    return wrong
 
 
 def oscillator_of(signal: Mapping[str, Any]) -> Oscillator | None:
@@ -107,11 +105,8 @@ def oscillator_of(signal: Mapping[str, Any]) -> Oscillator | None:
 
     None if it has a term or law that `validation.truth` does not contain.
     """
-    truth, damping, law = (
-        signal["source"]["truth"],
-        signal["source"]["damping"],
-        signal["system"]["restoring"],
-    )
+    truth, damping = signal["source"]["truth"], signal["source"]["damping"]
+    law = signal["system"]["restoring"]
     if not set(damping) <= set(COEFFICIENTS) or law not in LAWS:
         return None
     return Oscillator(
