@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bayesdamp.outcomes import Status, following, reason_of, status_of
+from bayesdamp.outcomes import Status, reason_of, status_of
 
 
 def test_status_and_reason_are_read_from_an_outcome() -> None:
@@ -16,10 +16,3 @@ def test_status_and_reason_are_read_from_an_outcome() -> None:
 @pytest.mark.parametrize("outcome", ["", "no oscillation", "the search failed: it ended"])
 def test_a_sentence_without_a_status_is_a_refusal(outcome: str) -> None:
     assert (status_of(outcome), reason_of(outcome)) == (Status.REFUSED, outcome)
-
-
-def test_a_task_that_depends_on_a_failed_one_names_it() -> None:
-    outcome = following("mode/a/0/viscous", Status.FAILED.because("ValueError: x"))
-    assert outcome == "not computed: mode/a/0/viscous failed: ValueError: x"
-    assert status_of(outcome) is Status.NOT_COMPUTED
-    assert following("mode/a/0/viscous", "no oscillation") == "no oscillation"

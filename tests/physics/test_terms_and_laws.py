@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from bayesdamp.physics.damping import GIVEN, TERMS, DampingTerm, median, parse_model
+from bayesdamp.physics.damping import GIVEN, TERMS, DampingTerm, median
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS, RestoringLaw
-from bayesdamp.types import InputError
 from tests.physics.independent import LAWS, restoring
 
 GRID = np.linspace(-0.6, 0.7, 57)
@@ -141,13 +140,6 @@ def test_work_in_closed_form_is_that_of_the_force(name, further):
     assert term.work(a, w, further) != pytest.approx(1.0001 * lost, rel=1e-8)
 
 
-def test_a_model_is_a_sum_of_different_terms():
-    assert parse_model("viscous + coulomb") == ("viscous", "coulomb")
-    for wrong in ("viscous+viscous", "", "viscous+"):
-        with pytest.raises(InputError, match="sum of different terms"):
-            parse_model(wrong)
-
-
 def uneven(name):
     """Return parameters of a law without 0 and 1, which could hide a wrong product or power."""
     return {**LAWS[name], **({"gravity": 3.0, "spring_angle": 0.07} if name == "horizontal_pendulum" else {})}
@@ -190,9 +182,3 @@ def test_the_start_of_a_search_has_the_frequency_the_rest_position_and_known_val
     osc = Oscillator(("viscous",), name)
     assert osc.equilibrium(p, 0.2) == pytest.approx(0.21, abs=1e-9)
     assert osc.natural_frequency(p, 0.2) == pytest.approx(6.3, rel=1e-9)
-
-
-def test_a_law_without_a_stable_equilibrium_is_refused():
-    p = {"stiffness": -1.0, "rest_angle": 0.0}
-    with pytest.raises(ValueError, match="no stable equilibrium"):
-        Oscillator(("viscous",), "linear").equilibrium(p)
