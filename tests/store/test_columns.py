@@ -6,16 +6,16 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from bayesdamp import store
 from bayesdamp.calibrate import tables as calibrated
+from bayesdamp.store import tables as stored
 from bayesdamp.verdict import types as verdict
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "columns.md"
 WRITTEN: Mapping[str, Sequence[str]] = {
-    **store.TABLES,
+    **stored.TABLES,
     "verdicts.csv": verdict.columns(),
-    "damping_curves.csv": ("record", "unit", *store.DAMPING_CURVES),
-    "population.csv": store.POPULATION,
+    "damping_curves.csv": ("record", "unit", *stored.DAMPING_CURVES),
+    "population.csv": stored.POPULATION,
     "calibration.csv": calibrated.COLUMNS,
     "ranks.csv": calibrated.RANK_COLUMNS,
     "recovery.csv": calibrated.RECORD_COLUMNS,
