@@ -11,6 +11,7 @@ from bayesdamp.inference.mode import Mode, maximise
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.search import find_mode, group_searches
 from bayesdamp.priors import LogNormal
+from bayesdamp.types import Refusal
 from tests.inference.problems import linear_target
 
 STEP, FREQUENCY, RATE, SD = 0.35, 4.5, 0.06, 0.005
@@ -46,6 +47,20 @@ def test_an_aliased_frequency_is_a_second_mode_of_the_same_likelihood():
 def test_without_aliasing_other_modes_have_no_probability():
     _, mode = searched(0.1)
     assert all(share < 1e-6 for _, share in group_searches(mode)[1:])
+
+
+def test_noise_that_explains_the_oscillation_is_no_mode() -> None:
+    """The known start has the wrong sign, so that only noise can explain the record. Control: the right sign."""
+    t = 0.05 * np.arange(200)
+    y = 0.3 * np.exp(-RATE * t) * np.cos(FREQUENCY * t) + SD * np.random.default_rng(5).standard_normal(
+        t.size
+    )
+    known = {"zeta": RATE, "stiffness": FREQUENCY**2, "omega0": 0.0}
+    wrong, right = (linear_target(t, y, "viscous", {**known, "theta0": x}, "correlated") for x in (-0.3, 0.3))
+    start = {"noise_sd": SD, "noise_time": 0.05}
+    assert find_mode(right, [start], noise_level=SD).searches[0].converged
+    with pytest.raises(Refusal, match="the noise model explains the oscillation"):
+        find_mode(wrong, [start], noise_level=SD)
 
 
 def test_a_step_that_a_bound_shortens_is_not_convergence() -> None:
