@@ -67,15 +67,11 @@ def test_a_case_is_determined_by_its_seed_and_survives_pickling() -> None:
 W, A, ZETA = 5.0, 0.3, 0.1
 
 
-def a_draw() -> Draw:
-    """Return a linear spring at a rest angle of 0.2 rad with viscous and Coulomb damping, for 20 cycles."""
+def test_discrepancies_of_the_damping_have_their_stated_size() -> None:
+    """Of a linear spring at a rest angle of 0.2 rad with viscous and Coulomb damping, for 20 cycles."""
     spring = {"stiffness": W * W, "rest_angle": 0.2}
     oscillator = Oscillator("linear", spring, {"viscous": ZETA, "coulomb": 0.02})
-    return Draw(oscillator, -A, W, 20.0, 50.0, 0.0, 0.1, 0.01)
-
-
-def test_discrepancies_of_the_damping_have_their_stated_size() -> None:
-    draw, rng = a_draw(), np.random.default_rng(1)
+    draw, rng = Draw(oscillator, -A, W, 20.0, 50.0, 0.0, 0.1, 0.01), np.random.default_rng(1)
     drift = odd.drift(rng, draw).scale
     assert abs(drift(draw.duration) - drift(0.0)) == pytest.approx(0.05)
     many = [odd.jitter(np.random.default_rng(i), draw).scale for i in range(300)]

@@ -70,18 +70,14 @@ def test_an_interval_under_a_wrong_width_does_not_contain_the_true_ratio() -> No
     assert not last.low < truth(last.amplitude, SHARE) < last.high
 
 
-def rounded_friction() -> Signal:
-    """Return a record of sharp Coulomb friction without noise, rounded to steps of 0.1 degrees."""
+def test_friction_in_rounded_values_is_identified_as_sharp(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gaussian and quantised noise are both compared on a record that is rounded to 0.1 degrees. Control: with the
+    width of least squares the friction is wrong, and drag compensates for it."""
     t, step = np.linspace(0.0, 40.0, 4000), np.radians(0.1)
     start = {"rest_angle": 0.0, "theta0": 0.4, "omega0": 0.0}
     p = {"zeta": 0.01, "mu_c": 0.03, "epsilon": 0.0, "stiffness": 25.0, **start}
-    return Signal(t, step * np.round(trajectory("linear", p, t)[:, 0] / step), step=step)
-
-
-def test_friction_in_rounded_values_is_identified_as_sharp(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Gaussian and quantised noise are both compared. Control: with the width of least squares the friction is wrong,
-    and drag compensates for it."""
-    signal, sums = rounded_friction(), ["viscous+coulomb", "viscous+coulomb+quadratic"]
+    signal = Signal(t, step * np.round(trajectory("linear", p, t)[:, 0] / step), step=step)
+    sums = ["viscous+coulomb", "viscous+coulomb+quadratic"]
 
     def answered() -> tuple[str, float]:
         result = answer(signal, damping=sums, restoring=["linear"], sample=False)

@@ -8,7 +8,6 @@ import pytest
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepare_data
 from bayesdamp.inference.deviation.model_comparison import compare_candidates
-from bayesdamp.inference.deviation.sample_noise import SampleNoise
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
@@ -20,8 +19,11 @@ KNOWN = {"stiffness": 20.0, "rest_angle": 0.0}
 SD = 0.004
 
 
-def chosen_noise(kind: str) -> SampleNoise:
-    """Return the comparison of noise models on a simulated record with this noise."""
+@pytest.mark.parametrize("kind", NOISES.names())
+def test_the_true_noise_is_the_most_probable(kind):
+    """By more than 5 nats (odds of 150), except for normal noise: Student's t with many degrees of freedom and noise
+    with a short correlation contain it, and are behind only by their further parameter. Only a record with a recording
+    step is compared with quantised noise."""
     p = {**KNOWN, "epsilon": 0.02, "zeta": 0.05, "mu_q": 0.2, "theta0": 0.3, "omega0": 0.0}
     osc = Oscillator(("viscous", "quadratic"), "linear")
     values = {"noise_sd": SD, "noise_dof": 2.5, "noise_time": 0.1}
@@ -31,15 +33,7 @@ def chosen_noise(kind: str) -> SampleNoise:
         y = 5 * SD * np.round(y / (5 * SD))
     data = prepare_data(Signal(TIMES, y, step=recording_step(y)))
     candidates = [MotionCandidate(osc.damping, "linear")]
-    return compare_candidates(data, candidates, known=KNOWN, approximate=False, noises=NOISES.names()).noise
-
-
-@pytest.mark.parametrize("kind", NOISES.names())
-def test_the_true_noise_is_the_most_probable(kind):
-    """By more than 5 nats (odds of 150), except for normal noise: Student's t with many degrees of freedom and noise
-    with a short correlation contain it, and are behind only by their further parameter. Only a record with a recording
-    step is compared with quantised noise."""
-    noise = chosen_noise(kind)
+    noise = compare_candidates(data, candidates, known=KNOWN, approximate=False, noises=NOISES.names()).noise
     assert noise.likeliest == kind
     by_name = {item.name: item.log_evidence for item in noise.weighed}
     others = [log for name, log in by_name.items() if name != kind]
