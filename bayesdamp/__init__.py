@@ -31,11 +31,10 @@ _NAMES = {
     "interface.comparison": ("Comparison", "compare"),
     "interface.density": ("Density",),
     "interface.estimate": ("Estimate", "estimate"),
-    "interface.evidence": ("Evidence", "evidence"),
     "interface.first_words": ("first_words",),
     "interface.fit": ("Fit", "Prediction", "fit"),
     "interface.model": ("Model",),
-    "interface.posterior": ("Posterior", "sample"),
+    "interface.posterior": ("Evidence", "Posterior", "evidence", "sample"),
     "interface.record": ("Record", "read"),
     "interface.result": ("load",),
     "interface.signal": ("Signal", "signal"),
@@ -63,11 +62,15 @@ if TYPE_CHECKING:
     from bayesdamp.interface.comparison import Comparison as Comparison, compare as compare
     from bayesdamp.interface.density import Density as Density
     from bayesdamp.interface.estimate import Estimate as Estimate, estimate as estimate
-    from bayesdamp.interface.evidence import Evidence as Evidence, evidence as evidence
     from bayesdamp.interface.first_words import first_words as first_words
     from bayesdamp.interface.fit import Fit as Fit, Prediction as Prediction, fit as fit
     from bayesdamp.interface.model import Model as Model
-    from bayesdamp.interface.posterior import Posterior as Posterior, sample as sample
+    from bayesdamp.interface.posterior import (
+        Evidence as Evidence,
+        Posterior as Posterior,
+        evidence as evidence,
+        sample as sample,
+    )
     from bayesdamp.interface.record import Record as Record, read as read
     from bayesdamp.interface.result import load as load
     from bayesdamp.interface.signal import Signal as Signal, signal as signal

@@ -14,13 +14,13 @@ OUTSIDE = "validation"
 """The folder that evaluates the package as a user would: the package never imports it."""
 
 NEUTRAL = {
-    "types", "outcomes", "units", "plugins", "plain_text", "sources", "priors", "serial", "calls", "machine",
+    "types", "units", "plugins", "plain_text", "sources", "priors", "serial", "calls", "machine",
     "numerics", "formatting",
 }  # fmt: skip
 REGISTRIES = {"estimators", "inference.samplers", "inference.noise", "inference.evidence"}
 """Packages that `config` asks for names; it imports no module inside them."""
 INFERENCE = (
-    "noise", "model", "mode", "search", "derived", "coordinates", "residual_tests", "checks",
+    "noise", "model", "mode", "derived", "coordinates", "checks",
     "diagnostics", "samplers", "evidence",
 )  # fmt: skip
 """From bottom to top: each module or folder imports those before it, and itself."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bayesdamp.outcomes import Status, reason_of, status_of
+from bayesdamp.types import Status, reason_of, status_of
 
 
 def test_status_and_reason_are_read_from_an_outcome() -> None:

@@ -11,10 +11,9 @@ import numpy as np
 
 from bayesdamp.config import Simulation, Study
 from bayesdamp.estimators import run as run_estimator
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.search import find_mode
 from bayesdamp.interface.simulate import simulate_source
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator

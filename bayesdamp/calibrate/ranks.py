@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from bayesdamp.calibrate.problem import make_generator, mode_of, record_rng, run_safely
-from bayesdamp.calibrate.statistics import thin
 from bayesdamp.config import Study
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target
@@ -111,3 +110,15 @@ def key_parts(study: Study) -> dict[str, Any]:
         "draws": table.draws,
         "seed": study.seed,
     }
+
+
+def thin(draws: np.ndarray, count: int) -> np.ndarray:
+    """Return `count` draws, shape (count,), that are spread evenly over all chains of `draws`, shape (chain, draw).
+
+    The chains are joined one after the other; the first and the last draw are included. Raises ValueError if there are
+    fewer than `count` draws.
+    """
+    flat = draws.reshape(-1)
+    if flat.size < count:
+        raise ValueError(f"{count} thinned draws are needed, but there are only {flat.size} draws")
+    return flat[np.round(np.linspace(0, flat.size - 1, count)).astype(int)]

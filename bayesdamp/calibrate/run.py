@@ -20,7 +20,6 @@ from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
 from bayesdamp.machine import cores
-from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.progress import progress_bar
@@ -29,10 +28,9 @@ from bayesdamp.pipeline.workers import open_pool
 from bayesdamp.plugins import use_modules
 from bayesdamp.store.contents import RanksContent
 from bayesdamp.store.files import SCHEMA, write_json
-from bayesdamp.store.origin import provenance
-from bayesdamp.store.results import Store, TaskResult
+from bayesdamp.store.results import Store, TaskResult, provenance
 from bayesdamp.store.tables import write_table
-from bayesdamp.types import OK
+from bayesdamp.types import OK, Status, status_of
 
 RECOVERY = "recovery"
 """Name of the series of records of a model recovery."""

@@ -26,10 +26,9 @@ from bayesdamp.inference.deviation.model_comparison import compare_candidates
 from bayesdamp.inference.deviation.quick import averaging_of
 from bayesdamp.inference.deviation.sample_noise import noises_of, prepare_for_noises
 from bayesdamp.inference.deviation.single import Single, fit_single
-from bayesdamp.inference.mode import Mode, restore_mode
+from bayesdamp.inference.mode import Mode, find_mode, restore_mode
 from bayesdamp.inference.model.target import Target, build_target
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.inference.search import find_mode
 from bayesdamp.interface.arguments import EPSILON, check_settings, known_and_priors, names_of_parameters
 from bayesdamp.interface.density import Density
 from bayesdamp.interface.result import Result, frame_table

@@ -10,7 +10,6 @@ from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.single import ESCAPED, FitState
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.interface.answer import Answer, answer, law_prefix
-from bayesdamp.outcomes import Status, following
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.records import NOT_APPLICABLE, StudyRecord
@@ -18,7 +17,7 @@ from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.priors import Prior
 from bayesdamp.serial import join, split
 from bayesdamp.store.contents import AnswerContent
-from bayesdamp.types import OK, Refusal
+from bayesdamp.types import OK, Refusal, Status, following
 from bayesdamp.verdict.parts import Grade
 
 ANSWER, SAMPLED_ANSWER = "answer", "sampled"

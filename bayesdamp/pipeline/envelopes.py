@@ -15,7 +15,7 @@ from bayesdamp.plugins import sources_below
 from bayesdamp.records.envelope.record import EnvelopeRecord, read_envelope, scale_of
 from bayesdamp.records.envelope.window import EnvelopeWindow, window_between
 from bayesdamp.serial import split
-from bayesdamp.store.origin import sha256
+from bayesdamp.store.results import sha256
 from bayesdamp.types import InputError, Refusal
 
 CACHED_ENVELOPES = 2000

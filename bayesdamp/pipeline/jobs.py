@@ -11,7 +11,6 @@ from pathlib import Path
 from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence._method import REFEREE
-from bayesdamp.outcomes import Status
 from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, answer_key, compute_answer, rank_candidates
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.tasks import compute, task_keys
@@ -19,7 +18,7 @@ from bayesdamp.pipeline.records import StudyRecord, compute_signal
 from bayesdamp.pipeline.tasks import Make, digest_of
 from bayesdamp.plugins import use_modules
 from bayesdamp.store.results import Store, TaskName, TaskResult
-from bayesdamp.types import OK
+from bayesdamp.types import OK, Status
 
 FAR_IN_ANSWER = Status.PRUNED.because("much less probable than the best model in the answer")
 NOT_SAMPLED = Status.NOT_SAMPLED.because("its evidence is not among the highest, so it was not sampled")

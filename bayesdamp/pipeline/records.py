@@ -9,12 +9,11 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
-from bayesdamp.estimators.bound import cramer_rao
+from bayesdamp.estimators.refine import cramer_rao
 from bayesdamp.estimators.shared import has_noise
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.interface.signal import Signal as CutSignal, cut
 from bayesdamp.interface.simulate import simulate_source
-from bayesdamp.outcomes import Status
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.physics.restoring import LAWS
@@ -27,9 +26,18 @@ from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord
 from bayesdamp.store.contents import FeatureValues, RecordContent
-from bayesdamp.store.origin import sha256
-from bayesdamp.store.results import Store, TaskResult
-from bayesdamp.types import FRICTION_WIDTH, OK, InputError, Problem, Provenance, Refusal, Signal, System
+from bayesdamp.store.results import Store, TaskResult, sha256
+from bayesdamp.types import (
+    FRICTION_WIDTH,
+    OK,
+    InputError,
+    Problem,
+    Provenance,
+    Refusal,
+    Signal,
+    Status,
+    System,
+)
 from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import describe_motion

@@ -18,7 +18,6 @@ from bayesdamp.config.checks import StudyError
 from bayesdamp.config.load import resolve_study
 from bayesdamp.formatting import Table, data_frame, digits
 from bayesdamp.interface.result import ResultView, outcome_notes
-from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import run
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import split
@@ -26,7 +25,7 @@ from bayesdamp.store.contents import EstimateContent, EvidenceContent, ModeConte
 from bayesdamp.store.files import read_description
 from bayesdamp.store.results import Store, TaskName, TaskResult
 from bayesdamp.store.tables import TABLES, read_table
-from bayesdamp.types import OK, InputError
+from bayesdamp.types import OK, InputError, Status, status_of
 
 if TYPE_CHECKING:
     import pandas as pd

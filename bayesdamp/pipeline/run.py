@@ -23,7 +23,6 @@ from threadpoolctl import threadpool_limits
 from bayesdamp.config import Recording, Study
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.machine import cores
-from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, stored_answer
 from bayesdamp.pipeline.jobs import Depth, Job, count_parallel_jobs, is_within, jobs_of, stages, tasks_of
@@ -36,7 +35,7 @@ from bayesdamp.plugins import use_modules
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.sources import package_digest
 from bayesdamp.store.results import Store, TaskName, TaskResult
-from bayesdamp.types import InputError
+from bayesdamp.types import InputError, Status, status_of
 from bayesdamp.verdict.types import Verdict
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ import numpy as np
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.config.load import record_question
 from bayesdamp.config.signals import damping_order
-from bayesdamp.outcomes import Status, status_of
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
@@ -29,10 +28,9 @@ from bayesdamp.store.contents import (
     SampledPosterior,
 )
 from bayesdamp.store.files import SCHEMA, write_json
-from bayesdamp.store.origin import provenance
-from bayesdamp.store.results import Store
+from bayesdamp.store.results import Store, provenance
 from bayesdamp.store.tables import DAMPING_CURVES, POPULATION, TABLES, write_table
-from bayesdamp.types import NORMAL_95, OK, Evidence
+from bayesdamp.types import NORMAL_95, OK, Evidence, Status, status_of
 from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
 from bayesdamp.verdict.specimen import pool_coefficients, specimen
 from bayesdamp.verdict.types import Verdict, save_verdicts

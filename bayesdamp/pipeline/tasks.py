@@ -13,12 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bayesdamp.config import Study
-from bayesdamp.outcomes import Status
 from bayesdamp.sources import code_digest
 from bayesdamp.store.contents import Content
 from bayesdamp.store.files import is_disk_full
 from bayesdamp.store.results import Store, TaskResult
-from bayesdamp.types import OK, InputError, Refusal
+from bayesdamp.types import OK, InputError, Refusal, Status
 
 _CANDIDATE = (
     "bayesdamp.pipeline.candidates.candidate", "bayesdamp.physics.kernel.march", "bayesdamp.pipeline.records",

@@ -9,7 +9,7 @@ from typing import Any
 
 from bayesdamp.formatting import markdown_table
 from bayesdamp.store.files import write_bytes, write_json
-from bayesdamp.store.origin import provenance
+from bayesdamp.store.results import provenance
 
 PACKAGES = ("bayesdamp", "jax", "numpy", "scipy", "numba", "numpyro")
 

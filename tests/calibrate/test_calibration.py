@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, norm
 
-from bayesdamp.calibrate.statistics import hits_band, hits_distribution, hits_p, holm, uniformity_test
+from bayesdamp.calibrate.tables import hits_band, hits_distribution, hits_p, holm, uniformity_test
 
 
 def test_p_values_of_uniformity_have_their_stated_false_alarm_rate():

@@ -11,7 +11,7 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.config.load import record_question, shipped_folder, study_file
-from bayesdamp.store.origin import provenance
+from bayesdamp.store.results import provenance
 from bayesdamp.types import InputError
 from tests.studies import WEIGHED, study_text
 

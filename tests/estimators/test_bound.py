@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bayesdamp.estimators.bound import cramer_rao
+from bayesdamp.estimators.refine import cramer_rao
 from bayesdamp.types import Problem, System
 from tests.estimators.truths import TERM
 from tests.physics.independent import LAWS, PAPER

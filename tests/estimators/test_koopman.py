@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.estimators.methods.koopman import CLEAN_RANK, decompose, observe
-from bayesdamp.estimators.regression.library import candidates
+from bayesdamp.estimators.regression import candidates
 from bayesdamp.estimators.shared import checked_features, motion
 from tests.estimators.truths import damped_cosine
 

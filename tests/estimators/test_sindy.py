@@ -9,8 +9,7 @@ import pytest
 
 from bayesdamp.estimators import run
 from bayesdamp.estimators.methods.weak_sindy import _column, _prepare
-from bayesdamp.estimators.regression.library import candidates
-from bayesdamp.estimators.regression.weak import test_function_weights as weights_of
+from bayesdamp.estimators.regression import candidates, test_function_weights as weights_of
 from bayesdamp.estimators.shared import checked_features
 from tests.estimators.truths import PAPER, error, initial, pendulum
 

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, LogUniform, Normal, Prior

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 import bayesdamp as bd
-from bayesdamp.inference.search import find_mode
+from bayesdamp.inference.mode import find_mode
 from bayesdamp.types import Refusal
 from tests.interface.problems import MODEL, fit, not_refused, record
 from tests.physics.independent import trajectory

@@ -12,7 +12,6 @@ from typing import cast
 import pytest
 
 from bayesdamp.inference.deviation.model_comparison import BEHIND
-from bayesdamp.outcomes import Status, status_of
 from bayesdamp.pipeline import tables
 from bayesdamp.pipeline.answering import stored_fit
 from bayesdamp.pipeline.jobs import choose_candidates
@@ -21,7 +20,7 @@ from bayesdamp.pipeline.run import run_study
 from bayesdamp.store.contents import AnswerContent, ComparedCandidate
 from bayesdamp.store.results import Store, TaskResult
 from bayesdamp.store.tables import read_table
-from bayesdamp.types import Evidence, Refusal
+from bayesdamp.types import Evidence, Refusal, Status, status_of
 from tests.studies import ESTIMATED, WEIGHED, study_text, write_study
 
 LAWS = ("linear", "duffing")

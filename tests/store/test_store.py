@@ -13,10 +13,9 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from bayesdamp.store import files, origin
+from bayesdamp.store import files, results
 from bayesdamp.store.files import temporary_path, write_bytes, write_json
-from bayesdamp.store.origin import provenance, sha256
-from bayesdamp.store.results import Store, TaskResult
+from bayesdamp.store.results import Store, TaskResult, provenance, sha256
 from bayesdamp.store.tables import TABLES, read_table, write_table
 from bayesdamp.types import InputError
 
@@ -190,7 +189,7 @@ def test_provenance_has_versions_machine_and_digests_of_inputs(tmp_path):
 def test_an_installed_copy_reports_its_version(tmp_path, monkeypatch):
     """Not the commit of another project's checkout around it."""
     subprocess.run(["git", "init", "-q", str(tmp_path)], check=True)
-    copy = tmp_path / "site-packages" / "bayesdamp" / "store" / "origin.py"
+    copy = tmp_path / "site-packages" / "bayesdamp" / "store" / "results.py"
     write_bytes(copy, b"")
-    monkeypatch.setattr(origin, "__file__", str(copy))
+    monkeypatch.setattr(results, "__file__", str(copy))
     assert provenance()["revision"].startswith("version ")

@@ -10,8 +10,7 @@ from pydantic import Field
 from scipy.linalg import logm
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.regression.library import CandidateTerm, candidates
-from bayesdamp.estimators.regression.weak import derivatives, to_even_clock
+from bayesdamp.estimators.regression import CandidateTerm, candidates, derivatives, to_even_clock
 from bayesdamp.estimators.shared import (
     SmoothedMotion,
     before_gap,

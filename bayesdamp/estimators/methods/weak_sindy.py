@@ -12,17 +12,15 @@ from pydantic import Field
 from scipy import sparse
 
 from bayesdamp.estimators._protocol import Estimator, Options
-from bayesdamp.estimators.regression.library import (
+from bayesdamp.estimators.regression import (
     CandidateTerm,
+    Rows,
+    Stretch,
     candidates,
     compare_selection,
     damping_values,
-    restoring_values,
-)
-from bayesdamp.estimators.regression.weak import (
-    Rows,
-    Stretch,
     kernel_half_width,
+    restoring_values,
     solve_support,
     sparse_path,
     test_function_weights,

@@ -38,9 +38,8 @@ from bayesdamp.inference.deviation.sample_noise import AUTOMATIC
 from bayesdamp.inference.deviation.sampling import DrawSolver, LinearProposal, draw_solver, sampled_result
 from bayesdamp.inference.diagnostics import summarise, verdict
 from bayesdamp.inference.mode import LinearDraws, Mode
-from bayesdamp.inference.model.deviation import Deviation
 from bayesdamp.inference.model.likelihood import Likelihood
-from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.model.target import Deviation, Target
 from bayesdamp.inference.noise import FittedNoise, SampleNoise
 from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.inference.coordinates.whitening import Shear, shear_of
+from bayesdamp.inference.coordinates import Shear, shear_of
 from bayesdamp.inference.diagnostics import effective_mean, monte_carlo_error
 from bayesdamp.inference.evidence._method import SE_APART, Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode

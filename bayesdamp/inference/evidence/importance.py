@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.inference.coordinates.whitening import Shear, expansion, shear_of, truncated_about
+from bayesdamp.inference.coordinates import Shear, expansion, shear_of, truncated_about
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target

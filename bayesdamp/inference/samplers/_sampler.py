@@ -13,7 +13,7 @@ from bayesdamp.inference.diagnostics import summarise, verdict
 from bayesdamp.types import OK, Posterior
 
 if TYPE_CHECKING:
-    from bayesdamp.inference.coordinates.whitening import Whitening
+    from bayesdamp.inference.coordinates import Whitening
     from bayesdamp.inference.mode import Mode
     from bayesdamp.inference.model.target import Target
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import emcee
 import numpy as np
 
-from bayesdamp.inference.coordinates.whitening import whitening_of
+from bayesdamp.inference.coordinates import whitening_of
 from bayesdamp.inference.diagnostics import ess_bulk, ess_tail, summarise, verdict
 from bayesdamp.inference.mode import Mode
 from bayesdamp.inference.model.target import Target

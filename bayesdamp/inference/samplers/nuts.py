@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesdamp.inference.coordinates.whitening import (
+from bayesdamp.inference.coordinates import (
     Whitening,
     shear_of,
     slope_along,

@@ -11,7 +11,6 @@ from bayesdamp.inference.mode import StoredMode, restore_mode
 from bayesdamp.inference.model.target import default_prior
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.model import NOT_INFERRED, Case, Model
-from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import parse_model
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.answering import ANSWER, stored_fit
@@ -19,7 +18,7 @@ from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.serial import join
 from bayesdamp.store.contents import AnswerContent, ModeContent
 from bayesdamp.store.results import Store
-from bayesdamp.types import OK, InputError, Problem, Refusal
+from bayesdamp.types import OK, InputError, Problem, Refusal, following
 
 
 class StudyCandidate:

@@ -15,7 +15,7 @@ import scipy  # loads its modules when they are used
 from bayesdamp.config import Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence._method import ADOPTED, REFEREE, choose_evidence, disagreement
-from bayesdamp.interface.evidence import FROM_DRAWS, LAPLACE, run_evidence_method
+from bayesdamp.interface.posterior import FROM_DRAWS, LAPLACE, run_evidence_method
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.tasks import Product

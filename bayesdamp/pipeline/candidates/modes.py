@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bayesdamp.inference.checks import check_fit
-from bayesdamp.inference.search import group_searches
+from bayesdamp.inference.mode import group_searches
 from bayesdamp.interface.fit import Fit
 from bayesdamp.interface.model import Starts
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate

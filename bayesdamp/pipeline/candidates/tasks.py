@@ -6,7 +6,6 @@ from bayesdamp.estimators import ESTIMATORS, run as run_estimator
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
-from bayesdamp.outcomes import following
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.answering import answer_key
@@ -19,7 +18,7 @@ from bayesdamp.serial import split
 from bayesdamp.sources import import_closure
 from bayesdamp.store.contents import EstimateContent
 from bayesdamp.store.results import TaskName
-from bayesdamp.types import OK, Refusal
+from bayesdamp.types import OK, Refusal, following
 
 
 def compute_estimate(candidate: StudyCandidate, method: str, seed: int) -> Product:
@@ -64,7 +63,7 @@ def task_keys(candidate: StudyCandidate) -> dict[str, str]:
         method = use.method(name)
         # Some estimators regress on these terms too, although they do not estimate them.
         modules = import_closure([f"bayesdamp.estimators.methods.{method}"])
-        library = PAPER_TERMS if "bayesdamp.estimators.regression.library" in modules else ()
+        library = PAPER_TERMS if "bayesdamp.estimators.regression" in modules else ()
         own = [ESTIMATORS.source(method), *map(TERMS.source, library), *forces]
         key = task_key("estimate", record_key, model, method, use.stages, options, own, *other)
         keys[f"estimate/{candidate.path}/{name}"] = key

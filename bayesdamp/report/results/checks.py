@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesdamp import formatting as fmt
-from bayesdamp.outcomes import P_LIMIT, FitStatus, Status, fitting_of, status_of
 from bayesdamp.report import words
 from bayesdamp.report.results.estimators import true_models
 from bayesdamp.report.results.run import (
@@ -25,7 +24,7 @@ from bayesdamp.report.results.run import (
     truth,
 )
 from bayesdamp.store.contents import ModeContent, PosteriorContent
-from bayesdamp.types import OK, candidate_parts
+from bayesdamp.types import OK, P_LIMIT, FitStatus, Status, candidate_parts, fitting_of, status_of
 from bayesdamp.verdict.agreement import Agreement, agreement, worst_agreement
 from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.thresholds import AGREEMENT_SDS

@@ -14,14 +14,23 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
-from bayesdamp.outcomes import Status, reason_of, status_of
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.store.contents import AnswerContent
 from bayesdamp.store.files import SCHEMA, read_description
 from bayesdamp.store.results import Store, TaskName, TaskResult
 from bayesdamp.store.tables import POPULATION, TABLES, read_table
-from bayesdamp.types import OK, InputError, Provenance, candidate_name, candidate_parts, sum_probabilities
+from bayesdamp.types import (
+    OK,
+    InputError,
+    Provenance,
+    Status,
+    candidate_name,
+    candidate_parts,
+    reason_of,
+    status_of,
+    sum_probabilities,
+)
 from bayesdamp.units import Unit, unit_named
 from bayesdamp.verdict.parts import number
 from bayesdamp.verdict.types import VERDICT_JSON, Verdict, load_verdicts

@@ -9,7 +9,6 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
-from bayesdamp.outcomes import Status, status_of
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.report.results.run import (
@@ -21,7 +20,7 @@ from bayesdamp.report.results.run import (
     rows_of,
 )
 from bayesdamp.report.sections import SignalSection, collapsible, repeat_column, stack
-from bayesdamp.types import OK
+from bayesdamp.types import OK, Status, status_of
 
 EVIDENCE = (
     "Natural-log evidence of each model by each method, with its standard error (±); log Bayes factor (nats) relative "

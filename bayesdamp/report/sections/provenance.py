@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from bayesdamp.formatting import Table
-from bayesdamp.outcomes import Status, status_of
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import Section, collapsible, stack
-from bayesdamp.types import OK
+from bayesdamp.types import OK, Status, status_of
 
 FACTS = "Revision of the source code, the machine, the seed of the random numbers, and digests of the input files."
 

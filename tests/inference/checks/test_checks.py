@@ -10,9 +10,8 @@ import pytest
 
 from bayesdamp.inference import checks
 from bayesdamp.inference.checks import check_fit, laplace_draws
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.trajectories import simulate
 from bayesdamp.types import FitCheck, Refusal

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from bayesdamp.inference import residual_tests
-from bayesdamp.inference.residual_tests import find_spectral_line
+from bayesdamp.inference import checks
+from bayesdamp.inference.checks import find_spectral_line
 
 T = np.arange(300) * 0.02
 PERIOD = 0.5
 PHASE = 2 * np.pi * T / PERIOD
 TANGENTS = np.array([np.cos(PHASE), np.sin(PHASE), T * np.cos(PHASE), T * np.sin(PHASE), np.ones(T.size)])
-ABSORBED = residual_tests.orthonormal(TANGENTS.T)
+ABSORBED = checks.orthonormal(TANGENTS.T)
 
 
 def fitted(values: np.ndarray) -> np.ndarray:
@@ -38,10 +38,10 @@ def test_p_values_of_white_noise_are_at_most_as_small_as_stated() -> None:
 def test_each_structure_in_the_residuals_is_named() -> None:
     """Added to the same noise, one at a time. Control: the noise alone has no structure."""
     for added, words in (
-        (T**2 * np.cos(PHASE) / 4, residual_tests.AT_OSCILLATION),
-        (0.5 * np.cos(2 * PHASE + 1), residual_tests.AT_OVERTONES),
-        (1.5 * T / T[-1], residual_tests.SLOW_STRUCTURE),
-        (0.8 * np.sin(2 * np.pi * T / 0.142), residual_tests.OTHER_OSCILLATION.format(ratio=3.5)),
+        (T**2 * np.cos(PHASE) / 4, checks.AT_OSCILLATION),
+        (0.5 * np.cos(2 * PHASE + 1), checks.AT_OVERTONES),
+        (1.5 * T / T[-1], checks.SLOW_STRUCTURE),
+        (0.8 * np.sin(2 * np.pi * T / 0.142), checks.OTHER_OSCILLATION.format(ratio=3.5)),
     ):
         result = find_spectral_line(T, fitted(white(1) + added), PERIOD, ABSORBED)
         assert (result.chance < 1e-3, result.words) == (True, words)

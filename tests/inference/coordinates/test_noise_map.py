@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.evidence import Draws, bridge
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.model.target import Target
 from bayesdamp.inference.samplers import Sampler, Settings, emcee, nuts
-from bayesdamp.inference.search import find_mode
 from bayesdamp.types import OK
 from tests.inference.problems import linear_target
 

@@ -12,8 +12,8 @@ from bayesdamp.inference.deviation.candidate import exact_model
 from bayesdamp.inference.deviation.linear import grid_of, linear_posterior
 from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.evidence import EVIDENCES
+from bayesdamp.inference.mode import find_mode
 from bayesdamp.inference.model.target import build_target
-from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import SHARED_SCALES
 from bayesdamp.records.oscillation.features import features

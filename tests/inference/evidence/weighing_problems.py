@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.special import gammainc, gammaln, logsumexp
 
 from bayesdamp.inference.evidence import Draws
-from bayesdamp.inference.mode import Mode
+from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.search import find_mode
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.priors import HalfNormal, LogNormal, SharedHalfNormal
 from bayesdamp.types import Signal

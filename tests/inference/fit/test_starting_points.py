@@ -7,9 +7,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.mode import Mode, maximise
+from bayesdamp.inference.mode import Mode, find_mode, group_searches, maximise
 from bayesdamp.inference.model.target import Target
-from bayesdamp.inference.search import find_mode, group_searches
 from bayesdamp.priors import LogNormal
 from bayesdamp.types import Refusal
 from tests.inference.problems import linear_target

@@ -10,8 +10,8 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
-from bayesdamp.inference.model.deviation import Deviation
 from bayesdamp.inference.model.likelihood import Likelihood
+from bayesdamp.inference.model.target import Deviation
 from bayesdamp.types import Refusal
 from tests.inference.problems import FEATURES, linear_target
 from tests.physics.independent import viscous

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference import diagnostics
-from bayesdamp.inference.coordinates.whitening import whitening_of
+from bayesdamp.inference.coordinates import whitening_of
+from bayesdamp.inference.mode import find_mode
 from bayesdamp.inference.samplers import SAMPLERS, Sampler, Settings
 from bayesdamp.inference.samplers.nuts import Nuts
-from bayesdamp.inference.search import find_mode
 from bayesdamp.priors import LogNormal
 from bayesdamp.types import OK, Posterior
 from tests.inference import problems

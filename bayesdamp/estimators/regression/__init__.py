@@ -1,1 +1,0 @@
-"""Provide numerical functions for the methods that regress on candidate terms."""

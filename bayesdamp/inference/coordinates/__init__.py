@@ -1,1 +1,0 @@
-"""Coordinates in which a posterior is nearly standard normal, and distributions that approximate it."""
