@@ -1,7 +1,5 @@
 """Record which code made each report in `reports/made.json`, and find out which reports are stale."""
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import json
@@ -17,7 +15,8 @@ FILE = "made.json"
 def digest(recipe: Recipe, root: Path) -> str:
     """Return the SHA-256 digest of everything that the numbers of a report depend on.
 
-    These are its commands, its source files without comments and docstrings, and its other files byte by byte.
+    These are its commands, the top-level statements of its Python files, and its other files byte by byte. The digest
+    does not depend on comments, docstrings and imports, or on the file in which a statement is.
 
     Parameters
     ----------
@@ -30,10 +29,13 @@ def digest(recipe: Recipe, root: Path) -> str:
     files: set[Path] = set()
     for path in (root / source for source in recipe.sources):
         files |= set(path.rglob("*.py")) if path.is_dir() else {path} if path.is_file() else set()
+    code: list[str] = []
     for path in sorted(files):
-        total.update(f"\0{path.relative_to(root).as_posix()}\0".encode())
-        is_code = path.suffix == ".py"
-        total.update(_without_words(path.read_text("utf-8")).encode() if is_code else path.read_bytes())
+        if path.suffix == ".py":
+            code += _statements(path.read_text("utf-8"))
+        else:
+            total.update(f"\0{path.relative_to(root).as_posix()}\0".encode() + path.read_bytes())
+    total.update("\0".join(sorted(code)).encode())
     return total.hexdigest()
 
 
@@ -56,21 +58,22 @@ def stale(root: Path) -> list[Recipe]:
 
 
 @cache
-def _without_words(text: str) -> str:
-    """Return a text that represents the code of a source text, without its comments and docstrings.
+def _statements(text: str) -> list[str]:
+    """Return a text that represents each top-level statement of a source text, except imports.
 
-    Two sources with the same result compute the same. The result is cached, because recipes share most files.
+    Comments and docstrings are left out. The result is cached, because recipes share most files.
     """
     tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             node.body = [line for line in node.body if not _is_text(line)]
-    return ast.dump(tree)
+    return [ast.dump(line) for line in tree.body if not _is_import(line)]
 
 
 def _is_text(line: ast.stmt) -> bool:
-    return (
-        isinstance(line, ast.Expr)
-        and isinstance(line.value, ast.Constant)
-        and isinstance(line.value.value, str)
-    )
+    return isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant)
+
+
+def _is_import(line: ast.stmt) -> bool:
+    is_for_types = isinstance(line, ast.If) and ast.unparse(line.test) == "TYPE_CHECKING"
+    return is_for_types or isinstance(line, ast.Import | ast.ImportFrom)

@@ -35,6 +35,16 @@ def test_comments_and_docstrings_do_not_make_a_report_stale(tree: Path):
     assert digest(RECIPE, tree) == before
 
 
+def test_the_place_of_a_statement_and_imports_do_not_make_a_report_stale(tree: Path):
+    """Negative control: a second statement with the same code is a change."""
+    before = digest(RECIPE, tree)
+    (tree / "physics" / "damper.py").write_text(CODE)
+    assert digest(RECIPE, tree) != before
+    users = "from typing import TYPE_CHECKING\n\nfrom .damper import force\n\nif TYPE_CHECKING:\n    import math\n"
+    (tree / "physics" / "force.py").write_text(users)
+    assert digest(RECIPE, tree) == before
+
+
 def test_changes_of_code_study_files_and_commands_make_a_report_stale(tree: Path):
     contents = {
         "physics/force.py": CODE.replace("2 * v", "3 * v"),
