@@ -5,8 +5,6 @@ are those of Cosmic Ray, except changes of `|`, which is mostly in annotations, 
 that does not alter the result counts as not noticed.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 import shlex

@@ -3,8 +3,6 @@
 A peer is a method that answers: bayesdamp with certain options, or another program.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

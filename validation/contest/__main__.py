@@ -1,7 +1,5 @@
 """Run the contest and write its page: `python -m validation.contest ROWS.csv FOLDER [--seed 813 --count 200]`."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Write the page of the contest from its rows."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

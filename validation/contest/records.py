@@ -1,7 +1,5 @@
 """Simulate the records of the contest. Their groups alternate, so that the first five records are of all groups."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

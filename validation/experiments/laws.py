@@ -4,8 +4,6 @@
 1000, and the number of records of each term.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

@@ -5,8 +5,6 @@ runs in a file are also answered together as one specimen. `verdicts.csv` and `R
 answer.
 """
 
-from __future__ import annotations
-
 import sys
 import tomllib
 from collections.abc import Iterator

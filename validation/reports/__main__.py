@@ -1,7 +1,5 @@
 """Make the stale reports: `python -m validation.reports [NAME ...] [--check]`."""
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import os

@@ -9,8 +9,6 @@ and the noise grows with the number of samples.
 Records count as simulated, so that their probabilities are not capped.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import partial

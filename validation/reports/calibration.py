@@ -3,8 +3,6 @@
 FOLDER has the run.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -3,8 +3,6 @@
 Every comparison returns a list with a sentence for each contradiction.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

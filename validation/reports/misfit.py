@@ -5,8 +5,6 @@
 damping with the restoring laws of bayesdamp.
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 from dataclasses import replace

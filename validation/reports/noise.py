@@ -1,7 +1,5 @@
 """Write the page on the estimators' errors in noise: `python -m validation.reports.noise FOLDER` (the run's folder)."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

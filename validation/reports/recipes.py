@@ -1,7 +1,5 @@
 """List the commands that make each report under reports/, and the sources that its numbers depend on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 ENGINE = tuple(

@@ -6,8 +6,6 @@ of motion (`Discrepancy`) or a sensor (`Observe`) that reads its motion wrongly.
 Notation: A is the amplitude at the release, ω the frequency of small motions, V = ωA the peak velocity.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

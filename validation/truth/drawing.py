@@ -1,7 +1,5 @@
 """Draw oscillators and recording conditions at random, over broad ranges."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

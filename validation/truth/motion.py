@@ -1,7 +1,5 @@
 """Solve the motion of a free decay that is released with zero velocity, half a cycle at a time, with SciPy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Define the true oscillator of a simulated record in pure Python, for SciPy's solver."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Compute true equivalent damping ratios: along a motion, of an oscillator at an amplitude, and of a force."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Simulate records with a known truth, with or without a discrepancy from all laws that are compared."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace

@@ -4,8 +4,6 @@ The amplitude follows dA/dt = -Σ c_i A^(p_i) with p = 1, 0 and 2 for viscous, C
 Mook, Nonlinear Oscillations, 1979, ch. 3), integrated by SciPy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Compute by how many nats the true damping sum is ahead of the best sum that lacks one of its terms."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import least_squares, nnls
 

@@ -5,8 +5,6 @@ which the velocity changes sign is divided at that point, found by a secant sear
 friction with an exact sign.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Simulate free decays of oscillators by `motion`, and record the envelopes through their turning points."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ Each is a function that maps times (s), displacements (rad) and amplitudes (rad)
 raises Refusal if it has no answer.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Define the peer bayesdamp: `compare` without sampling, with its default options."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from bayesdamp.types import Signal

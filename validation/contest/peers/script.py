@@ -4,8 +4,6 @@ The motion is x″ + 2z x′ + c sign(x′) + q x′|x′| + k x + b x³ = 0, or
 is the period of the spectral peak over 2π, and the unit of displacement is the largest displacement of the record.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
