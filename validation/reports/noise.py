@@ -19,10 +19,11 @@ def page(run: RunFolder) -> str:
     order = sorted(rank_ranges(along, INITIAL, at).items(), key=lambda item: item[1])
     first = [words.method(m) for m, (best, _) in order if best == 1]
     refined = along.errors.xs(REFINED, level="stage")[at] / along.bounds[at]
+    ends = dict.fromkeys(f"{ratio:.2f}" for ratio in (refined.min(), refined.max()))
     return f"""# Errors of the eleven estimators in noise
 
 At 1 % of noise no method is better than {fmt.listing(first)} by more than chance; the errors of the refined estimates \
-of all methods are {refined.min():.2f} to {refined.max():.2f} times the Cramér–Rao bound.
+of all methods are {" to ".join(ends)} times the Cramér–Rao bound.
 
 The damping is viscous; estimates.csv has every estimate. `make reports` makes this report again.
 """
