@@ -5,15 +5,13 @@ Every comparison returns a list with a sentence for each contradiction.
 
 import json
 import math
-import re
-from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.stats import binom, poisson
 
+from bayesdamp.report.results.run import RunFolder
 from bayesdamp.types import OK
 from validation.scoring import read_rows, terms_of
 from validation.truth.oscillator import COEFFICIENTS, LAWS, Oscillator
@@ -33,8 +31,6 @@ For a normal distribution the truth is then 5.9 standard deviations from the mid
 """
 INTERVAL = ("record", "what", "low", "high", "truth")
 """Columns of a table of 95 % intervals for values whose truth is known; `what` is the value in words."""
-RADIANS = {"rad": 1.0, "deg": math.pi / 180}
-"""Size in rad of each unit in which a page gives an amplitude."""
 
 
 def misses(intervals: pd.DataFrame) -> list[str]:
@@ -58,75 +54,42 @@ def misses(intervals: pd.DataFrame) -> list[str]:
     ]
 
 
-def of_study(folder: Path) -> list[str]:
-    """Return the contradictions between a study's verdicts, and posteriors and the truth of its records.
+def of_study(run: RunFolder) -> list[str]:
+    """Return the contradictions between a study's verdicts and posteriors, and the truth of its simulated records.
 
-    folder: the results of the study; only its simulated records are compared.
+    Of the posteriors only damping coefficients under the true damping are compared.
     """
-    run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    signals = {
-        s["name"]: s for s in run.get("study", {}).get("signals", []) if "truth" in (s.get("source") or {})
-    }
-    file = folder / "verdict.json"
-    verdicts = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else []
-    wrong, ratios = [], []
-    for verdict in verdicts:
-        record, damping = verdict["record"], verdict["damping"]
-        # Records that are repeats have a number after the name of their signal.
-        names = [n for n in signals if record == n or re.fullmatch(re.escape(n) + r"[^A-Za-z0-9].*", record)]
-        if not names:
+    wrong, ratios, coefficients = [], [], []
+    law_of = {signal["name"]: signal["system"]["restoring"] for signal in run.study["signals"]}
+    for verdict in run.verdicts:
+        record, source = verdict.record, run.simulation(verdict.record)
+        if not source:
             continue
-        signal = signals[max(names, key=len)]
-        true = frozenset(signal["source"]["damping"])
-        if verdict["decided"] and terms_of(damping) != true:
-            wrong.append(f"{record}: {damping} is named, but the truth is {'+'.join(sorted(true))}")
-        if damping and not verdict["decided"]:
-            listed = (verdict, *verdict["rivals"])
-            own = sum(r["probability"] for r in listed if terms_of(r["damping"]) == true)
-            if own < EXCLUDED:
-                wrong.append(
-                    f"{record}: the true damping, {'+'.join(sorted(true))}, has a probability of {own:.2g}"
-                )
-        oscillator = oscillator_of(signal)
-        for r in verdict["damping_ratio"]:
-            if oscillator and r["unit"] in RADIANS:
-                truth = true_ratio(oscillator, r["amplitude"] * RADIANS[r["unit"]])
-                what = f"damping ratio at {r['amplitude']:.3g} {r['unit']}"
-                ratios.append((record, what, r["low"], r["high"], truth))
-    for intervals in (ratios, _posteriors(folder, signals)):
+        true, truth, law = frozenset(source["damping"]), source["truth"], law_of[record]
+        name = "+".join(sorted(true))
+        if verdict.decided and terms_of(verdict.damping) != true:
+            wrong.append(f"{record}: {verdict.damping} is named, but the truth is {name}")
+        own = sum(p for damping, p in verdict.probabilities.items() if terms_of(damping) == true)
+        if verdict.damping and not verdict.decided and own < EXCLUDED:
+            wrong.append(f"{record}: the true damping, {name}, has a probability of {own:.2g}")
+        oscillator = Oscillator(
+            law,
+            {parameter: truth[parameter] for parameter in LAWS[law]},
+            {term: truth[COEFFICIENTS[term]] for term in true},
+            truth.get("epsilon", 0.0),
+        )
+        for at in verdict.damping_ratio:
+            what = f"damping ratio at {at.amplitude:.3g} {at.unit}"
+            ratios.append((record, what, at.low, at.high, true_ratio(oscillator, at.amplitude)))
+    for row in run.posteriors:
+        source, name, low, high = run.simulation(row["signal"]), row["parameter"], row["q2.5"], row["q97.5"]
+        is_true = source and terms_of(row["model"]) == frozenset(source["damping"])
+        if is_true and row["outcome"] == OK and name in COEFFICIENTS.values() and not math.isnan(low):
+            what, record = f"{name} by {row['sampler']}", f"{row['signal']}/{row['repeat']}"
+            coefficients.append((record, what, low, high, source["truth"][name]))
+    for intervals in (ratios, coefficients):
         wrong += misses(pd.DataFrame(intervals, columns=INTERVAL))
     return wrong
-
-
-def oscillator_of(signal: Mapping[str, Any]) -> Oscillator | None:
-    """Return the true oscillator of a simulated record, an entry `signal` of a study in run.json.
-
-    None if it has a term or law that `validation.truth` does not contain.
-    """
-    truth, damping = signal["source"]["truth"], signal["source"]["damping"]
-    law = signal["system"]["restoring"]
-    if not set(damping) <= set(COEFFICIENTS) or law not in LAWS:
-        return None
-    return Oscillator(
-        law,
-        {name: truth[name] for name in LAWS[law]},
-        {term: truth[COEFFICIENTS[term]] for term in damping},
-        truth.get("epsilon", 0.0),
-    )
-
-
-def _posteriors(
-    folder: Path, signals: Mapping[str, Mapping[str, Any]]
-) -> Iterator[tuple[str, str, float, float, float]]:
-    """Yield the intervals of damping coefficients in posteriors.csv, for the posteriors under the true damping."""
-    for row in read_rows(folder / "posteriors.csv").to_dict("records"):
-        source, name = signals.get(row["signal"], {}).get("source"), row["parameter"]
-        if source is None or row["outcome"] != OK or math.isnan(row["q2.5"]):
-            continue
-        known = {*COEFFICIENTS.values()} & {*source["truth"]}
-        if terms_of(row["model"]) == frozenset(source["damping"]) and name in known:
-            what = f"{name} by {row['sampler']}"
-            yield f"{row['signal']}/{row['repeat']}", what, row["q2.5"], row["q97.5"], source["truth"][name]
 
 
 def names_of_many(rows: pd.DataFrame, name: str) -> list[str]:
@@ -183,5 +146,5 @@ def contradictions(page: Path) -> list[str]:
             wrong += names_of_many(rows, page.name) + misses(intervals_of_many(rows))
     run = page / "run.json"
     if run.is_file() and "kind" not in json.loads(run.read_text(encoding="utf-8")):
-        wrong += of_study(page)
+        wrong += of_study(RunFolder(page))
     return wrong

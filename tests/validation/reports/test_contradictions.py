@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bayesdamp.store.tables import TABLES, read_table, write_table
 from validation.reports.contradictions import (
     INTERVAL,
     contradictions,
@@ -35,21 +36,19 @@ def test_no_shipped_page_contradicts_the_truth() -> None:
 # Negative controls: pages with a fault.
 
 RATIO = true_ratio(PAPER, 0.25)
+RATIO_AT = {"amplitude": 0.25, "unit": "rad", "value": RATIO, "sd_noise": 0.0, "sd_law": 0.0}
 VERDICT: dict[str, Any] = {
     "record": "coulomb-noisy", "decided": True, "damping": "coulomb", "probability": 0.99,
     "rivals": [{"damping": "quadratic", "probability": 0.01}],
-    "damping_ratio": [{"amplitude": 0.25, "unit": "rad", "low": 0.99 * RATIO, "high": 1.01 * RATIO}],
+    "damping_ratio": [RATIO_AT | {"low": 0.99 * RATIO, "high": 1.01 * RATIO}],
 }  # fmt: skip
-POSTERIOR = {
-    "signal": "coulomb-noisy", "repeat": "0", "model": "coulomb", "sampler": "nuts", "parameter": "mu_c",
-    "q2.5": "0.0299", "q97.5": "0.0301", "outcome": "ok",
-}  # fmt: skip
+POSTERIOR = {"sampler": "nuts", "parameter": "mu_c", "q2.5": 0.0299, "q97.5": 0.0301, "outcome": "ok"}
 EXCLUDING = {
     "decided": False,
     "damping": "quadratic",
     "rivals": [{"damping": "coulomb", "probability": 0.001}],
 }
-OUTSIDE = {"damping_ratio": [{"amplitude": 0.25, "unit": "rad", "low": 1.1 * RATIO, "high": 1.12 * RATIO}]}
+OUTSIDE = {"damping_ratio": [RATIO_AT | {"low": 1.1 * RATIO, "high": 1.12 * RATIO}]}
 
 
 def page_of(folder: Path, **wrong: dict[str, Any]) -> Path:
@@ -57,9 +56,14 @@ def page_of(folder: Path, **wrong: dict[str, Any]) -> Path:
     run = json.loads((REPORTS / "paper" / "run.json").read_text(encoding="utf-8"))
     signals = [s for s in run["study"]["signals"] if s["name"] == "coulomb-noisy"]
     (folder / "run.json").write_text(json.dumps({"study": {"signals": signals}}), encoding="utf-8")
-    verdict = {**VERDICT, **wrong.get("verdict", {})}
+    verdicts = json.loads((REPORTS / "paper" / "verdict.json").read_text(encoding="utf-8"))
+    (verdict,) = (v for v in verdicts if v["record"] == "coulomb-noisy")
+    verdict |= VERDICT | wrong.get("verdict", {})
     (folder / "verdict.json").write_text(json.dumps([verdict]), encoding="utf-8")
-    pd.DataFrame([{**POSTERIOR, **wrong.get("posterior", {})}]).to_csv(folder / "posteriors.csv", index=False)
+    rows = read_table(REPORTS / "paper" / "posteriors.csv")
+    row = next(r for r in rows if (r["signal"], r["model"]) == ("coulomb-noisy", "coulomb"))
+    row |= POSTERIOR | wrong.get("posterior", {})
+    write_table(folder / "posteriors.csv", TABLES["posteriors.csv"], [row])
     return folder
 
 
@@ -70,7 +74,7 @@ def page_of(folder: Path, **wrong: dict[str, Any]) -> Path:
         ({"verdict": {"damping": "quadratic"}}, "quadratic is named, but the truth is coulomb"),
         ({"verdict": EXCLUDING}, "the true damping, coulomb, has a probability of 0.001"),
         ({"verdict": OUTSIDE}, "but the truth is"),
-        ({"posterior": {"q2.5": "0.0303", "q97.5": "0.0305"}}, "mu_c by nuts"),
+        ({"posterior": {"q2.5": 0.0303, "q97.5": 0.0305}}, "mu_c by nuts"),
     ],
 )
 def test_only_a_wrong_page_is_reported(tmp_path: Path, fault: dict[str, Any], text: str | None) -> None:
