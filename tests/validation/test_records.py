@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from bayesdamp.types import InputError, Provenance
+from bayesdamp.types import Provenance
 from tests.physics.independent import trajectory
 from validation.truth import discrepancies as odd
 from validation.truth.drawing import Draw
@@ -95,8 +95,3 @@ def test_terms_of_the_family_dissipate_most_of_the_energy_of_a_discrepant_record
         assert 0.1 < extra < 0.35 if kind in odd.TAKING else abs(extra) < 0.15
         assert min(shares[t] for t in terms) >= 0.15
         assert "coulomb" in terms or kind not in odd.COULOMB
-
-
-def test_an_unknown_kind_is_refused() -> None:
-    with pytest.raises(InputError, match="unknown: it must be one of family, cubic_sensor"):
-        case("cubic", 1, 0)

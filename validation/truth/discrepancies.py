@@ -124,8 +124,7 @@ def second_mode(rng: np.random.Generator, draw: Draw) -> Observe:
     rate, size = middle_ratio(draw) * frequency, SECOND_MODE * draw.amplitude
 
     def observe(motion: Motion, times: np.ndarray) -> np.ndarray:
-        x = motion.displacements(times)
-        return x + size * np.exp(-rate * times) * np.cos(frequency * times + phase)
+        return motion.displacements(times) + size * np.exp(-rate * times) * np.cos(frequency * times + phase)
 
     return observe
 

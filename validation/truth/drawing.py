@@ -1,6 +1,5 @@
 """Draw oscillators and recording conditions at random, over broad ranges."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,12 +106,25 @@ def draw_oscillator(rng: np.random.Generator, damping: str, restoring: str, take
     least = FLOOR * (1 - taken)
     shares = least + (1 - taken - least * len(terms)) * spread
     sharp = rng.random() < 0.5
+    stiffness, rest = frequency**2, float(rng.uniform(-1.0, 1.0))
+    if restoring == "horizontal_pendulum":
+        share = log_uniform(rng, 0.02, 0.9) * float(rng.choice([-1.0, 1.0]))
+        k = stiffness / (1 + share * np.sin(rest))
+        values = (k, rest - share * np.cos(rest), share * k)
+    else:
+        values = (stiffness, rest, float(rng.uniform(-0.25, 0.6)) * stiffness / amplitude**2)
+    # Coefficients with these shares; their scale makes the amplitude fall to `left` times the first.
+    unit = {
+        term: share / float(loss_rate(term, MIDDLE * amplitude, frequency))
+        for term, share in zip(terms, shares.tolist(), strict=True)
+    }
+    grid = np.geomspace(left, 1.0, 200) * amplitude
+    ratio = taken + sum(np.asarray(c * loss_rate(term, grid, frequency)) for term, c in unit.items())
+    scale = np.trapezoid(1 / (grid * ratio), grid) / (2 * np.pi * cycles)
     oscillator = Oscillator(
         restoring,
-        _spring(rng, restoring, frequency, amplitude),
-        _coefficients(
-            dict(zip(terms, shares.tolist(), strict=True)), taken, amplitude, frequency, cycles, left
-        ),
+        {name: float(value) for name, value in zip(LAWS[restoring], values, strict=False)},
+        {term: float(scale * c) for term, c in unit.items()},
         0.0 if sharp or "coulomb" not in terms else EPSILON * amplitude * frequency,
     )
     at_release = rng.random() < 0.5
@@ -121,32 +133,6 @@ def draw_oscillator(rng: np.random.Generator, damping: str, restoring: str, take
         oscillator, displacement, frequency, cycles, log_uniform(rng, 16.0, 200.0), begin, left,
         log_uniform(rng, 0.003, 0.03), taken,
     )  # fmt: skip
-
-
-def _spring(rng: np.random.Generator, law: str, frequency: float, amplitude: float) -> dict[str, float]:
-    stiffness, rest = frequency**2, float(rng.uniform(-1.0, 1.0))
-    if law == "horizontal_pendulum":
-        share = log_uniform(rng, 0.02, 0.9) * float(rng.choice([-1.0, 1.0]))
-        k = stiffness / (1 + share * np.sin(rest))
-        values = (k, rest - share * np.cos(rest), share * k)
-    else:
-        values = (stiffness, rest, float(rng.uniform(-0.25, 0.6)) * stiffness / amplitude**2)
-    return {name: float(value) for name, value in zip(LAWS[law], values, strict=False)}
-
-
-def _coefficients(
-    shares: Mapping[str, float], taken: float, amplitude: float, frequency: float, cycles: float, left: float
-) -> dict[str, float]:
-    """Return coefficients by term that give these shares of the energy loss at `MIDDLE` times the first amplitude.
-
-    With these coefficients, and the share `taken` of a further term, the amplitude falls to `left` times the first in
-    this number of cycles. amplitude: the first amplitude in rad. frequency: frequency of small motions in rad/s.
-    """
-    unit = {t: s / float(loss_rate(t, MIDDLE * amplitude, frequency)) for t, s in shares.items()}
-    grid = np.geomspace(left, 1.0, 200) * amplitude
-    ratio = taken + sum(np.asarray(c * loss_rate(t, grid, frequency)) for t, c in unit.items())
-    scale = np.trapezoid(1 / (grid * ratio), grid) / (2 * np.pi * cycles)
-    return {term: float(scale * c) for term, c in unit.items()}
 
 
 def middle_ratio(draw: Draw) -> float:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 from scipy.optimize import brentq
@@ -11,10 +12,7 @@ TERMS = ("viscous", "coulomb", "quadratic")
 """Names of the damping terms."""
 COEFFICIENTS = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
 """Name of the coefficient of each damping term."""
-SUMS = (
-    "viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic", "coulomb+quadratic",
-    "viscous+coulomb+quadratic",
-)  # fmt: skip
+SUMS = tuple("+".join(terms) for count in (1, 2, 3) for terms in combinations(TERMS, count))
 """Names of all sums of the three damping terms."""
 LAWS = {
     "horizontal_pendulum": ("stiffness", "spring_angle", "gravity"),
@@ -128,6 +126,5 @@ class Oscillator:
         """Return the largest force (rad/s²) that dry friction can balance, at a displacement x (rad) from rest."""
         return self.damping.get("coulomb", 0.0) + self.discrepancy.static_friction(x)
 
-    def _numbers(self) -> tuple[float, float, float]:
-        given = [self.parameters[name] for name in LAWS[self.restoring]]
-        return given[0], given[1], given[2] if len(given) == 3 else 0.0
+    def _numbers(self) -> list[float]:
+        return [*(self.parameters[name] for name in LAWS[self.restoring]), 0.0][:3]

@@ -108,12 +108,8 @@ def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
     distance of the turning points, in rad.
     """
     potential = oscillator.potential()
-
-    def uneven(middle: float) -> float:
-        return potential(middle + amplitude) - potential(middle - amplitude)
-
     ends = (-0.5 * amplitude, 0.5 * amplitude)
-    middle = root_scalar(uneven, bracket=ends).root
+    middle = root_scalar(lambda x: potential(x + amplitude) - potential(x - amplitude), bracket=ends).root
     top = potential(middle + amplitude)
     zeta, friction, drag = (oscillator.damping.get(term, 0.0) for term in COEFFICIENTS)
 

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from bayesdamp.types import InputError, Signal
+from bayesdamp.types import Signal
 from validation.truth import discrepancies
 from validation.truth.discrepancies import COULOMB, SHARE, TAKING
 from validation.truth.drawing import Draw, draw_oscillator
@@ -30,8 +31,6 @@ FROM_END = 0.75
 answers are judged."""
 PER_CYCLE = 64
 """Number of points in a cycle at which the power of each term is evaluated, for its share of the energy loss."""
-ATTEMPTS = 400
-"""Largest number of random draws of the oscillator of one record; if none obeys all rules, RuntimeError is raised."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,28 +97,14 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
         Number of the record under this seed.
     oversample : int
         Factor on the sampling rate of the same motion; each sample has the same noise level.
-
-    Raises
-    ------
-    InputError
-        The kind is unknown.
-    RuntimeError
-        None of `ATTEMPTS` draws obeys all rules.
     """
-    if kind not in KINDS:
-        raise InputError(f"kind {kind!r} is unknown: it must be one of {', '.join(KINDS)}")
     rng = np.random.default_rng([seed, KINDS.index(kind), number])
     damping, restoring = in_turn(kind, number)
-    for _ in range(ATTEMPTS):
+    while True:
         draw = draw_oscillator(rng, damping, restoring, float(rng.uniform(*SHARE)) if kind in TAKING else 0.0)
         own = np.random.default_rng(rng.integers(2**63))
-        try:
+        with suppress(NoMotionError):
             return _simulate(name_of(kind, seed, number, oversample), kind, draw, own, oversample)
-        except NoMotionError:
-            pass
-    raise RuntimeError(
-        f"none of {ATTEMPTS} draws gives a record of kind {kind} with {damping} damping on {restoring}"
-    )
 
 
 def name_of(kind: str, seed: int, number: int, oversample: int = 1) -> str:
@@ -161,7 +146,7 @@ def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversa
         and min(shares[term] for term in o.damping) >= LEAST_SHARE
     ):
         raise NoMotionError(
-            "too few or too many cycles, too small or too large a decay, or a term with too small a share"
+            "the number of cycles, the decay, or the share of a term is too small or too large"
         )
     curve = ratio_curve(motion, o.potential())
     first, last = (curve.amplitude_at(float(n)) for n in (count[0] + FROM_END, count[1] - FROM_END))

@@ -15,6 +15,8 @@ NEPER = 20.0 / np.log(10.0)
 """Decibels in one neper."""
 POWERS: Mapping[str, float] = {"viscous": 1.0, "coulomb": 0.0, "quadratic": 2.0}
 """Power p of the amplitude in the decay rate dA/dt = −c Aᵖ of each damping term."""
+TOP, RELEASE = -40.0, 0.1
+"""Level of the start in dB, and time in s within which the signal of the drive vanishes after the release."""
 RESTED = np.exp(-60.0)
 """Smallest amplitude relative to the start; below it the oscillator counts as being at rest."""
 
@@ -33,8 +35,8 @@ class Ringdown:
         Time between readings in s.
     before, behind : float
         Durations in s of the drive, and of the record after the decay has reached the floor.
-    drop, release : float
-        Fall of the reading in dB within the first `release` s after the release, when the signal of the drive vanishes.
+    drop : float
+        Fall of the reading in dB after the release, when the signal of the drive vanishes.
     hold : float
         Standard deviation in dB of the level during the drive.
     scatter, scatter_time : float
@@ -51,8 +53,6 @@ class Ringdown:
         Share of the floor's power that does not fluctuate.
     deviation, deviation_length : float
         Standard deviation of the law's relative deviation, and its correlation length in durations.
-    top : float
-        Level of the start in dB.
     """
 
     rates: Mapping[str, float]
@@ -61,7 +61,6 @@ class Ringdown:
     before: float = 10.0
     behind: float = 20.0
     drop: float = 0.0
-    release: float = 0.1
     hold: float = 0.5
     scatter: float = 0.03
     scatter_time: float = 1.0
@@ -72,7 +71,6 @@ class Ringdown:
     constant: float = 0.0
     deviation: float = 0.0
     deviation_length: float = 0.3
-    top: float = -40.0
 
 
 CASES = ("viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic")
@@ -146,37 +144,16 @@ def wandering(n: int, step: float, time: float, rng: np.random.Generator) -> np.
     return np.asarray(lfilter([1.0], [1.0, -a], noise))
 
 
-def decay_rate(x: np.ndarray, rates: Mapping[str, float]) -> np.ndarray:
-    """Return the decay rate −dx/dt in 1/s at x = ln(A/A_start), shape (n,).
-
-    rates: decay rate of each term in 1/s at the amplitude A_start.
-    """
-    return sum((c * np.exp((POWERS[term] - 1.0) * x) for term, c in rates.items()), np.zeros_like(x))
-
-
-def free_decay(t: np.ndarray, rates: Mapping[str, float]) -> np.ndarray:
-    """Return ln(A/A_start) at times t in s since the start of the decay, shape (n,).
-
-    rates: decay rate of each term in 1/s at the amplitude A_start.
-    """
-
-    def slope(_: float, a: np.ndarray) -> np.ndarray:
-        return -sum((c * np.maximum(a, 0.0) ** POWERS[term] for term, c in rates.items()), np.zeros(1))
-
-    a = solve_ivp(slope, (0.0, t[-1]), (1.0,), "DOP853", t, rtol=1e-12, atol=1e-14).y[0]
-    return np.log(np.maximum(a, RESTED))
-
-
 def simulate(ringdown: Ringdown, rng: np.random.Generator) -> Simulated:
     """Simulate the readings in dB of a spectrum analyser or a lock-in amplifier during a ring-down.
 
     The record contains the drive, the decay, and the noise floor after it. ringdown: its parameters. rng: source of all
     random numbers.
     """
-    n_fall = ringdown.fall / NEPER
+    n_fall, terms = ringdown.fall / NEPER, [(POWERS[term], c) for term, c in ringdown.rates.items()]
     # Time that the decay itself needs to reach the floor, by its own law.
     x = np.linspace(0.0, -n_fall, 4000)
-    duration = float(np.trapezoid(1.0 / decay_rate(x, ringdown.rates), -x))
+    duration = float(np.trapezoid(1.0 / sum(c * np.exp((power - 1.0) * x) for power, c in terms), -x))
     t = np.arange(0.0, ringdown.before + duration + ringdown.behind, ringdown.step)
 
     def process(time: float, n: int = t.size) -> np.ndarray:
@@ -188,7 +165,13 @@ def simulate(ringdown: Ringdown, rng: np.random.Generator) -> Simulated:
     if ringdown.deviation:
         length = ringdown.deviation_length
         deviation = ringdown.deviation * wandering(since.size, ringdown.step / duration, length, rng)
-    free = free_decay(cumulative_trapezoid(1.0 + deviation, since, initial=0.0), ringdown.rates)
+    passed = cumulative_trapezoid(1.0 + deviation, since, initial=0.0)
+
+    def slope(_: float, a: np.ndarray) -> np.ndarray:
+        return -sum((c * np.maximum(a, 0.0) ** power for power, c in terms), np.zeros(1))
+
+    a = solve_ivp(slope, (0.0, passed[-1]), (1.0,), "DOP853", passed, rtol=1e-12, atol=1e-14).y[0]
+    free = np.log(np.maximum(a, RESTED))
     signal = np.ones(t.size, complex)
     signal[after] = np.exp(free)
 
@@ -206,9 +189,9 @@ def simulate(ringdown: Ringdown, rng: np.random.Generator) -> Simulated:
     tuned = t < 0.4 * ringdown.before
     y[~after] += ringdown.hold * process(0.2 * ringdown.before + 0.05 * duration, int((~after).sum()))
     y[tuned] += -10.0 + 6.0 * process(0.3, int(tuned.sum()))
-    y += ringdown.drop * np.clip(1.0 - (t - ringdown.before) / max(ringdown.release, 1e-9), 0.0, 1.0)
+    y += ringdown.drop * np.clip(1.0 - (t - ringdown.before) / RELEASE, 0.0, 1.0)
     y += ringdown.scatter * process(ringdown.scatter_time)
     y += ringdown.drift * process(duration * 2)
     true = np.full(t.size, np.nan)
     true[after] = free
-    return Simulated(t, y + ringdown.top, ringdown.before, true)
+    return Simulated(t, y + TOP, ringdown.before, true)

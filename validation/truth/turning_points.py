@@ -20,11 +20,7 @@ Force = Callable[[float, float, float], float]
 """Damping acceleration in rad/s² of angle (rad), velocity (rad/s) and its sign."""
 # The coefficients give decays by about 20 dB in 40 s.
 FORCES: dict[str, Force] = {
-    "viscous": lambda x, v, turn: 2 * 0.06 * v,
-    "coulomb": lambda x, v, turn: 0.13 * turn,
-    "quadratic": lambda x, v, turn: 0.11 * v * abs(v),
     "cubic": lambda x, v, turn: 0.15 * v**3,
-    "displacement": lambda x, v, turn: 150.0 * x * x * v,
     "structural": lambda x, v, turn: 3.2 * abs(x) * turn,
     "power": lambda x, v, turn: 0.11 * abs(v) ** 1.5 * turn,
     "stribeck": lambda x, v, turn: 0.07 * (1 + 3.0 * np.exp(-((v / 1.2) ** 2))) * turn,
