@@ -12,9 +12,8 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import chdir
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,26 +31,16 @@ PATIENCE = 10
 """A change also counts as noticed if the tests take more than this many times as long as without it."""
 
 
-@dataclass(frozen=True)
-class Part:
-    """A part of the package that is changed, and the tests that must fail then.
-
-    modules: glob patterns, relative to bayesdamp/, of the modules to change. tests: paths of the tests.
-    """
-
-    modules: tuple[str, ...]
-    tests: tuple[str, ...]
-
-
-PARTS = {
-    "physics": Part(
+PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "physics": (
         ("physics/damping/*.py", "physics/restoring/*.py", "physics/oscillator.py", "physics/orbit.py"),
         ("tests/physics/test_terms_and_laws.py", "tests/physics/test_orbit.py"),
     ),
-    "likelihood": Part(
-        ("inference/noise/*.py", "inference/model/*.py"), ("tests/inference/noise", "tests/inference/model")
+    "likelihood": (
+        ("inference/noise/*.py", "inference/model/*.py"),
+        ("tests/inference/noise", "tests/inference/model"),
     ),
-    "deviation": Part(
+    "deviation": (
         (
             "inference/deviation/linear.py",
             "inference/deviation/repeats.py",
@@ -66,36 +55,39 @@ PARTS = {
             "tests/inference/deviation/test_straight.py",
         ),
     ),
-    "verdict": Part(("verdict/*.py",), ("tests/verdict",)),
+    "verdict": (("verdict/*.py",), ("tests/verdict",)),
 }
+"""The parts of the package that are changed: glob patterns of the modules, relative to bayesdamp/, and the tests that
+must fail then."""
 
 
-def changes(part: Part) -> list[Any]:
-    """Return all changes that Cosmic Ray can make to a part of the package in the current folder, as its work items."""
+def changes(modules: Iterable[str]) -> list[Any]:
+    """Return all changes that Cosmic Ray can make to these modules of the current folder, as its work items."""
     from cosmic_ray.commands import init  # pyright: ignore[reportMissingImports]
     from cosmic_ray.work_db import use_db  # pyright: ignore[reportMissingImports]
 
     with use_db("changes.sqlite") as session:
-        init([file for glob in part.modules for file in Path("bayesdamp").glob(glob)], session, {})
+        init([file for glob in modules for file in Path("bayesdamp").glob(glob)], session, {})
         items = [item for item in session.work_items if TYPES not in item.mutations[0].operator_name]
     return sorted(items, key=lambda item: str(item.mutations[0]))
 
 
-def try_changes(part: Part, count: int, seed: int) -> Iterator[tuple[bool, str]]:
+def try_changes(part: str, count: int, seed: int) -> Iterator[tuple[bool, str]]:
     """Make `count` random changes one after the other; yield whether the tests fail, and the lines before and after.
 
     Raises CalledProcessError if the tests fail without a change.
     """
     from cosmic_ray.mutating import mutate_and_test  # pyright: ignore[reportMissingImports]
 
+    modules, tests = PARTS[part]
     options = ["-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", "-m", "not slow"]
-    command = [sys.executable, *options, *part.tests]
+    command = [sys.executable, *options, *tests]
     began = 0.0
     for _ in range(2):  # the first run compiles the kernels, so that the second is timed without this
         began = time.perf_counter()
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     patience = PATIENCE * (time.perf_counter() - began)
-    items = changes(part)
+    items = changes(modules)
     for k in np.random.default_rng(seed).permutation(len(items))[:count]:
         result = mutate_and_test(items[k].mutations, shlex.join(command), patience)
         lines = [line for line in result.diff.splitlines() if re.match(r"[-+](?!-- |\+\+ )|\+\+\+", line)]
@@ -114,7 +106,7 @@ def main() -> None:
     with chdir(TREE):
         for name in options.parts:
             results = []
-            for noticed, change in try_changes(PARTS[name], options.count, options.seed):
+            for noticed, change in try_changes(name, options.count, options.seed):
                 results.append(noticed)
                 print("noticed" if noticed else "NOT NOTICED", change, flush=True)
             print(f"{name}: {hits_of(sum(results), len(results))} are noticed", flush=True)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bayesdamp.cli.records import ReadingOptions, records_in
 from bayesdamp.formatting import markdown_table
-from bayesdamp.interface.answer import Answer, answer
+from bayesdamp.interface.answer import answer
 from bayesdamp.store.tables import write_table
 from bayesdamp.types import Signal
 from bayesdamp.verdict.specimen import specimen
@@ -37,24 +37,15 @@ def signals() -> Iterator[tuple[str, list[Signal]]]:
         yield name, decays if name == RUNS else decays[:1]
 
 
-def verdicts() -> Iterator[Verdict]:
-    """Yield the verdict on each free decay, and that on all runs of a file as one specimen."""
-    for name, records in signals():
-        answers: list[Answer] = []
-        for number, signal in enumerate(records, start=1):
-            answers.append(answer(signal, repeated=len(records) > 1))
-            print(f"{name} {number}: {answers[-1].verdict.sentence}", flush=True)
-            yield answers[-1].verdict
-        if len(answers) > 1:
-            together = specimen(name, [a.of_specimen() for a in answers if a.arrays])
-            print(f"{name}: {together.sentence}", flush=True)
-            yield together
-
-
 def main(folder: Path) -> None:
     """Run the command line: answer the records, and write README.md and verdicts.csv."""
-    folder.mkdir(parents=True, exist_ok=True)
-    results = list(verdicts())
+    results: list[Verdict] = []
+    for name, records in signals():
+        answers = [answer(signal, repeated=len(records) > 1) for signal in records]
+        results += [a.verdict for a in answers]
+        if len(answers) > 1:
+            results.append(specimen(name, [a.of_specimen() for a in answers if a.arrays]))
+        print(f"{name}: {results[-1].sentence}", flush=True)
     write_table(folder / "verdicts.csv", columns(), [v.row() for v in results])
     page = f"""# Measured decays
 

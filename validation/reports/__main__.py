@@ -6,7 +6,6 @@ import os
 import shlex
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from bayesdamp.store.files import write_json
@@ -22,7 +21,7 @@ STALE = 1
 """Exit status if a report is stale (its sources have changed since it was made), or if making it failed."""
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main() -> int:
     """Run the command line and return the exit status.
 
     0: success; 1: a report is stale, or making it failed; 2: an option is wrong, or the tree has uncommitted changes.
@@ -30,30 +29,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m validation.reports", description=__doc__)
     parser.add_argument("names", nargs="*", help="reports to make; by default all stale ones")
     parser.add_argument("--check", action="store_true", help="only list which reports are stale")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     if unknown := sorted(set(options.names) - {r.name for r in RECIPES}):
         parser.error(f"{unknown[0]!r} is not a report; use one of {', '.join(r.name for r in RECIPES)}")
+    old = stale(ROOT)
     if options.check:
-        return _check()
-    chosen = [r for r in RECIPES if r.name in options.names] if options.names else stale(ROOT)
+        stamp_of = stamps(ROOT / "reports")
+        for recipe in RECIPES:
+            stamp, state = stamp_of.get(recipe.name), "stale" if recipe in old else "fresh"
+            origin = f"made {stamp['day']} by {stamp['revision'][:9]}" if stamp else "made by unknown code"
+            print(f"{recipe.name:<15} {state:<6} {origin}, about {recipe.cost} min")
+        left = sum(recipe.cost for recipe in old)
+        print(f"{len(old)} of {len(RECIPES)} are stale; making them takes about {left} minutes on two cores")
+        return STALE if old else 0
     if changed := _git("status", "--porcelain", "--", ".", ":!reports"):
-        parser.error(
-            f"the working tree has uncommitted changes ({changed.split()[1]}); please commit them first"
-        )
-    made = [_make(recipe) for recipe in chosen]
-    return 0 if all(made) else STALE
-
-
-def _check() -> int:
-    """Print which reports are stale. Return 1 if there are any, else 0."""
-    stamp_of, old = stamps(ROOT / "reports"), stale(ROOT)
-    for recipe in RECIPES:
-        stamp, state = stamp_of.get(recipe.name), "stale" if recipe in old else "fresh"
-        origin = f"made {stamp['day']} by {stamp['revision'][:9]}" if stamp else "made by unknown code"
-        print(f"{recipe.name:<15} {state:<6} {origin}, about {recipe.cost} min")
-    left = sum(recipe.cost for recipe in old)
-    print(f"{len(old)} of {len(RECIPES)} are stale; making them takes about {left} minutes on two cores")
-    return STALE if old else 0
+        parser.error(f"please commit the changes in the working tree first ({changed.split()[1]})")
+    chosen = [r for r in RECIPES if r.name in options.names] if options.names else old
+    return 0 if all([_make(recipe) for recipe in chosen]) else STALE
 
 
 def _make(recipe: Recipe) -> bool:
@@ -63,9 +55,6 @@ def _make(recipe: Recipe) -> bool:
     """
     now = digest(recipe, ROOT)
     work, out = ROOT / WORK / f"{recipe.name}-{now[:12]}", ROOT / "reports" / recipe.name
-    work.mkdir(parents=True, exist_ok=True)
-    if not out.suffix:
-        out.mkdir(parents=True, exist_ok=True)
     places = {"python": sys.executable, "work": str(work), "out": str(out)}
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     for command in recipe.commands:
@@ -74,10 +63,9 @@ def _make(recipe: Recipe) -> bool:
         if subprocess.run(words, cwd=ROOT, env=environment).returncode:
             print(f"{recipe.name}: the command failed; the old stamp is unchanged", file=sys.stderr)
             return False
-    wrong = contradictions(out)
-    if wrong:
+    if wrong := contradictions(out):
         head = f"{recipe.name}: contradicts the truth of its records, so it is not stamped as made"
-        print("\n  ".join([head, *wrong]), file=sys.stderr)
+        print(head, *wrong, sep="\n  ", file=sys.stderr)
         return False
     day = datetime.datetime.now(datetime.UTC).date().isoformat()
     stamp = {"digest": now, "revision": _git("rev-parse", "HEAD"), "day": day}
