@@ -10,15 +10,15 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import as_completed
 from contextlib import nullcontext
-from dataclasses import dataclass
+from itertools import starmap
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from scipy.stats import norm
 
-from bayesdamp.formatting import markdown_table
+from bayesdamp.formatting import digits, markdown_table
 from bayesdamp.machine import processes
 from bayesdamp.types import OK, InputError, Refusal, Signal
 from bayesdamp.verdict.types import Verdict
@@ -40,96 +40,42 @@ answer gives as the most probable. `decided`: whether the answer states this dam
 outright). `right`: whether it is the true one."""
 
 
-@dataclass(frozen=True)
-class Reply:
-    """The answer of a peer.
-
-    Attributes
-    ----------
-    values : sequence of float
-        The equivalent damping ratios, largest amplitude first.
-    low, high : sequence of float
-        Ends of the 95 % intervals; empty without intervals.
-    named : str
-        The most probable damping sum; empty if the peer does not determine it.
-    decided : bool
-        Whether the answer states this sum without reservation (named outright).
-    probability : float
-        Its probability.
-    rivals : mapping
-        Probabilities of other sums.
-    grade : str
-        How well the damping and restoring laws hold, as `Verdict.grade` states it; empty for other programs.
-    amplitudes : sequence of float
-        The amplitudes of the values, if they may differ from those that were requested.
-    """
-
-    values: Sequence[float]
-    low: Sequence[float] = ()
-    high: Sequence[float] = ()
-    named: str = ""
-    decided: bool = False
-    probability: float = math.nan
-    rivals: Mapping[str, float] | None = None
-    grade: str = ""
-    amplitudes: Sequence[float] = ()
-
-
-Peer = Callable[[Signal, tuple[float, ...]], Reply]
-"""A function that answers a record: it maps the record, and amplitudes in its unit, to a reply. Raises Refusal if the
-method has no answer."""
+Peer = Callable[[Signal, tuple[float, ...]], Verdict]
+"""A function that answers a record: it maps the record, and amplitudes in its unit, to a verdict. If the method has no
+answer, it raises Refusal or InputError, or the verdict has no damping ratio."""
 Work = Callable[..., Mapping[str, Any]]
 """A function that computes one row of a table, as a mapping from columns to values. It must be importable by its name,
 because other processes call it."""
 
 
-def reply_of(verdict: Verdict) -> Reply:
-    """Convert a verdict of bayesdamp to a reply.
-
-    Raises Refusal, with the sentence of the verdict, if the verdict has no damping ratio.
-    """
-    if not verdict.damping_ratio:
-        raise Refusal(verdict.sentence)
-    value, low, high, amplitude = zip(
-        *((at.value, at.low, at.high, at.amplitude) for at in verdict.damping_ratio), strict=True
-    )
-    rivals = {rival.damping: float(rival.probability) for rival in verdict.rivals}
-    return Reply(
-        value, low, high, verdict.damping, verdict.decided, float(verdict.probability), rivals, str(verdict.grade),
-        amplitude,
-    )  # fmt: skip
-
-
 def row_of(case: Case, peer: Peer, name: str = "bayesdamp") -> dict[str, Any]:
-    """Let a peer answer a record, and return the row, values of `COLUMNS`, with its reply and the truth.
+    """Let a peer answer a record, and return the row, values of `COLUMNS`, with its answer and the truth.
 
-    name: of the peer. The column `seconds` is the CPU time of the answer. After a refusal, `outcome` is its text.
+    name: of the peer. The column `seconds` is the CPU time of the answer. Without an answer, `outcome` is the reason.
     """
     row: dict[str, Any] = {"record": case.name, "peer": name, "group": case.group, "damping": case.damping}
     row |= {"outcome": OK, "decided": 0, "right": 0}
-    began, at = time.process_time(), case.amplitudes
+    began, amplitudes = time.process_time(), case.amplitudes
     try:
-        reply = peer(case.signal, at)
-    except Refusal as refusal:
+        verdict = peer(case.signal, amplitudes)
+        if not verdict.damping_ratio:
+            raise Refusal(verdict.sentence)
+    except (InputError, Refusal) as refusal:
         row["outcome"] = str(refusal)
     else:
-        at = reply.amplitudes or at
+        amplitudes = tuple(at.amplitude for at in verdict.damping_ratio)
         row |= {
-            "grade": reply.grade, "named": reply.named, "probability": reply.probability,
-            "true_probability": probability_of(reply, case.damping), "decided": int(reply.decided),
-            "right": int(bool(reply.named) and terms_of(reply.named) == terms_of(case.damping)),
-            **in_columns(value=reply.values, low=reply.low, high=reply.high),
+            "grade": verdict.grade, "named": verdict.damping, "probability": verdict.probability,
+            "true_probability": probability_of(verdict, case.damping), "decided": int(verdict.decided),
+            "right": int(terms_of(verdict.damping) == terms_of(case.damping)),
         }  # fmt: skip
+        for i, at in enumerate(verdict.damping_ratio, 1):
+            row |= {f"value_{i}": at.value, f"low_{i}": at.low, f"high_{i}": at.high}
     row["seconds"] = time.process_time() - began
-    return row if case.ratio is None else row | in_columns(amplitude=at, true=map(case.ratio, at))
-
-
-def in_columns(**quantities: Iterable[float]) -> dict[str, float]:
-    """Return the cells of a row, by column, with quantities at several amplitudes.
-
-    For example, true=(a, b, c) gives the columns true_1, true_2 and true_3 with the values a, b and c.
-    """
-    return {f"{what}_{i}": x for what, values in quantities.items() for i, x in enumerate(values, 1)}
+    if case.ratio is not None:
+        for i, amplitude in enumerate(amplitudes, 1):
+            row |= {f"amplitude_{i}": amplitude, f"true_{i}": case.ratio(amplitude)}
+    return row
 
 
 def terms_of(damping: str) -> frozenset[str]:
@@ -137,14 +83,12 @@ def terms_of(damping: str) -> frozenset[str]:
     return frozenset(damping.split("+"))
 
 
-def probability_of(reply: Reply, damping: str) -> float:
-    """Return the probability that a reply gives to a damping sum, NaN if it gives none.
+def probability_of(verdict: Verdict, damping: str) -> float:
+    """Return the probability that a verdict gives to a damping sum.
 
     The sums that it does not list share the remaining probability equally.
     """
-    if reply.rivals is None:
-        return math.nan
-    listed = {terms_of(name): p for name, p in (*reply.rivals.items(), (reply.named, reply.probability))}
+    listed = {terms_of(name): float(p) for name, p in verdict.probabilities.items()}
     unlisted = sum(terms_of(name) not in listed for name in SUMS)
     return listed.get(terms_of(damping), max(1.0 - sum(listed.values()), 0.0) / max(unlisted, 1))
 
@@ -152,8 +96,7 @@ def probability_of(reply: Reply, damping: str) -> float:
 # --- scores ---
 
 
-@dataclass(frozen=True)
-class Share:
+class Share(NamedTuple):
     """A fraction of hits among trials, with its 95 % interval; all three numbers are NaN if there were no trials."""
 
     value: float
@@ -217,20 +160,9 @@ def named(rows: pd.DataFrame, right: int | None = None) -> int:
     return len(decided if right is None else decided.loc[decided["right"] == right])
 
 
-def digits(value: float) -> str:
-    """Return a number as text with two significant digits and without an exponent."""
-    return f"{float(f'{value:.2g}'):g}"
-
-
 def _percent(values: np.ndarray, level: float = 0.5) -> str:
-    """Return the quantile at `level` (0 to 1) of the finite values as text in per cent; a dash without any."""
-    known = values[np.isfinite(values)]
-    return f"{digits(100 * float(np.quantile(known, level)))} %" if known.size else "–"
-
-
-def _median_seconds(rows: pd.DataFrame) -> str:
-    seconds = rows["seconds"].dropna()
-    return f"{seconds.median():.2g}" if len(seconds) else "–"
+    """Return the quantile at `level` (0 to 1) of the finite values as text in per cent."""
+    return f"{digits(100 * pd.Series(values.ravel()).quantile(level), n=2)} %"
 
 
 def _true_probability(rows: pd.DataFrame) -> str:
@@ -252,7 +184,7 @@ SCORES: Mapping[str, Callable[[pd.DataFrame], object]] = {
     "median half width": lambda rows: _percent(0.5 * (three(rows, "high") - three(rows, "low")) / three(rows, "true")),
     "deviates": lambda rows: int(np.sum(rows["grade"] == "deviates")),
     "mean P(truth)": _true_probability,
-    "CPU seconds": _median_seconds,
+    "CPU seconds": lambda rows: digits(float(np.median(rows["seconds"])), n=2),
 }  # fmt: skip
 """The columns of a table of scores, by header: each is a function that maps the rows of a group to the content of the
 cell. "Named outright" means that an answer states one damping without reservation; "deviates" is the number of answers
@@ -342,20 +274,13 @@ def complete_rows(
     done = set(by_name().index)
     missing = [given for name, given in todo.items() if name not in done]
     with processes(workers) if min(workers, len(missing)) > 1 else nullcontext() as pool:
-        results = (
-            (task.result() for task in as_completed([pool.submit(work, *given) for given in missing]))
-            if pool
-            else (work(*given) for given in missing)
-        )
+        tasks = [pool.submit(work, *given) for given in missing] if pool else []
+        results = (task.result() for task in as_completed(tasks)) if pool else starmap(work, missing)
         for i, row in enumerate(results, 1):
             assert row.keys() <= set(columns), row
             line = pd.DataFrame([row], columns=list(columns))
             line.to_csv(table, index=False, float_format="%.6g", mode="a", header=not table.is_file())
-            print(
-                f"{i}/{len(missing)} {row['record']} {row.get('named', row['outcome'])}",
-                file=sys.stderr,
-                flush=True,
-            )
+            print(f"{i}/{len(missing)} {row['record']} {row.get('named', row['outcome'])}", file=sys.stderr)
     return by_name().loc[list(todo)].reset_index(drop=True)
 
 

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import zip_longest
+
 import numpy as np
 
 from bayesdamp.types import Signal
+from bayesdamp.verdict.parts import DampingRatio, Grade
+from bayesdamp.verdict.types import Verdict
 from tests.physics.independent import viscous
-from validation.scoring import Peer, Reply
+from validation.scoring import Peer
 from validation.truth.oscillator import SUMS
 from validation.truth.records import Case
 
@@ -34,8 +41,15 @@ def peer_of(
     values = 0.02 + sd * rng.standard_normal(3)
     half = 1.96 * sd / sure
     named = case.damping if right else next(s for s in SUMS if s != case.damping)
-    reply = Reply(list(values), list(values - half), list(values + half), named, decided, 0.98, {}, grade)
-    return lambda signal, amplitudes: reply
+    verdict = replace(verdict_of(values, values - half, values + half), damping=named, probability=0.98)
+    return lambda signal, amplitudes: replace(verdict, decided=decided, grade=Grade(grade))
+
+
+def verdict_of(values: Iterable[float], low: Iterable[float] = (), high: Iterable[float] = ()) -> Verdict:
+    """Return a verdict that names no damping, with these damping ratios at `AMPLITUDES`, and NaN for missing ends."""
+    rows = zip_longest(AMPLITUDES, values, low, high, fillvalue=math.nan)
+    ratios = tuple(DampingRatio(a, "rad", v, 0.0, 0.0, start, end) for a, v, start, end in rows if v == v)
+    return Verdict("a", Grade.EXACT, False, "", math.nan, damping_ratio=ratios)
 
 
 def closed_form(ratio: float = 0.02, noise: float = 0.0, cycles: float = 20.0) -> Case:

@@ -9,9 +9,10 @@ import pandas as pd
 import pytest
 
 from bayesdamp.types import InputError, Refusal, Signal
+from bayesdamp.verdict.types import Verdict
 from tests.validation.answering import a_case, peer_of
 from validation.reports.accuracy import page
-from validation.scoring import COLUMNS, Reply, complete_rows, make_page, page_options, read_rows, row_of
+from validation.scoring import COLUMNS, complete_rows, make_page, page_options, read_rows, row_of
 from validation.truth.records import KINDS
 
 
@@ -25,7 +26,7 @@ def row(kind: str, mode: str) -> dict[str, object]:
 def refused_or_failed(number: int) -> dict[str, object]:
     """Refuse the first record, and fail on the next."""
 
-    def answer(signal: Signal, amplitudes: tuple[float, ...]) -> Reply:
+    def answer(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
         if number == 0:
             raise Refusal("too many samples for this test")
         raise RuntimeError("a fault\nof two lines")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,20 +10,9 @@ from scipy.stats import binomtest
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict.parts import DampingRatio, Grade, Rival
 from bayesdamp.verdict.types import Verdict
-from tests.validation.answering import a_case, peer_of
+from tests.validation.answering import a_case, peer_of, verdict_of
 from validation.contest.page import paired
-from validation.scoring import (
-    SCORES,
-    Reply,
-    coverage,
-    errors,
-    named,
-    probability_of,
-    reply_of,
-    row_of,
-    score_table,
-    share,
-)
+from validation.scoring import SCORES, coverage, errors, named, probability_of, row_of, score_table, share
 
 
 def table_of(count: int = 200, **how) -> pd.DataFrame:
@@ -62,9 +49,9 @@ def test_an_overconfident_answer_does_not_cover() -> None:
 def test_coverage_is_the_mean_over_records_that_have_intervals() -> None:
     """Of one record two of three intervals contain the truth, of another the only one does not, a third has none."""
     replies = (
-        Reply([0.02] * 3, [0.01, 0.01, 0.03], [0.03, 0.03, 0.04]),
-        Reply([0.03], [0.025], [0.04]),
-        Reply([0.02] * 3),
+        verdict_of([0.02] * 3, [0.01, 0.01, 0.03], [0.03, 0.03, 0.04]),
+        verdict_of([0.03], [0.025], [0.04]),
+        verdict_of([0.02] * 3),
     )
     rows = pd.DataFrame([row_of(a_case(i), lambda *_, r=r: r) for i, r in enumerate(replies)])
     assert coverage(rows).value == pytest.approx((2 / 3 + 0) / 2)
@@ -72,7 +59,7 @@ def test_coverage_is_the_mean_over_records_that_have_intervals() -> None:
 
 
 def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
-    def refuses(signal: Signal, amplitudes: tuple[float, ...]) -> Reply:
+    def refuses(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
         raise Refusal("three samples in a period")
 
     rows = pd.concat([pd.DataFrame([row_of(a_case(n), refuses) for n in range(5)]), table_of(5, sure=0.1)])
@@ -83,7 +70,7 @@ def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
 
 def test_errors_of_a_peer_are_compared_on_the_records_that_both_answer() -> None:
     def rows_of(error: float, count: int = 20) -> pd.DataFrame:
-        replies = [Reply([0.02 * (1 + error * (1 + i))] * 3) for i in range(count)]
+        replies = [verdict_of([0.02 * (1 + error * (1 + i))] * 3) for i in range(count)]
         return pd.DataFrame([row_of(a_case(i), lambda *_, r=r: r) for i, r in enumerate(replies)])
 
     ours = rows_of(0.01)
@@ -99,20 +86,17 @@ def test_the_interval_of_a_share_is_wilsons_of_scipy() -> None:
         assert (part.low, part.high) == pytest.approx((exact.low, exact.high), abs=1e-12)
 
 
-def test_a_reply_has_the_numbers_of_its_verdict() -> None:
+def test_a_row_has_the_numbers_of_its_verdict() -> None:
     at = DampingRatio(0.2, "rad", 0.02, 0.0, 0.0, 0.01, 0.03)
-    answer = Verdict(
+    verdict = Verdict(
         "a", Grade.EXACT, True, "coulomb+viscous", 0.7, (Rival("viscous", 0.2),), damping_ratio=(at,)
     )
-    reply = reply_of(answer)
-    assert probability_of(reply, "viscous+coulomb") == 0.7
-    assert probability_of(reply, "viscous") == 0.2
-    assert probability_of(reply, "quadratic") == pytest.approx(0.1 / 5)
-    row = row_of(a_case(3), lambda *_: reply)
+    assert probability_of(verdict, "viscous+coulomb") == 0.7
+    assert probability_of(verdict, "viscous") == 0.2
+    assert probability_of(verdict, "quadratic") == pytest.approx(0.1 / 5)
+    row = row_of(a_case(3), lambda *_: verdict)
     assert (row["right"], row["decided"], row["amplitude_1"]) == (1, 1, 0.2)
     assert (row["low_1"], row["high_1"]) == (0.01, 0.03)
-    nothing = row_of(replace(a_case(3), damping=""), lambda *_: Reply([0.02]))
-    assert nothing["right"] == 0  # naming no damping is not right where the true one is unknown
-    assert np.isnan(probability_of(Reply([0.02]), "viscous"))
-    with pytest.raises(Refusal, match="not enough cycles"):
-        reply_of(Verdict("a", Grade.NOT_WEIGHED, False, "", float("nan"), sentence="not enough cycles"))
+    nothing = Verdict("a", Grade.NOT_WEIGHED, False, "", float("nan"), sentence="not enough cycles")
+    row = row_of(a_case(3), lambda *_: nothing)
+    assert (row["outcome"], row["right"], row["decided"]) == ("not enough cycles", 0, 0)

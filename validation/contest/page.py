@@ -6,9 +6,10 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
+from bayesdamp.formatting import digits
 from validation.contest.peers import OURS, ROSTER
 from validation.contest.records import GROUPS
-from validation.scoring import digits, errors, groups_of, score_table
+from validation.scoring import errors, groups_of, score_table
 
 INTRODUCTION = """# A contest
 
@@ -45,10 +46,18 @@ HOW = """## How each was run
 
 
 def page(rows: pd.DataFrame) -> str:
-    """Return the page of the contest in Markdown, from its rows."""
+    """Return the page of the contest in Markdown, from its rows. Its tables have a line for each method."""
     parts = {"all records": rows, **groups_of(rows, order=GROUPS)}
+    ours = rows.loc[rows["peer"] == OURS]
+    more = {"error over bayesdamp's": lambda part: paired(part, ours)}
+    scores = (
+        "records", "answered", "median error", "90 % quantile", "coverage", "named outright", "of these correctly",
+        "CPU seconds",
+    )  # fmt: skip
     sections = "\n\n".join(
-        f"## {name.capitalize()}\n\n{_table(part)}" for name, part in parts.items() if len(part)
+        f"## {name.capitalize()}\n\n{score_table(groups_of(part, 'peer', ROSTER), *scores, more=more)}"
+        for name, part in parts.items()
+        if len(part)
     )
     seeds = ", ".join(sorted(set(rows["record"].str.split("-").str[1])))
     return f"""{INTRODUCTION}
@@ -59,19 +68,6 @@ Seed {seeds}; `python -m validation.contest ROWS.csv FOLDER --seed 1` draws othe
 {HOW}
 `make reports` makes this page again; `rows.csv` has every answer.
 """
-
-
-def _table(rows: pd.DataFrame) -> str:
-    """Return the Markdown table of the scores of all methods on the records of these rows, a line for each method."""
-    scores = (
-        "records", "answered", "median error", "90 % quantile", "coverage", "named outright", "of these correctly",
-        "CPU seconds",
-    )  # fmt: skip
-    return score_table(
-        groups_of(rows, "peer", ROSTER),
-        *scores,
-        more={"error over bayesdamp's": lambda part: paired(part, rows.loc[rows["peer"] == OURS])},
-    )
 
 
 def paired(theirs: pd.DataFrame, ours: pd.DataFrame) -> str:
@@ -85,5 +81,5 @@ def paired(theirs: pd.DataFrame, ours: pd.DataFrame) -> str:
     if len(logs) < 2 or not logs.any():
         return "–"
     half = student.ppf(0.975, len(logs) - 1) * logs.sem()
-    value, low, high = (digits(float(np.exp(logs.mean() + shift))) for shift in (0, -half, half))
+    value, low, high = (digits(float(np.exp(logs.mean() + shift)), n=2) for shift in (0, -half, half))
     return f"{value} ({low}–{high})"

@@ -5,8 +5,8 @@
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,96 +14,67 @@ import pandas as pd
 
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
 from bayesdamp.interface.answer import COMPARED, answer
-from bayesdamp.physics.damping import all_sums
+from bayesdamp.physics.damping import TERMS as DAMPINGS, all_sums
 from bayesdamp.types import Signal
+from bayesdamp.verdict.types import Verdict
 from validation.scoring import (
     COLUMNS,
-    Reply,
     groups_of,
     hits_of,
     make_page,
     named,
     page_options,
-    reply_of,
     row_of,
     score_table,
     terms_of,
 )
+from validation.truth.drawing import log_uniform
 from validation.truth.motion import NoMotionError, solve_motion
 from validation.truth.oscillator import Discrepancy, Oscillator
 from validation.truth.ratio import harmonic_ratio
-from validation.truth.records import Case
+from validation.truth.records import NATS, Case
 
 PARAMETERS = ("nats", "intervals", "held")
 """Further columns of the table: by how many nats the true sum is ahead, how many of its parameters have intervals, and
 how many of these contain the truth."""
 TERMS = ("cubic", "displacement", "power", "dry_position", "structural", "stribeck")
 """The damping terms that are tested, by their names in bayesdamp."""
-Force = Callable[[float, float, float], float]
-"""A damping force (rad/s²) of displacement (rad), velocity (rad/s) and sign of the velocity (1 or −1)."""
 LEAST_SHARE, LEAST_FALL = 0.3, 0.6
 """Least fraction of the energy loss that the term must cause, and least fraction by which the amplitude must fall; a
 record with less is drawn again."""
-LEAST_NATS = 12.0
-"""A true sum counts as distinguishable if the log likelihood of its best fit is at least this much (nats) above that of
-every sum that lacks one of its terms."""
 
 
-@dataclass(frozen=True)
-class Truth:
-    """A damping term with its true parameters.
-
-    Attributes
-    ----------
-    coefficient : str
-        Name of its coefficient.
-    force : callable
-        Force per unit of the coefficient, from the displacement, the velocity and the sign of the velocity.
-    further : dict
-        True values of its other parameters.
-    static : callable
-        Largest force at rest per unit of the coefficient, from the displacement.
-    """
-
-    coefficient: str
-    force: Force
-    further: dict[str, float] = field(default_factory=dict)
-    static: Callable[[float], float] = field(default=lambda x: 0.0)
-
-
-def truth_of(term: str, rng: np.random.Generator, size: float, speed: float) -> Truth:
+def truth_of(
+    term: str, rng: np.random.Generator, size: float, speed: float
+) -> tuple[Discrepancy, dict[str, float]]:
     """Draw the parameters of a term, except its coefficient, for motions of this amplitude and peak velocity.
 
-    term: a name of `TERMS`. size, speed: amplitude (rad) and peak velocity (rad/s).
+    term: a name of `TERMS`. size, speed: amplitude (rad) and peak velocity (rad/s). Return its force per unit of the
+    coefficient, and the values of its other parameters.
     """
     match term:
         case "cubic":
-            return Truth("mu_3", lambda x, v, turn: v**3)
+            return Discrepancy(term, lambda x, v, turn: v**3), {}
         case "displacement":
-            return Truth("c_xxv", lambda x, v, turn: x * x * v)
+            return Discrepancy(term, lambda x, v, turn: x * x * v), {}
         case "structural":
-            return Truth("kappa", lambda x, v, turn: abs(x) * turn)
+            return Discrepancy(term, lambda x, v, turn: abs(x) * turn), {}
         case "stribeck":
             excess, slow = rng.uniform(0.5, 1.5), rng.uniform(0.1, 0.5) * speed
-            return Truth(
-                "mu_k", lambda x, v, turn: (1 + excess * math.exp(-((v / slow) ** 2))) * turn,
-                {"static_excess": excess, "stribeck_velocity": slow}, lambda x: 1 + excess,
-            )  # fmt: skip
+            return Discrepancy(
+                term, lambda x, v, turn: (1 + excess * math.exp(-((v / slow) ** 2))) * turn, lambda x: 1 + excess
+            ), {"static_excess": excess, "stribeck_velocity": slow}  # fmt: skip
         case "dry_position":
             slope, bend = rng.uniform(-0.4, 0.4), rng.choice([rng.uniform(-0.6, -0.3), rng.uniform(0.5, 2.0)])
 
             def friction(x: float) -> float:
                 return 1 + slope * x / size + bend * (x / size) ** 2
 
-            return Truth(
-                "mu_p", lambda x, v, turn: friction(x) * turn,
-                {"friction_slope": slope, "friction_curvature": bend}, friction,
-            )  # fmt: skip
-        case "power":
-            p = rng.choice([0.5, 1.5, 2.5]) + rng.uniform(-0.2, 0.2)
+            unit = Discrepancy(term, lambda x, v, turn: friction(x) * turn, friction)
+            return unit, {"friction_slope": slope, "friction_curvature": bend}
         case _:
-            raise ValueError(term)
-    return Truth("c_power", lambda x, v, turn: speed * abs(v / speed) ** p * turn, {"exponent": p})
+            p = rng.choice([0.5, 1.5, 2.5]) + rng.uniform(-0.2, 0.2)
+            return Discrepancy(term, lambda x, v, turn: speed * abs(v / speed) ** p * turn), {"exponent": p}
 
 
 def case(term: str, seed: int) -> Case:
@@ -115,10 +86,8 @@ def case(term: str, seed: int) -> Case:
     """
     rng = np.random.default_rng(seed)
     while True:
-        try:
+        with suppress(NoMotionError):
             return _simulate(term, rng, f"{term}-{seed}")
-        except NoMotionError:
-            pass
 
 
 def _simulate(term: str, rng: np.random.Generator, name: str) -> Case:
@@ -127,15 +96,15 @@ def _simulate(term: str, rng: np.random.Generator, name: str) -> Case:
     Raises NoMotionError if the motion sticks, the amplitude falls by less than `LEAST_FALL`, or the term causes less
     than `LEAST_SHARE` of the energy loss.
     """
-    size, frequency = float(np.exp(rng.uniform(np.log(0.02), np.log(0.4)))), float(rng.uniform(1.5, 12.0))
+    size, frequency = log_uniform(rng, 0.02, 0.4), float(rng.uniform(1.5, 12.0))
     speed, cycles, left = size * frequency, float(rng.uniform(15, 40)), float(rng.uniform(0.12, 0.4))
-    truth = truth_of(term, rng, size, speed)
+    unit, further = truth_of(term, rng, size, speed)
     alone = term == "power" or rng.random() < 0.5
     share = 1.0 if alone else float(rng.uniform(0.3, 0.9))
 
     def ratio(a: float) -> float:
         """Return the equivalent damping ratio of the term at an amplitude a (rad), per unit of its coefficient."""
-        return harmonic_ratio(lambda x, v: truth.force(x, v, math.copysign(1.0, v)), a, frequency)
+        return harmonic_ratio(lambda x, v: unit.damping(x, v, math.copysign(1.0, v)), a, frequency)
 
     rate = (1 - share) / share * ratio(size * math.sqrt(left))  # viscous ratio per unit of the coefficient
     grid = np.geomspace(size, left * size, 60)
@@ -144,25 +113,25 @@ def _simulate(term: str, rng: np.random.Generator, name: str) -> Case:
     coefficient = float(np.sum(0.5 * (each[1:] + each[:-1]) * -np.diff(np.log(grid)))) / cycles
     zeta = coefficient * rate * frequency
     viscous = {} if alone else {"viscous": zeta}
-    oscillator = Oscillator(
-        "linear", {"stiffness": frequency**2, "rest_angle": float(rng.uniform(-0.1, 0.1)) * size}, viscous,
-        discrepancy=Discrepancy(
-            term, lambda x, v, turn: coefficient * truth.force(x, v, turn),
-            static_friction=lambda x: coefficient * truth.static(x),
-        ),
-    )  # fmt: skip
+    odd = replace(
+        unit,
+        damping=lambda x, v, turn: coefficient * unit.damping(x, v, turn),
+        static_friction=lambda x: coefficient * unit.static_friction(x),
+    )
+    spring = {"stiffness": frequency**2, "rest_angle": float(rng.uniform(-0.1, 0.1)) * size}
+    oscillator = Oscillator("linear", spring, viscous, discrepancy=odd)
     times = np.linspace(0, cycles * 2 * np.pi / frequency, int(cycles * rng.uniform(30, 60)))
     motion = solve_motion(oscillator, size, frequency, float(times[-1]) + 1e-9)
     y, v = motion.at(times)
     if np.abs(motion.turns[-1]) > (1 - LEAST_FALL) * size:
         raise NoMotionError("the amplitude falls too little")
     x = y - oscillator.equilibrium()
-    own = np.array([truth.force(a, b, math.copysign(1.0, b)) * b for a, b in zip(x, v, strict=True)])
+    own = np.array([unit.damping(a, b, math.copysign(1.0, b)) * b for a, b in zip(x, v, strict=True)])
     part = coefficient * own.sum() / (coefficient * own.sum() + np.sum(2 * zeta * v * v))
     if part < LEAST_SHARE:
         raise NoMotionError("the term has too small a share of the loss")
     noise = float(rng.uniform(0.005, 0.02)) * size
-    values = {truth.coefficient: coefficient, **truth.further} | ({} if alone else {"zeta": zeta})
+    values = {DAMPINGS.get(term).parameter: coefficient, **further} | ({} if alone else {"zeta": zeta})
     signal = Signal(times, y + noise * rng.standard_normal(times.size))
     damping = term if alone else f"viscous+{term}"
     return Case(name, term, signal, damping, parameters=values, noise_sd=noise, shares={term: float(part)})
@@ -190,7 +159,7 @@ def row(term: str, seed: int) -> dict[str, Any]:
     results: dict[str, ModelComparison] = {}
     further: dict[str, float] = {"intervals": 0, "held": 0}
 
-    def answer_record(signal: Signal, _: tuple[float, ...]) -> Reply:
+    def answer_record(signal: Signal, _: tuple[float, ...]) -> Verdict:
         sums = [*all_sums(), term, f"viscous+{term}"]
         verdict = answer(signal, damping=sums, restoring=["linear"], comparisons=results).verdict
         inside = [
@@ -199,7 +168,7 @@ def row(term: str, seed: int) -> dict[str, Any]:
             if q.name in c.parameters
         ]
         further.update(intervals=len(inside), held=sum(inside))
-        return replace(reply_of(verdict), values=(), low=(), high=(), amplitudes=())
+        return verdict
 
     row = row_of(c, answer_record)
     if COMPARED in results:
@@ -227,7 +196,7 @@ correctly.
 The records are simulated by SciPy's solver. Their amplitude falls by 60 % or more, with 0.5 to 2 % of noise. The term \
 dissipates at least 30 % of the energy, alone or together with viscous damping. It is compared with the paper's seven \
 sums, with sequential Monte Carlo. The true sum is distinguishable if its best fit \
-is {LEAST_NATS:g} nats ahead of that of every sum that lacks one of its terms. The brackets contain 95 % intervals of \
+is {NATS:g} nats ahead of that of every sum that lacks one of its terms. The brackets contain 95 % intervals of \
 the fractions.
 
 {score_table({f"`{term}`": part for term, part in groups_of(rows, order=TERMS).items()}, *scores, more=more)}
@@ -238,7 +207,7 @@ laws.csv has every record. `make reports` makes this report again.
 
 def _of_distinguishable(rows: pd.DataFrame) -> str:
     """Return how many dampings are named outright and correctly, of those that the record can distinguish, as text."""
-    clear = rows.loc[rows["nats"] >= LEAST_NATS]
+    clear = rows.loc[rows["nats"] >= NATS]
     return hits_of(named(clear, right=1), len(clear))
 
 

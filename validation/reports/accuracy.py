@@ -22,15 +22,14 @@ from bayesdamp.interface.answer import answer
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import make_record
 from bayesdamp.types import OK, InputError, Signal
+from bayesdamp.verdict.types import Verdict
 from validation.scoring import (
-    Reply,
     coverage,
     groups_of,
     hits_of,
     make_page,
     named,
     page_options,
-    reply_of,
     row_of,
     score_table,
 )
@@ -116,22 +115,20 @@ def simulate(decade: float, number: int) -> tuple[Case, float]:
     log = np.linspace(0.0, math.log(fall), 4001)
     amplitudes = size * np.exp(-log)
     times = cumulative_trapezoid(1 / (frequency * ratio(amplitudes)), log, initial=0.0)
-    if decade not in ENVELOPES:
+    if decade in ENVELOPES:
+        t = np.linspace(0.0, times[-1], READINGS)
+        error = noise * size * rng.standard_normal((2, READINGS))
+        y = np.hypot(np.interp(t, times, amplitudes) + error[0], error[1])
+    else:
         rest = rng.uniform(-1, 1) * size
         oscillator = Oscillator("linear", {"stiffness": frequency**2, "rest_angle": rest}, coefficients)
         t = np.arange(0.0, times[-1], 2 * math.pi / frequency / A_CYCLE)
         noise *= math.sqrt(t.size / (CYCLES * A_CYCLE))
         y = solve_motion(oscillator, size, frequency, float(times[-1])).at(t)[0]
-        signal = Signal(t, y + noise * size * rng.standard_normal(t.size), unit="m")
-    else:
-        t = np.linspace(0.0, times[-1], READINGS)
-        error = noise * size * rng.standard_normal((2, READINGS))
-        y = np.hypot(np.interp(t, times, amplitudes) + error[0], error[1])
-        signal = Signal(t, y, unit="m")
-    name = f"{decade:g}-{number}"
-    return Case(
-        name, f"{decade:g}", signal, damping, ratio=ratio, amplitudes=(middle,), parameters=coefficients
-    ), frequency
+        y = y + noise * size * rng.standard_normal(t.size)
+    name, signal = f"{decade:g}", Signal(t, y, unit="m")
+    known = {"ratio": ratio, "amplitudes": (middle,), "parameters": coefficients}
+    return Case(f"{name}-{number}", name, signal, damping, **known), frequency
 
 
 def row(kind: str, number: int, mode: str, oversample: int = 1) -> dict[str, Any]:
@@ -141,13 +138,12 @@ def row(kind: str, number: int, mode: str, oversample: int = 1) -> dict[str, Any
     of this kind. mode: "none" (the laws hold exactly) or "auto" (also approximate laws). oversample: factor on the
     sampling rate of a record with a discrepancy.
     """
-    frequency, light = 0.0, kind not in KINDS
-    if light:
-        record, frequency = simulate(float(kind), number)
-    else:
-        record = case(kind, SEED, number, oversample)
+    light = kind not in KINDS
+    record, frequency = (
+        simulate(float(kind), number) if light else (case(kind, SEED, number, oversample), 0.0)
+    )
 
-    def answer_record(signal: Signal, amplitudes: tuple[float, ...]) -> Reply:
+    def answer_record(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
         if light and float(kind) in ENVELOPES:
             envelope = make_record(record.name, signal.t, signal.y, "V", frequency / (2 * math.pi))
             verdict = analyse(envelope).verdict
@@ -159,7 +155,7 @@ def row(kind: str, number: int, mode: str, oversample: int = 1) -> dict[str, Any
             except InputError:  # the window ends before the middle amplitude
                 verdict = quick().verdict
         at = verdict.damping_ratio
-        return reply_of(replace(verdict, damping_ratio=at[len(at) // 2 :][:1]) if light else verdict)
+        return replace(verdict, damping_ratio=at[len(at) // 2 :][:1]) if light else verdict
 
     return row_of(record, answer_record, mode)
 

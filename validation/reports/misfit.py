@@ -7,6 +7,7 @@ damping with the restoring laws of bayesdamp.
 
 import math
 import tempfile
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,18 +17,9 @@ import pandas as pd
 
 from bayesdamp.cli.records import ReadingOptions, records_in
 from bayesdamp.interface.answer import answer
-from bayesdamp.types import InputError, Refusal, Signal
-from validation.scoring import (
-    Reply,
-    groups_of,
-    hits_of,
-    make_page,
-    named,
-    page_options,
-    reply_of,
-    row_of,
-    score_table,
-)
+from bayesdamp.types import Refusal, Signal
+from bayesdamp.verdict.types import Verdict
+from validation.scoring import groups_of, hits_of, make_page, named, page_options, row_of, score_table
 from validation.truth.discrepancies import stribeck
 from validation.truth.drawing import MIDDLE, Draw, draw_oscillator, log_uniform, middle_ratio
 from validation.truth.motion import NoMotionError, solve_motion
@@ -55,13 +47,9 @@ def draw_case(kind: str, number: int, seed: int) -> Case:
     damping = {"stiction": "coulomb"}.get(kind, str(rng.choice(SUMS)))
     while True:
         draw = _with_discrepancy(kind, rng, draw_oscillator(rng, damping, "linear"))
-        try:
-            signal = _simulate(kind, rng, draw)
-        except NoMotionError:
-            continue
-        return Case(
-            f"{kind}-{seed}-{number}", kind, signal, kind if kind in ("stiction", *POWERS) else damping
-        )
+        with suppress(NoMotionError):
+            true = kind if kind in ("stiction", *POWERS) else damping
+            return Case(f"{kind}-{seed}-{number}", kind, _simulate(kind, rng, draw), true)
 
 
 def _with_discrepancy(kind: str, rng: np.random.Generator, draw: Draw) -> Draw:
@@ -121,21 +109,18 @@ def _sign(rng: np.random.Generator) -> float:
     return float(rng.choice([-1.0, 1.0]))
 
 
-def answer_file(signal: Signal, amplitudes: tuple[float, ...]) -> Reply:
+def answer_file(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
     """Write a record to a CSV file, and read and answer it as `bayesdamp compare --quick` does.
 
-    Raises Refusal if the file is refused, or if the record is not the free decay of one oscillator.
+    Raises InputError if the file is refused, and Refusal if the record is not the free decay of one oscillator.
     """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "record.csv"
         pd.DataFrame({"t": signal.t, "angle": signal.y}).to_csv(file, index=False)
-        try:
-            (record,) = records_in(file, ReadingOptions(time="t", angle="angle", unit="rad"))
-        except InputError as refusal:
-            raise Refusal(str(refusal).replace(folder, "")) from None
+        (record,) = records_in(file, ReadingOptions(time="t", angle="angle", unit="rad"))
     if record.signal is None:
         raise Refusal(record.refusal)
-    return reply_of(answer(record.signal, sample=False).verdict)
+    return answer(record.signal, sample=False).verdict
 
 
 def row(kind: str, number: int, seed: int) -> dict[str, Any]:

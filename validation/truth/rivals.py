@@ -20,50 +20,51 @@ def nats_ahead(draw: Draw) -> float:
     terms, so this sum has the smallest residual.
     """
     truth, amplitude, frequency = draw.oscillator, draw.amplitude, draw.frequency
-    law = list(LAWS).index(truth.restoring)
-    names = LAWS[truth.restoring]
+    law, names = list(LAWS).index(truth.restoring), LAWS[truth.restoring]
     step = 2 * np.pi / frequency / (PER_CYCLE * STEPS)
     out = np.empty((max(int(draw.duration / (STEPS * step)), 2) + 1, 2))
 
-    def motion(law_values: np.ndarray, damping: np.ndarray, start: np.ndarray) -> np.ndarray:
-        padded = np.zeros(3)
-        padded[: law_values.size] = law_values
-        trajectory(law, padded, damping, float(start[0]), float(start[1]), step, STEPS, out)
-        return out
-
-    law_true = np.array([truth.parameters[name] for name in names])
-    true = np.array([truth.damping.get(term, 0.0) for term in TERMS])
-    start = np.array([truth.equilibrium() + draw.displacement, 0.0])
-    path = motion(law_true, true, start).copy()
+    def angles(values: np.ndarray) -> np.ndarray:
+        """Return the angles of a motion. values: law and damping as for `trajectory`, and the state at the start."""
+        trajectory(law, values[:6], float(values[6]), float(values[7]), step, STEPS, out)
+        return out[:, 0]
 
     grid = np.geomspace(draw.left, 1.0, 24) * amplitude
     rates = np.column_stack([loss_rate(term, grid, frequency) for term in TERMS])
-    total = rates @ true
-    unit = 1 / rates[12]
-    law_scale = np.array([
-        {"stiffness": frequency**2, "gravity": frequency**2, "cubic": frequency**2 / amplitude**2}.get(n, amplitude)
-        for n in names
-    ])  # fmt: skip
-    shift = np.concatenate([law_scale, amplitude * np.array([1.0, frequency])])
-    origin = np.concatenate([law_true, start])
+    sizes = {"stiffness": frequency**2, "gravity": frequency**2, "cubic": frequency**2 / amplitude**2}
+    unit = np.full(8, amplitude)
+    unit[: len(names)] = [sizes.get(name, amplitude) for name in names]
+    unit[3:6], unit[7] = 1 / rates[12], amplitude * frequency
+    origin = np.zeros(8)
+    origin[: len(names)] = [truth.parameters[name] for name in names]
+    origin[6] = truth.equilibrium() + draw.displacement
+    coefficients = np.array([truth.damping.get(term, 0.0) for term in TERMS])
+    total = rates @ coefficients
+    path = angles(np.concatenate([origin[:3], coefficients, origin[6:]])).copy()
     costs = []
     for term in truth.damping:
-        others = [i for i, other in enumerate(TERMS) if other != term]
-        guess = nnls(rates[:, others] * unit[others] / total[:, None], np.ones(grid.size))[0]
-        guess = np.maximum(guess, 1e-3 * total.mean())
+        others = [3 + i for i, other in enumerate(TERMS) if other != term]
+        free = [*range(len(names)), 6, 7, *others]
+        guess = np.zeros(len(free))
+        columns = rates[:, np.array(others) - 3] * unit[others] / total[:, None]
+        guess[-2:] = np.maximum(nnls(columns, np.ones(grid.size))[0], 1e-3 * total.mean())
 
-        def residual(x: np.ndarray, others: list[int] = others) -> np.ndarray:
-            moved = origin + shift * x[:-2]
-            damping = np.zeros(3)
-            damping[others] = x[-2:] * unit[others]
-            rival = motion(moved[: law_true.size], damping, moved[law_true.size :])
-            return (rival[:, 0] - path[:, 0]) / (draw.noise * amplitude)
+        def residual(x: np.ndarray, free: list[int] = free) -> np.ndarray:
+            values = origin.copy()
+            values[free] += unit[free] * x
+            return (angles(values) - path) / (draw.noise * amplitude)
 
-        low = np.concatenate([np.full(shift.size, -np.inf), np.zeros(2)])
-        scale = np.concatenate([np.full(shift.size, 1e-2), np.full(2, total.mean())])
+        low, scale = np.full(len(free), -np.inf), np.full(len(free), 1e-2)
+        low[-2:], scale[-2:] = 0.0, total.mean()
         best = least_squares(
-            residual, np.concatenate([np.zeros(shift.size), guess]), bounds=(low, np.inf), x_scale=scale, ftol=1e-3,
-            xtol=1e-7, gtol=1e-12, max_nfev=40,
-        )  # fmt: skip
+            residual,
+            guess,
+            bounds=(low, np.inf),
+            x_scale=scale,
+            ftol=1e-3,
+            xtol=1e-7,
+            gtol=1e-12,
+            max_nfev=40,
+        )
         costs.append(float(best.cost))
     return min(costs) * int(draw.cycles * draw.per_cycle) / len(out)

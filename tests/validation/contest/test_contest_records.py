@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from validation.contest.__main__ import row_of
+from tests.validation.answering import verdict_of
+from validation.contest.__main__ import row
 from validation.contest.peers import ROSTER
 from validation.contest.records import GROUPS, LOST, simulate_record
-from validation.scoring import Reply
 
 
 def test_records_have_the_properties_of_their_group():
@@ -35,8 +37,8 @@ def test_a_record_is_determined_by_its_seed():
 def test_all_peers_are_judged_at_the_requested_amplitudes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also a peer that answers at an amplitude outside the record, where there is no truth."""
     record = simulate_record(4, 0)
-    reply = Reply([0.01, 0.01, 0.01], amplitudes=[9.0, 8.0, 7.0])
-    monkeypatch.setitem(ROSTER, "bayesdamp", lambda *_: reply)
-    row = row_of(record, "bayesdamp")
-    assert [row[f"amplitude_{i}"] for i in (1, 2, 3)] == list(record.amplitudes)
-    assert row["true_1"] == record.ratio(record.amplitudes[0])
+    verdict = replace(verdict_of([0.01] * 3), damping="viscous", probability=0.9)
+    monkeypatch.setitem(ROSTER, "bayesdamp", lambda *_: verdict)
+    answered = row(record, "bayesdamp")
+    assert [answered[f"amplitude_{i}"] for i in (1, 2, 3)] == list(record.amplitudes)
+    assert answered["true_1"] == record.ratio(record.amplitudes[0])

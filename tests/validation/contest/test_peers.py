@@ -5,23 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.types import Refusal
+from bayesdamp.types import Refusal, Signal
 from tests.validation.answering import closed_form
-from validation.contest.peers import script
+from validation.contest import script
 
 RATIO = 0.02
 
 
 def test_the_script_finds_the_ratio_of_the_closed_form():
     record = closed_form(RATIO, cycles=20.0)
-    reply = script.answer(record.signal.t, record.signal.y, record.amplitudes)
-    np.testing.assert_allclose(reply.values, RATIO, rtol=1e-3)
+    verdict = script.answer(record.signal, record.amplitudes)
+    np.testing.assert_allclose([at.value for at in verdict.damping_ratio], RATIO, rtol=1e-3)
 
 
 def test_a_growing_oscillation_is_refused():
     t = np.arange(0.0, 20.0, 0.02)
     with pytest.raises(Refusal):
-        script.answer(t, 0.01 * np.exp(0.1 * t) * np.cos(2 * np.pi * t), (0.05, 0.03, 0.02))
+        script.answer(Signal(t, 0.01 * np.exp(0.1 * t) * np.cos(2 * np.pi * t)), (0.05, 0.03, 0.02))
 
 
 def test_the_motion_of_the_script_is_the_closed_form_of_dry_friction():
@@ -36,9 +36,9 @@ def test_the_motion_of_the_script_is_the_closed_form_of_dry_friction():
 def test_the_script_names_viscous_damping_with_an_interval_that_contains_its_ratio():
     """Control: with much noise and few cycles it decides nothing."""
     record = closed_form(RATIO, noise=0.002, cycles=60.0)
-    reply = script.answer(record.signal.t, record.signal.y, record.amplitudes)
-    assert (reply.named, reply.decided) == ("viscous", True)
-    for low, value, high in zip(reply.low, reply.values, reply.high, strict=True):
-        assert low < RATIO < high < 1.02 * value
+    verdict = script.answer(record.signal, record.amplitudes)
+    assert (verdict.damping, verdict.decided) == ("viscous", True)
+    for at in verdict.damping_ratio:
+        assert at.low < RATIO < at.high < 1.02 * at.value
     noisy = closed_form(RATIO, noise=0.1, cycles=4.0)
-    assert not script.answer(noisy.signal.t, noisy.signal.y, noisy.amplitudes).decided
+    assert not script.answer(noisy.signal, noisy.amplitudes).decided

@@ -12,15 +12,14 @@ from numba import njit
 from scipy.optimize import brentq, least_squares
 from scipy.special import ndtr
 
-from bayesdamp.types import Refusal
-from validation.scoring import Reply
-from validation.truth.oscillator import LAWS
+from bayesdamp.types import Refusal, Signal
+from bayesdamp.verdict.parts import DampingRatio, Grade, Rival
+from bayesdamp.verdict.types import Verdict
+from validation.truth.oscillator import LAWS, SUMS, TERMS
 from validation.truth.trajectory import advance
 
-TERMS = ("viscous", "coulomb", "quadratic")
-"""Names of the damping terms, in the order of their coefficients z, c and q."""
-SUMS = ((0,), (1,), (2,), (0, 1), (0, 2), (1, 2), (0, 1, 2))
-"""All damping sums, each as the positions of its terms in `TERMS`."""
+POSITIONS = [[TERMS.index(term) for term in name.split("+")] for name in SUMS]
+"""Positions of the coefficients z, c and q of each of `SUMS` in the vector of parameters p."""
 K, B, REST, X0, V0 = range(3, 8)
 """Positions in the vector of parameters p: stiffness k, cubic stiffness b, rest position, initial displacement and
 velocity. Positions 0 to 2 are the damping coefficients z, c and q."""
@@ -65,7 +64,7 @@ def solve(times: np.ndarray, p: np.ndarray, radians: float) -> np.ndarray:
         Unit of displacement of a pendulum in rad; 0 for the cubic spring.
     """
     law, scale = (PENDULUM, radians) if radians > 0 else (DUFFING, 1.0)
-    spring, damping = np.array([p[3], 0.0, p[4]]), np.array([p[0], scale * p[1], p[2] / scale])
+    values = np.array([p[3], 0.0, p[4], p[0], scale * p[1], p[2] / scale])
     out = np.empty(times.size)
     x, v = scale * p[6], scale * p[7]
     sign = np.sign(v) if v != 0 else -np.sign(x)
@@ -74,7 +73,7 @@ def solve(times: np.ndarray, p: np.ndarray, radians: float) -> np.ndarray:
         steps = math.ceil(gap / STEP)
         for _ in range(steps):
             if sign != 0:
-                x, v, sign = advance(law, x, v, sign, spring, damping, gap / steps)
+                x, v, sign = advance(law, x, v, sign, values, gap / steps)
         out[i] = x / scale
     return out
 
@@ -85,8 +84,6 @@ class Fit:
 
     Attributes
     ----------
-    terms : tuple of int
-        Positions of the terms in TERMS.
     radians : float
         Unit of displacement of a pendulum in rad; 0 for the cubic spring.
     p : (8,) array
@@ -99,7 +96,6 @@ class Fit:
         Sum of squares of the residuals, and Bayesian information criterion.
     """
 
-    terms: tuple[int, ...]
     radians: float
     p: np.ndarray
     free: list[int]
@@ -115,12 +111,12 @@ class Fit:
         return value, math.sqrt(max(slope @ self.covariance @ slope, TINY))
 
 
-def fit(times: np.ndarray, x: np.ndarray, guess: np.ndarray, terms: tuple[int, ...], radians: float) -> Fit:
+def fit(times: np.ndarray, x: np.ndarray, guess: np.ndarray, terms: list[int], radians: float) -> Fit:
     """Fit a damping sum on one spring to a record by least squares.
 
     The window grows from `FIRST_CYCLES` to the whole record, so that the phase of the trajectory stays within a cycle
-    of the record's. times, x: the record in normalised units, (n,). guess: first parameters, (8,). terms, radians: as
-    in `Fit`.
+    of the record's. times, x: the record in normalised units, (n,). guess: first parameters, (8,). terms: positions
+    of the coefficients in p. radians: as in `Fit`.
     """
     free = [*terms, K, *([] if radians else [B]), REST, X0, V0]
     p = np.where(np.isin(np.arange(guess.size), free), guess, 0.0)
@@ -141,9 +137,8 @@ def fit(times: np.ndarray, x: np.ndarray, guess: np.ndarray, terms: tuple[int, .
         end *= GROWTH
     squares = max(2 * best.cost, TINY)
     covariance = squares / (n - len(free)) * np.linalg.pinv(best.jac.T @ best.jac)
-    return Fit(
-        terms, radians, p, free, covariance, squares, n * math.log(squares / n) + len(free) * math.log(n)
-    )
+    bic = n * math.log(squares / n) + len(free) * math.log(n)
+    return Fit(radians, p, free, covariance, squares, bic)
 
 
 def ratio(p: np.ndarray, amplitude: float, radians: float) -> float:
@@ -196,34 +191,40 @@ def frequency(t: np.ndarray, y: np.ndarray) -> float:
     return float((np.argmax(power[PADDING:]) + PADDING) / (n * (grid[1] - grid[0])))
 
 
-def answer(t: np.ndarray, y: np.ndarray, amplitudes: tuple[float, ...]) -> Reply:
+def answer(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
     """Return damping ratios averaged over the fits of seven sums on two springs, weighted by exp(−BIC/2).
 
     A sum is named if its weight is at least `NAMED`. Raises Refusal if no sum fits, or the record is too short.
     """
-    if t.size <= 2 * SCALE.size:
-        raise Refusal("the record has too few samples")
-    if np.ptp(y) == 0:
-        raise Refusal("the record is constant")
+    t, y = signal.t, signal.y
     times = 2 * np.pi * frequency(t, y) * (t - t[0])
     if times[-1] < 4 * np.pi:
         raise Refusal("the record has less than two cycles")
     middle = np.mean(y)
     size = float(np.max(np.abs(y - middle)))
     x = (y - middle) / size
-    fits = [fit(times, x, start(times, x), terms, radians) for radians in (0.0, size) for terms in SUMS]
+    fits = [fit(times, x, start(times, x), terms, radians) for radians in (0.0, size) for terms in POSITIONS]
     if min(f.squares for f in fits) > (1 - EXPLAINED) * x.size * np.var(x):
         raise Refusal("no damping sum explains half of the variance of the record")
     bic = np.array([f.bic for f in fits])
     weights = np.exp(0.5 * (bic.min() - bic))
     weights /= weights.sum()
-    parts = np.array([[f.ratio(a / size) for f in fits] for a in amplitudes])
-    values = parts[..., 0] @ weights
-    if not min(values) > LEAST_RATIO:
+    ratios = []
+    for a in amplitudes:
+        means, sds = np.transpose([f.ratio(a / size) for f in fits])
+        low, high = (_quantile(level, means, sds, weights) for level in (0.025, 0.975))
+        ratios.append(DampingRatio(a, signal.unit, float(means @ weights), math.nan, math.nan, low, high))
+    if not min(at.value for at in ratios) > LEAST_RATIO:
         raise Refusal("the estimated damping ratio is not positive at every amplitude")
-    low, high = (
-        [_quantile(level, m, s, weights) for m, s in parts.transpose(0, 2, 1)] for level in (0.025, 0.975)
-    )
     by_sum = weights.reshape(2, len(SUMS)).sum(axis=0)
-    named = "+".join(TERMS[i] for i in SUMS[int(np.argmax(by_sum))])
-    return Reply(values.tolist(), low, high, named, bool(by_sum.max() >= NAMED), float(by_sum.max()))
+    first, *rivals = sorted(map(Rival, SUMS, by_sum.tolist()), key=lambda sum_: -sum_.probability)
+    decided = first.probability >= NAMED
+    return Verdict(
+        signal.name,
+        Grade.EXACT,
+        decided,
+        first.damping,
+        first.probability,
+        tuple(rivals),
+        damping_ratio=tuple(ratios),
+    )
