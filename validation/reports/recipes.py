@@ -5,7 +5,7 @@ from dataclasses import dataclass
 ENGINE = tuple(
     f"bayesdamp/{part}"
     for part in (
-        "inference", "interface/answer.py", "interface/envelopes.py", "interface/evidence.py", "interface/fit.py",
+        "inference", "interface/answer.py", "interface/envelopes.py", "interface/fit.py",
         "interface/model.py", "interface/no_free_decay.py", "interface/posterior.py",
         "numerics", "physics", "pipeline", "records", "verdict", "priors.py", "types.py", "units.py",
     )
