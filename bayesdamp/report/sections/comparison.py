@@ -35,6 +35,8 @@ class ComparisonSection(Section):
 
     def applies(self, run: RunFolder) -> bool:
         """Return whether several methods have errors on several signals, or published errors are given."""
+        if not run.estimates:
+            return False
         comparison = compare_estimators(run)
         several = len(comparison.signals) > 1 and len(comparison.methods) > 1
         return comparison.errors.notna().any(axis=None) and (several or comparison.published.size > 0)
