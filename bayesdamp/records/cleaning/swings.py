@@ -475,8 +475,8 @@ class Series:
             return Reach(float(times[0]), 0.0, True)
         back = times[0] - self.grid[a:b]
         scale = float(np.exp(fall))
-        curve = scipy.interpolate.CubicSpline(self.grid, self.values)
-        later = curve(times[2] - back * gaps[1] / pace) - turns.values[2]
+        places = (times[2] - back * gaps[1] / pace - self.grid[0]) / self.spacing
+        later = scipy.ndimage.map_coordinates(self.values, [places], mode="nearest") - turns.values[2]
         off = self.values[a:b] - turns.values[0] - later * scale
         width = max(int(0.1 * gaps[0] / self.spacing), 0) | 1
         share = np.minimum(back / pace, 1.0)

@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-import scipy  # loads its modules when they are used
 
+from bayesdamp.numerics.levenberg_marquardt import Expansion, Step, levenberg_marquardt
 from bayesdamp.records.oscillation.features import reason_not_oscillating
 from bayesdamp.records.oscillation.noise import roughness
 from bayesdamp.records.oscillation.spectrum import LEAST_SHARE, block_means, coarse_period
@@ -26,6 +26,8 @@ MIN_SEPARATION = 0.6
 this, in units of 1 / (duration of the record)."""
 PADDING = 4
 """Before its spectrum is computed, a record is padded with zeros to this many times its length (conventional)."""
+TOLERANCE = 1e-8
+"""Relative decrease of the sum of squares at which a search for modes ends (as in SciPy)."""
 MOST_SEARCHED = 6_000
 """Largest number of samples in the search for a mode. From a longer record this many samples are drawn at random (which
 avoids aliasing); the fit that the search gives is then judged on all samples (conventional)."""
@@ -183,11 +185,6 @@ def _slopes(t: np.ndarray, columns: np.ndarray, c: np.ndarray) -> np.ndarray:
     return slopes
 
 
-def _residuals(t: np.ndarray, y: np.ndarray, points: np.ndarray) -> np.ndarray:
-    columns = _columns(t, points)
-    return y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
-
-
 def _add_mode(
     t: np.ndarray, y: np.ndarray, points: np.ndarray, rest: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
@@ -215,44 +212,46 @@ def _add_mode(
     low = np.tile([0.5, -12.0], count)
     high = np.tile([np.pi / spacing / scale[0], 60.0], count)
 
-    def residuals(z: np.ndarray) -> np.ndarray:
-        return _residuals(few, few_y, (z * scale).reshape(-1, 2))
-
-    def slopes(z: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the residuals by the scaled frequencies and rates z, (n, 2k + 2).
+    def expand(z: np.ndarray) -> Expansion:
+        """Return minus half of the sum of squares as a function of the scaled frequencies and rates z, (2k + 2,).
 
         z contains angular frequencies in units of 2π/T and decay rates in units of 1/T, with the duration T. The
-        formula is that of Golub and Pereyra.
+        derivatives of the residuals are those of Golub and Pereyra.
         """
         columns = _columns(few, (z * scale).reshape(-1, 2))
         inverse = np.linalg.pinv(columns)
         c = inverse @ few_y
+        residuals = few_y - columns @ c
         of_columns = _slopes(few, columns, c)
         by_residuals = np.zeros((c.size, c.size - 1))  # derivatives of the columns times the residuals
-        along = (few * (few_y - columns @ c)) @ columns
+        along = (few * residuals) @ columns
         for i in range(1, c.size, 2):
             by_residuals[i : i + 2, i - 1] = -along[i + 1], along[i]
             by_residuals[i : i + 2, i] = -along[i : i + 2]
-        return (columns @ (inverse @ of_columns) - of_columns - inverse.T @ by_residuals) * scale
+        slopes = (columns @ (inverse @ of_columns) - of_columns - inverse.T @ by_residuals) * scale
+        return Expansion(-0.5 * float(residuals @ residuals), -residuals @ slopes, slopes.T @ slopes)
 
-    best: tuple[np.ndarray, np.ndarray] | None = None
+    def has_converged(step: Step) -> bool:
+        return 0 <= step.gain < TOLERANCE * -step.at.value
+
+    def move(z: np.ndarray, step: np.ndarray) -> np.ndarray:
+        return np.minimum(z + step, high)
+
+    fits: list[tuple[np.ndarray, np.ndarray]] = []
     for omega in starts:
         is_near = np.any(np.abs(points[:, 0] - omega) < MIN_SEPARATION * bin_width)
-        if omega <= 0 or (best is not None and is_near):
+        if omega <= 0 or (fits and is_near):
             continue
         start = np.vstack([points, [omega, 1.0 / t[-1]]]).ravel() / scale
         start = np.clip(start, low + 1e-6, high - 1e-6)
         try:
-            fit = scipy.optimize.least_squares(
-                residuals, start, slopes, (low, high), max_nfev=60, x_scale=np.tile([0.1, 0.3], count)
-            )
-        except (ValueError, np.linalg.LinAlgError):
+            top = levenberg_marquardt(expand, start, low, has_converged, limit=60, retract=move)
+        except np.linalg.LinAlgError:
             continue
-        modes = (fit.x * scale).reshape(-1, 2)
-        left = _residuals(t, y, modes)
-        if best is None or float(left @ left) < float(best[1] @ best[1]):
-            best = modes, left
-    return best
+        modes = (top.x * scale).reshape(-1, 2)
+        columns = _columns(t, modes)
+        fits.append((modes, y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]))
+    return min(fits, key=lambda fit: float(fit[1] @ fit[1]), default=None)
 
 
 def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
