@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 NONE = "–"
 """Text for a missing number."""
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 """Table that translates digits to superscripts."""
 
 
@@ -157,7 +157,7 @@ def _power(value: float, digits: int) -> int:
 def _typeset(text: str) -> str:
     """Return a number with a minus sign and a power of ten: "-3.5e+07" becomes "−3.5 × 10⁷"."""
     mantissa, _, power = text.partition("e")
-    tens = f" × 10{str(int(power)).translate(_SUPERSCRIPTS)}" if power else ""
+    tens = f" × 10{str(int(power)).translate(SUPERSCRIPTS)}" if power else ""
     return mantissa.replace("-", "−") + tens
 
 

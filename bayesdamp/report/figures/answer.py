@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from bayesdamp.formatting import SUPERSCRIPTS
 from bayesdamp.report import words
 from bayesdamp.report.drawing import (
     FAINT,
@@ -135,6 +136,8 @@ def draw_answer(
     title = f"Energy lost in a cycle, {'by term' if by_term else 'without a law'}"
     energy.set(title=title, xlabel=f"amplitude / {unit}", ylabel=f"energy lost / ({unit}²/s²)")
     energy.set(xscale="log", yscale="log" if lost else "linear")
+    if lost:  # the formulas that Matplotlib writes by default take 0.1 s
+        energy.yaxis.set_major_formatter(lambda y, _: "10" + f"{math.log10(y):.0f}".translate(SUPERSCRIPTS))
     label_with_plain_numbers(energy.xaxis)
     energy.set_xlim(a.min(), a.max())
     energy.legend(loc="best")
