@@ -193,11 +193,8 @@ def _encode(figure: Figure) -> tuple[bytes, bytes]:
     """
     figure.set_dpi(DPI)
     canvas = FigureCanvasAgg(figure)
-    layout = figure.get_layout_engine()
-    if layout is not None:
-        layout.execute(figure)
-        figure.set_layout_engine("none")
     canvas.draw()
+    figure.set_layout_engine("none")
     svg, png = io.BytesIO(), io.BytesIO()
     # A palette makes the file three times smaller, because a figure has few colours. The method "maximum coverage"
     # preserves the colour of thin lines; the default (median cut) would replace it by shades of broad lines.
