@@ -14,7 +14,6 @@ import threading
 from collections.abc import Callable, Collection
 from concurrent.futures import BrokenExecutor, Executor
 from functools import lru_cache
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -107,15 +106,11 @@ def run_study(
         if fresh:
             store.clear()
         jobs = jobs_of(study)
-        wanted = [job for job in jobs if is_within(job, depth)]
         workers = workers or max(1, min(cores(), count_parallel_jobs(jobs, depth)))
-        names = [name for job in wanted for name in tasks_of(study, store, job)]
+        names = [name for job in jobs if is_within(job, depth) for name in tasks_of(study, store, job)]
         shown = Console(quiet=True) if quiet else console
         with progress_bar(shown) as bar, open_pool(workers, scheduler, console.print) as pool:
             progress = Progress(bar)
-            if pool is not None and depth is Depth.WHOLE:
-                pool.submit(_import_later_modules)
-                threading.Thread(target=_import_later_modules, daemon=True).start()
             for stage in stages(study, store, depth):
                 if not stage:
                     continue
@@ -130,7 +125,7 @@ def run_study(
                     write_verdicts(study, current)
             progress.begin("drawing the report", ())
             write_tables(study, Store(out, _current_keys(study, store)))
-            from bayesdamp.report.render import render  # imports Matplotlib
+            from bayesdamp.report.render import render  # imports Jinja
 
             try:
                 render(out, None if scheduler else pool)
@@ -268,12 +263,6 @@ def _run_jobs(
         give_up,
         advance,
     )
-
-
-def _import_later_modules() -> None:
-    """Import modules that are needed later; this runs while the first record is read and processes are idle."""
-    for name in ("bayesdamp.report.render", "bayesdamp.inference.samplers.nuts", "xarray"):
-        import_module(name)
 
 
 def _current_keys(study: Study, store: Store) -> dict[str, str]:
