@@ -59,15 +59,15 @@ def stale(root: Path) -> list[Recipe]:
 
 @cache
 def _statements(text: str) -> list[str]:
-    """Return a text that represents each top-level statement of a source text, except imports.
+    """Return a text that represents each top-level statement of a source text.
 
-    Comments and docstrings are left out. The result is cached, because recipes share most files.
+    Imports, comments and docstrings are left out. The result is cached, because recipes share most files.
     """
     tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
-            node.body = [line for line in node.body if not _is_text(line)]
-    return [ast.dump(line) for line in tree.body if not _is_import(line)]
+            node.body = [line for line in node.body if not (_is_text(line) or _is_import(line))]
+    return [ast.dump(line) for line in tree.body]
 
 
 def _is_text(line: ast.stmt) -> bool:
