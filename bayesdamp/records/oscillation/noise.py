@@ -10,8 +10,8 @@ ENOUGH_WINDOWS = 512
 """Largest number of windows of a record from which the median noise is computed; with this number the noise is known to
 1 % or better."""
 OUTLIER_SCALES = 4.0
-"""A sample is left out as an outlier if its residual is larger than this many robust standard deviations of the
-residuals in its window (conventional)."""
+"""A sample is left out as an outlier if its studentised residual is larger than this many robust standard deviations of
+those in its window (conventional)."""
 BLOCK_SAMPLES = 200_000
 """Approximate largest number of samples, in windows of one size, that are fitted at once; this limits the memory to
 about 40 MB."""
@@ -60,10 +60,15 @@ def _columns(x: np.ndarray) -> np.ndarray:
     return np.stack(columns, axis=-1)
 
 
-def _residuals(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the residuals of least-squares fits of columns (w or 1, n, k) to values (w, n), in each of w windows."""
+def _residuals(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Fit columns (w or 1, n, k) to values (w, n) by least squares in each of w windows.
+
+    Return the residuals (w, n), and their sds as fractions of that of the noise (w or 1, n). These are small for
+    samples that determine the fit, such as those at the ends of a window.
+    """
     q = np.linalg.qr(columns)[0]
-    return values - (q @ (np.swapaxes(q, 1, 2) @ values[:, :, None]))[:, :, 0]
+    sds = np.sqrt(np.maximum(1 - np.sum(q**2, axis=2), 1e-9))
+    return values - (q @ (np.swapaxes(q, 1, 2) @ values[:, :, None]))[:, :, 0], sds
 
 
 def _window_noise(x: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -73,14 +78,15 @@ def _window_noise(x: np.ndarray, values: np.ndarray) -> np.ndarray:
     """
     # With equally spaced samples all windows have the same columns.
     columns = _columns(x[:1] if np.ptp(x, axis=0).max() < 1e-9 else x)
-    n, k = columns.shape[1:]
-    rest, good = _residuals(columns, values), np.ones(values.shape, bool)
-    columns = np.broadcast_to(columns, (*values.shape, k))
+    k = columns.shape[2]
+    rest, sds = _residuals(columns, values)
+    good, columns = np.ones(values.shape, bool), np.broadcast_to(columns, (*values.shape, k))
+    size = np.abs(rest) / sds
     for _ in range(3):  # an outlier in the fit hides smaller ones
-        scale = 1.4826 * np.sqrt(n / (n - k)) * np.median(np.abs(rest), axis=1, keepdims=True)
-        good &= np.abs(rest) <= OUTLIER_SCALES * scale + 1e-300
+        good &= size <= OUTLIER_SCALES * 1.4826 * np.median(size, axis=1, keepdims=True) + 1e-300
         some = np.flatnonzero(~good.all(axis=1))
-        rest[some] = _residuals(columns[some] * good[some][:, :, None], values[some] * good[some])
+        rest[some], sds = _residuals(columns[some] * good[some][:, :, None], values[some] * good[some])
+        size[some] = np.abs(rest[some]) / sds
     return np.sqrt(np.sum(rest**2, axis=1) / np.maximum(good.sum(axis=1) - k, 1))
 
 
