@@ -351,9 +351,18 @@ def _read_published(path: Path) -> tuple[dict[str, str], ...]:
 def _check_across_tables(study: Study) -> None:
     """Check settings that depend on several tables. Raises StudyError.
 
-    Estimators run only under compared models. Records of a specimen must be different, have the same base unit and the
-    same candidates, and cannot be combined with a sweep.
+    Published results are of estimators and signals that exist. Estimators run only under compared models. Records of a
+    specimen must be different, have the same base unit and the same candidates, and cannot be combined with a sweep.
     """
+    names = {
+        "estimator": [*ESTIMATORS.names(), *study.estimators.variants],
+        "signal": [spec.name for spec in study.signals],
+    }
+    for row in study.published:
+        for column, valid in names.items():
+            if row[column] not in valid:
+                what = f"contains the unknown {column} {show(row[column])}{nearest(row[column], valid)}"
+                raise StudyError("published", what)
     for spec in study.signals:
         for model in spec.estimate or ():
             if model not in study.dampings(spec):

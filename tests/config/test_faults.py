@@ -91,6 +91,14 @@ def test_wrong_published_figures_are_refused(tmp_path: Path) -> None:
             "estimator,signal\nenvelope,one\n",
             "is 'printed.csv', which has no column error_pct; its columns must be",
         ),
+        (
+            "estimator,signal,error_pct,time\nenvelop,one,1,\n",
+            "contains the unknown estimator 'envelop'; did you mean 'envelope'?",
+        ),
+        (
+            "estimator,signal,error_pct,time\nenvelope,two,1,\n",
+            "contains the unknown signal 'two'; valid are one",
+        ),
     ):
         if content is not None:
             (tmp_path / "printed.csv").write_text(content)
