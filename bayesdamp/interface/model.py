@@ -17,7 +17,7 @@ from bayesdamp.calls import checked_call
 from bayesdamp.config.checks import check_keys, check_number
 from bayesdamp.config.signals import NOISE, canonical_model, check_translation
 from bayesdamp.estimators.shared import has_noise
-from bayesdamp.formatting import Table, data_frame
+from bayesdamp.formatting import Table, data_frame, digits, nats, percentage
 from bayesdamp.inference.deviation.averaged import MOST_CYCLES
 from bayesdamp.inference.deviation.candidate import START, MotionCandidate
 from bayesdamp.inference.deviation.data import prepare_data
@@ -198,7 +198,7 @@ class Model(Result):
 
     def _table(self) -> Table:
         noise = self.noise if isinstance(self.noise, str) else " or ".join(self.noise)
-        laws = f", deviation {self.deviation}, sensor {self.sensor:.3g}" if self.approximate else ""
+        laws = f", deviation {self.deviation}, sensor {digits(self.sensor, n=3)}" if self.approximate else ""
         return frame_table(self.summary().fillna(""), f"Model {self.name}, {noise} noise{laws}")
 
 
@@ -278,7 +278,8 @@ class Case:
         """Choose the noise model and the width ε of friction, and search for the highest posterior mode.
 
         ε is the velocity within which Coulomb friction changes its sign. Both choices are based on a least-squares fit,
-        which is also the first starting point of the search.
+        which is also the first starting point of the search. If this fit fails, the search begins at `starts` alone,
+        with the first noise model and the default ε.
 
         Parameters
         ----------
@@ -301,36 +302,43 @@ class Case:
         Raises
         ------
         Refusal
-            If no starting point leads to a mode, or the record is not suited to the noise models.
+            If no starting point leads to a mode, if there is none, or if the record is not suited to the noise models.
         """
-        model = self.model
+        model, known = self.model, self.model.system.known
         own = {n: set(NOISES.get(n).parameters) for n in noises}
         given = set.union(*own.values()) & {*model.known, *model.priors}
-        with threadpool_limits(1, "blas"):
-            comparison = compare_candidates(
-                prepare_data(self.signal, average=False),
-                [MotionCandidate(model.terms, model.restoring)],
-                known=model.system.known if epsilon is None else {**model.system.known, "epsilon": epsilon},
-                priors=model.parameter_priors,
-                reference=self.reference,
-                approximate=False,
-                noises=tuple(n for n in noises if given <= own[n]),
-            )
+        noises, level = tuple(n for n in noises if given <= own[n]), self.features.roughness
+        try:
+            with threadpool_limits(1, "blas"):
+                comparison = compare_candidates(
+                    prepare_data(self.signal, average=False),
+                    [MotionCandidate(model.terms, model.restoring)],
+                    known=known if epsilon is None else {**known, "epsilon": epsilon},
+                    priors=model.parameter_priors,
+                    reference=self.reference,
+                    approximate=False,
+                    noises=noises,
+                )
+        except Refusal as refusal:
+            if not starts or not noises:
+                raise
+            what = f"No least-squares fit: {refusal}. The search began only at the given start, with {noises[0]} noise."
+            return find_mode(self.target(noises[0], epsilon), starts, noise_level=level), (what,)
         notes, fit = [], comparison.best.fit
         if comparison.frictions and "epsilon" not in model.priors:
             epsilon = comparison.epsilon
+            width, share = digits(epsilon, n=3), percentage(types.FRICTION_WIDTH)
             notes.append(
-                f"The width ε of friction was not given; {epsilon:.3g} {self.signal.unit}/s is used: "
-                f"{100 * types.FRICTION_WIDTH:g} % of the peak velocity, unless another width is clearly more probable."
+                f"The width ε of friction was not given; {width} {self.signal.unit}/s is used: {share} % of the peak "
+                "velocity, unless another width is clearly more probable."
             )
         order = sorted(comparison.noise.weighed, key=lambda noise: -noise.log_evidence)
         if len(order) > 1:
-            ahead = order[0].log_evidence - order[1].log_evidence
-            text = f"Noise: {order[0].name}, {ahead:.3g} nats ahead of {order[1].name} in log evidence."
-            notes.append(text)
+            ahead = nats(order[0].log_evidence - order[1].log_evidence)
+            notes.append(f"Noise: {order[0].name}, {ahead} nats ahead of {order[1].name} in log evidence.")
         target = self.target(comparison.noise.likeliest, epsilon)
         starts = [fit.parameters.named(fit.z), *starts]
-        return find_mode(target, starts, noise_level=self.features.roughness), tuple(notes)
+        return find_mode(target, starts, noise_level=level), tuple(notes)
 
 
 def check_signal(signal: object, model: object) -> Signal:

@@ -114,6 +114,20 @@ def test_a_record_without_an_oscillation_has_no_fit() -> None:
     assert bd.estimate(noise, "koopman", MODEL).outcome != "ok"
 
 
+def test_a_given_start_is_used_if_the_least_squares_fit_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise bd.Refusal("no solution stays in phase")
+
+    expected = fit().values
+    monkeypatch.setattr("bayesdamp.interface.model.compare_candidates", refuse)
+    assert bd.fit(record(), MODEL).outcome == "no solution stays in phase"
+    started = bd.fit(record(), MODEL, start=TRUTH)
+    assert started.values == pytest.approx(expected, rel=1e-6, abs=1e-7)
+    assert started.notes[0].startswith(
+        "No least-squares fit: no solution stays in phase. The search began only at"
+    )
+
+
 REFUSED: dict[str, Callable[[], object]] = {
     "did you mean 'zeta'": lambda: bd.fit(record(), MODEL, start={"zet": 1.0}),
     "must be a Posterior or a Fit": lambda: bd.evidence(record()),  # type: ignore[arg-type]
