@@ -87,9 +87,9 @@ def _hybrid(comparison: EstimatorComparison) -> Judgement:
     worst, worst_refined = initial.max(axis=1), refined.max(axis=None)
     good = [words.method(m) for m in comparison.methods if (initial.loc[m] < HYBRID).all()]
     measured = (
-        f"Every refined estimate is within {worst_refined:.1g} % of the truth, because the trajectory fit has "
-        "a single optimum, which does not depend on its start. The largest error without this fit is "
-        f"{worst.max():.2g} % ({words.method(worst.idxmax())}), and {fmt.listing(good) or 'none'} "
+        f"Every refined estimate is within {fmt.digits(worst_refined, n=1)} % of the truth, because the trajectory fit "
+        "has a single optimum, which does not depend on its start. The largest error without this fit is "
+        f"{fmt.digits(worst.max(), n=2)} % ({words.method(worst.idxmax())}), and {fmt.listing(good) or 'none'} "
         f"{'is' if len(good) == 1 else 'are'} below 0.1 % without it. The error after the refinement therefore does "
         "not show how good the method before it is."
     )
@@ -132,7 +132,7 @@ def _iterative(comparison: EstimatorComparison) -> Judgement:
     if not set(names) <= set(comparison.methods):
         return NO_RUN
     worst = comparison.at_stage("initial").loc[names].fillna(math.inf).max(axis=1)
-    sizes = ", ".join(f"{words.method(m)} {e:.2g} %" for m, e in worst.items())
+    sizes = ", ".join(f"{words.method(m)} {fmt.digits(e, n=2)} %" for m, e in worst.items())
     verdict = "holds" if worst.max() < 0.5 else "does not hold"
     return Judgement(verdict, f"Largest error of each initial estimate: {sizes}.")
 
@@ -156,7 +156,7 @@ def _generations(runs: Runs) -> Judgement:
 @claim(CLAIMS, "PINNs converge when they start from a direct estimate.", "4.5")
 def _pinn(runs: Runs) -> Judgement:
     errors = {s: initial_error("pinn", "viscous", {"start": s}) for s in ("uninformed", "direct")}
-    sizes = ", ".join(f"{e:.2g} % from the {s} start" for s, e in errors.items())
+    sizes = ", ".join(f"{fmt.digits(e, n=2)} % from the {s} start" for s, e in errors.items())
     good = errors["direct"] < 1
     tail = " It converges without the direct start too." if good and errors["uninformed"] < 1 else ""
     return Judgement("holds" if good else "does not hold", f"Viscous: {sizes}.{tail}")
@@ -168,7 +168,7 @@ def _best_clean(comparison: EstimatorComparison) -> Judgement:
     means = comparison.at_stage("initial").mean(axis=1).dropna().sort_values(kind="stable")
     seconds = comparison.seconds["initial"][means.index]
     fastest = seconds.idxmin()
-    sizes = ", ".join(f"{words.method(m)} {mean:.1g} %" for m, mean in means.head(4).items())
+    sizes = ", ".join(f"{words.method(m)} {fmt.digits(mean, n=1)} %" for m, mean in means.head(4).items())
     measured = (
         f"Mean initial error, best first: {sizes}. Least squares takes {fmt.duration(seconds.get('least_squares'))} "
         f"for the three records; the fastest is {words.method(fastest)}."
@@ -194,7 +194,8 @@ def _size(along: ErrorSeries, method: str, level: float) -> str:
     """
     low, high = error_interval(_errors(along, method, level))
     error = along.errors.at[(method, "initial"), along.values.index(level)]
-    return f"{error:.2g} %" + (f" ({low:.2g} to {high:.2g})" if math.isfinite(low) else "")
+    interval = f" ({fmt.digits(low, n=2)} to {fmt.digits(high, n=2)})" if math.isfinite(low) else ""
+    return f"{fmt.digits(error, n=2)} %{interval}"
 
 
 @claim(CLAIMS, "Noisy data: use weak SINDy.", "5.5")
@@ -211,7 +212,7 @@ def _weak(runs: Runs) -> Judgement:
             leading = min(order, key=lambda m: along.errors.at[(m, "initial"), along.values.index(level)])
             rank = f"rank {first}" if first == last else f"rank {first} to {last}"
             parts.append(
-                f"{words.model(along.model)} at {level:g} %: {rank} of {len(order)}, "
+                f"{words.model(along.model)} at {fmt.digits(level)} %: {rank} of {len(order)}, "
                 f"{_size(along, 'weak_sindy', level)}; smallest {words.method(leading)} {_size(along, leading, level)}"
             )
     if not parts:
@@ -233,7 +234,7 @@ def _sindy(runs: Runs) -> Judgement:
             worse = is_significantly_better(strong, weak)
             result = "better" if better[-1] else "worse" if worse else "not significantly different"
             pair = f"{_size(along, 'weak_sindy', level)} against {_size(along, 'sindy', level)}"
-            parts.append(f"{words.model(along.model)} {level:g} %: {pair}, {result}")
+            parts.append(f"{words.model(along.model)} {fmt.digits(level)} %: {pair}, {result}")
     if not better:
         return NO_RUN
     verdict = "holds" if all(better) else "holds in part" if any(better) else "does not hold"

@@ -19,6 +19,7 @@ from bayesdamp.claims.judge import (
     period_drift,
     verdict_of,
 )
+from bayesdamp.formatting import digits
 from bayesdamp.physics.oscillator import Oscillator
 
 CLAIMS: list[Claim] = []
@@ -27,12 +28,17 @@ AS_PRINTED = {"variant": "as_printed"}
 """Options of the topological estimator for the formulas as the paper prints them."""
 
 
-def _listing(errors: dict[str, float], digits: int = 2) -> str:
+def _listing(errors: dict[str, float], n: int = 2) -> str:
     """Return errors in per cent, which are given by damping term, as one line of text.
 
-    Each has `digits` significant digits, as in "viscous 0.12 %, coulomb 3.4 %".
+    Each has `n` significant digits, as in "viscous 0.12 %, coulomb 3.4 %".
     """
-    return ", ".join(f"{damping} {error:.{digits}g} %" for damping, error in errors.items())
+    return ", ".join(f"{damping} {_per_cent(error, n)}" for damping, error in errors.items())
+
+
+def _per_cent(error: float, n: int = 2) -> str:
+    """Return an error in per cent as text with `n` significant digits, such as "0.12 %"."""
+    return f"{digits(error, n=n)} %"
 
 
 @claim(
@@ -78,7 +84,7 @@ def _topological_works_on_springs(runs: Runs) -> Judgement:
     printed = initial_error("topological", "viscous", AS_PRINTED, restoring="linear")
     measured = (
         f"Linear spring, as first published: {_listing(errors)}. With the paper's formula, the viscous error "
-        f"is {printed:.3g} %."
+        f"is {_per_cent(printed, 3)}."
     )
     good = max(errors.values()) < 5 and math.isfinite(printed)
     verdict = "holds in part" if good and printed > 10 else "holds" if good else "does not hold"
@@ -88,9 +94,8 @@ def _topological_works_on_springs(runs: Runs) -> Judgement:
 @claim(CLAIMS, "SINDy: tanh in place of sign reduces the Coulomb error from 11 to 2.2 %.", "3.4, 5.3")
 def _tanh_helps_sindy(runs: Runs) -> Judgement:
     tanh, sign = (initial_error("sindy", "coulomb", {"switch": s}) for s in ("tanh", "sign"))
-    measured = (
-        f"One sparse regression, one record: {sign:.2g} % with sign(θ̇), {tanh:.2g} % with tanh(θ̇/ε), ε = 0.1."
-    )
+    shown = f"{_per_cent(sign)} with sign(θ̇), {_per_cent(tanh)} with tanh(θ̇/ε), ε = 0.1"
+    measured = f"One sparse regression, one record: {shown}."
     if not (math.isfinite(tanh) and math.isfinite(sign)):
         return Judgement("cannot be judged", measured)
     better = tanh < 0.5 * sign
@@ -105,9 +110,9 @@ def _regression_needs_tanh(runs: Runs) -> Judgement:
         for simulated, assumed in ((0.1, 0.1), (0.1, 0.0), (0.0, 0.0), (0.0, 0.1))
     )
     measured = (
-        f"Least squares on a record simulated with tanh: {tanh:.2g} % with tanh, {tanh_as_sign:.2g} % with sign; on "
-        f"one simulated with sign: {sign_as_tanh:.2g} % with tanh, {sign:.2g} % with sign. The regression must use "
-        "the friction law (tanh or sign) with which the record was simulated."
+        f"Least squares on a record simulated with tanh: {_per_cent(tanh)} with tanh, {_per_cent(tanh_as_sign)} with "
+        f"sign; on one simulated with sign: {_per_cent(sign_as_tanh)} with tanh, {_per_cent(sign)} with sign. The "
+        "regression must use the friction law (tanh or sign) with which the record was simulated."
     )
     return Judgement("holds" if sign_as_tanh < sign and tanh < tanh_as_sign else "does not hold", measured)
 
@@ -115,11 +120,12 @@ def _regression_needs_tanh(runs: Runs) -> Judgement:
 @claim(CLAIMS, "Least squares on the smoothed term reaches 0.006 %.", "5.3")
 def _regression_is_accurate(runs: Runs) -> Judgement:
     error = initial_error("least_squares", "coulomb")
-    return Judgement(verdict_of(error, 0.006, 0.006, MUCH_SMALLER), f"From the angle alone: {error:.2g} %.")
+    verdict = verdict_of(error, 0.006, 0.006, MUCH_SMALLER)
+    return Judgement(verdict, f"From the angle alone: {_per_cent(error)}.")
 
 
 @claim(CLAIMS, "Envelope matching is robust to the discontinuity.", "5.3")
 def _envelope_is_robust(runs: Runs) -> Judgement:
     smooth, exact = (initial_error("envelope", "coulomb", simulated=e, assumed=e) for e in (0.1, 0.0))
-    measured = f"Initial error {smooth:.2g} % with ε = 0.1 and {exact:.2g} % with exact friction."
+    measured = f"Initial error {_per_cent(smooth)} with ε = 0.1 and {_per_cent(exact)} with exact friction."
     return Judgement("holds" if max(smooth, exact) < 1 else "does not hold", measured)

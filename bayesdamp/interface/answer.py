@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from bayesdamp.config.signals import check_translation
+from bayesdamp.formatting import digits, fixed_decimals
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.findings import SENSOR, Findings, compute_findings, picture, posterior_of
 from bayesdamp.inference.deviation.forms import replaced_sum
@@ -366,8 +367,8 @@ def amplitudes_in_base_unit(
     for a in amplitudes:
         if not low / BEYOND <= a <= high * BEYOND:
             raise InputError(
-                f"amplitude {a:g} {own.name}: the amplitudes of the record are {low:.3g} to {high:.3g} {own.name}; "
-                "give one in this range"
+                f"amplitude {digits(a)} {own.name}: the amplitudes of the record are {digits(low, n=3)} to "
+                f"{digits(high, n=3)} {own.name}; give one in this range"
             )
     return tuple(float(a) * own.factor for a in amplitudes)
 
@@ -378,12 +379,13 @@ def _noise_remark(noise: SampleNoise) -> str:
         return ""
     if np.isnan(noise.ahead):
         return f"The noise model is {noise.name}, as specified."
-    nats = f"{noise.ahead:.0f} nats" if np.isfinite(noise.ahead) else "far"
+    nats = f"{fixed_decimals(noise.ahead, 0)} nats" if np.isfinite(noise.ahead) else "far"
     ahead = f"is {nats} ahead of Gaussian noise in log evidence"
     match noise.name:
         case "student_t":
-            freedom = f"{noise.fitted.values['noise_dof']:.2g} degrees of freedom"
-            return f"Outliers are given little weight: Student's t noise (student_t, {freedom}) {ahead}."
+            freedom = digits(noise.fitted.values["noise_dof"], n=2)
+            what = f"Student's t noise (student_t, {freedom} degrees of freedom)"
+            return f"Outliers are given little weight: {what} {ahead}."
         case "quantised":
             return (
                 f"The record is rounded to coarse steps, which the noise model includes: quantised {ahead}."
@@ -400,11 +402,11 @@ def _phase_remark(data: Data, first: float) -> str:
     averaged, sentences = data.averaged, []
     if averaged is not None and averaged.wander:
         sentences.append(
-            f"The phase wanders like a random walk, by {averaged.wander:.2g} rad (one sd) until the end; the intervals "
-            "allow for it."
+            f"The phase wanders like a random walk, by {digits(averaged.wander, n=2)} rad (one sd) until the end; the "
+            "intervals allow for it."
         )
     if averaged is not None and averaged.jumps:
-        at = ", ".join(f"{first + t:.4g} s" for t in averaged.jumps)
+        at = ", ".join(f"{digits(first + t)} s" for t in averaged.jumps)
         where = "gap" if len(averaged.jumps) == 1 else "gaps"
         sentences.append(f"The cycles in the {where} at {at} cannot be counted; the phase may jump there.")
     return " ".join(sentences)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bayesdamp import __version__, types
 from bayesdamp.config.checks import check_keys, read_section
 from bayesdamp.config.study import Header, PosteriorTable
-from bayesdamp.formatting import Table, data_frame
+from bayesdamp.formatting import Table, data_frame, digits
 from bayesdamp.inference import diagnostics
 from bayesdamp.inference.derived import Motions, derive_quantities, units
 from bayesdamp.inference.deviation.single import Single, sample_motions
@@ -140,7 +140,7 @@ class Posterior(Result, types.Posterior):
         derived = derive_quantities(Motions(self.fit.oscillator, values, own.rest, amplitude))
         unit = units(signal.unit)
         displacement = signal.own_unit.displacement
-        at = f"{amplitude * displacement.scale:.4g} {displacement.name}"
+        at = f"{digits(amplitude * displacement.scale)} {displacement.name}"
         return xr.Dataset(
             {n: (("chain", "draw"), v, {"units": unit[n], "amplitude": at}) for n, v in derived.items()}
         )

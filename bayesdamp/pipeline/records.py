@@ -11,6 +11,7 @@ import numpy as np
 from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators.refine import cramer_rao
 from bayesdamp.estimators.shared import has_noise
+from bayesdamp.formatting import digits, percentage
 from bayesdamp.interface.no_free_decay import no_free_decay
 from bayesdamp.interface.signal import Signal as CutSignal, cut
 from bayesdamp.interface.simulate import simulate_source
@@ -219,9 +220,9 @@ def _add_noise(signal: Signal, share: float, seed: int) -> Signal:
     y = signal.y + share * size * np.random.default_rng(seed).standard_normal(signal.y.size)
     warning = (
         f"the record has no noise from sample to sample (it was filtered, smoothed or simulated), and without noise "
-        f"damping models cannot be compared. Noise of {100 * share:g} % of its amplitude was added, and the results "
-        "are for the record with this noise. Give the unfiltered record, or use only a study's estimators, which need "
-        "no noise."
+        f"damping models cannot be compared. Noise of {percentage(share)} % of its amplitude was added, and the "
+        "results are for the record with this noise. Give the unfiltered record, or use only a study's estimators, "
+        "which need no noise."
     )
     before = signal.provenance
     return replace(signal, y=y, provenance=replace(before, warnings=(*before.warnings, warning)))
@@ -237,8 +238,10 @@ def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> Recor
     known, note = dict(spec.system.known), ""
     if "epsilon" not in known and "epsilon" not in spec.system.free:
         known["epsilon"] = reference.friction_width
-        share = f"{100 * FRICTION_WIDTH:g} % of the peak velocity"
-        note = f"The width ε of friction was not given: {share}, {known['epsilon']:.3g} {signal.unit}/s."
+        width, share = digits(known["epsilon"], n=3), percentage(FRICTION_WIDTH)
+        note = (
+            f"The width ε of friction was not given: {share} % of the peak velocity, {width} {signal.unit}/s."
+        )
     remarks = list(find_anomalies(signal, measured))
     other = no_free_decay(signal) if isinstance(spec.source, Recording) else None
     if other is not None and other.motion is not None:

@@ -207,7 +207,7 @@ class Run(ResultView):
             (
                 f"{c.record}/{c.repeat}",
                 types.candidate_name(c.damping, c.restoring),
-                ", ".join(f"{n} {v:.4g}" for n, v in c.values.items() if n in c.sd) or c.outcome,
+                ", ".join(f"{n} {digits(v)}" for n, v in c.values.items() if n in c.sd) or c.outcome,
             )
             for c in self.candidates[:PRINTED_CANDIDATES]
         )
