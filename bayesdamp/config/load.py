@@ -150,7 +150,7 @@ def _read_question(path: Path) -> tuple[dict[str, Any], Path, dict[str, str]]:
         changed = [n for n in inputs if hashlib.sha256((folder / n).read_bytes()).hexdigest() != inputs[n]]
         if not changed:
             return tables, folder, plugins
-    raise StudyError("", f"{changed[0]} has changed since the run; put its version of then next to run.json")
+    raise StudyError("", f"{changed[0]} has changed since the run; put its earlier version next to run.json")
 
 
 def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
@@ -366,7 +366,7 @@ def _check_across_tables(study: Study) -> None:
     for spec in study.signals:
         for model in spec.estimate or ():
             if model not in study.dampings(spec):
-                what = f"names {model}, which this signal does not compare"
+                what = f"contains {model}, which this signal does not compare"
                 raise StudyError(f"signal[{spec.name}].estimate", f"{what}; it must be one of its models")
     for name, (first, *others) in study.specimens.items():
         if study.tables.get("sweep"):
@@ -381,12 +381,12 @@ def _check_across_tables(study: Study) -> None:
             if read[i] in read[:i]:
                 same = (first, *others)[read.index(read[i])].name
                 raise StudyError(key, f"signals {same} and {spec.name} are the same record; give it once")
-            repeat = f"signals {spec.name} and {first.name} are of one specimen, {name!r}"
+            repeat = f"signals {spec.name} and {first.name} are of one specimen, {name!r}, but"
             if unit_named(spec.source.unit).base != unit_named(first.source.unit).base:
                 units = f"{spec.source.unit} and {first.source.unit}"
                 right = "repeats must all be angles, all lengths or all in one unit"
-                raise StudyError(key, f"{repeat}, in {units}; {right}")
+                raise StudyError(key, f"{repeat} in {units}; {right}")
             same = set(study.dampings(spec)) == set(study.dampings(first))
             if spec.restoring != first.restoring or not same:
                 right = "repeats must have the same compare and restoring"
-                raise StudyError(key, f"{repeat}, under other models; {right}")
+                raise StudyError(key, f"{repeat} compare different models; {right}")

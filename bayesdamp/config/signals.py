@@ -207,7 +207,7 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
     terms = {name: term for name, term in named.items() if name in given}
     if not terms:
         right = f"give at least one of {', '.join(named)} with its coefficient (0 for none)"
-        raise StudyError(key, f"names no damping; {right}")
+        raise StudyError(key, f"has no damping term; {right}")
     truth = {
         TERMS.get(t).parameter: check_number(given[name], join_keys(key, name), minimum=0.0)
         for name, t in terms.items()
@@ -218,7 +218,7 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
     check_plugins(NOISES, [settings.noise], join_keys(key, "noise"))
     noise = NOISES.get(settings.noise)
     if noise.constants:
-        what = f"is {settings.noise}, which follows from a record and cannot be simulated"
+        what = f"is {settings.noise}, which needs the recording step of a record and cannot be simulated"
         right = 'give noise = "gaussian" and quantum, the recording step'
         raise StudyError(join_keys(key, "noise"), f"{what}; {right}")
     oscillator = Oscillator(tuple(terms.values()), system.restoring)
@@ -237,10 +237,10 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
     except ValueError as error:
         raise StudyError(key, f"{error} {settings.unit}; choose parameters that let it oscillate") from None
     if not cycles >= LEAST_CYCLES:
-        what = f"is {duration:g} s, only {cycles:.2g} of a cycle; it must be at least {LEAST_CYCLES:g}"
-        raise StudyError(length, f"{what}: choose parameters that let it oscillate, or a longer duration")
+        what = f"is {duration:g} s, or {cycles:.2g} cycles; it must be at least {LEAST_CYCLES:g} cycles"
+        raise StudyError(length, f"{what}: choose a longer duration, or a higher natural frequency")
     if cycles > MOST_CYCLES:
-        what = f"is {duration:g} s, in which it swings {cycles:.3g} times"
+        what = f"is {duration:g} s, or {cycles:.3g} cycles"
         raise StudyError(length, f"{what}; it must be at most {MOST_CYCLES:g} cycles")
     return Simulation(damping=tuple(terms.values()), truth=truth, **settings.model_dump())
 
@@ -352,7 +352,7 @@ def resolve_signal(
         right = f'this unit needs quantity = "{unit.quantity}"'
         raise StudyError(unit_key, f"is {unit.name!r} with quantity {source.quantity!r}; {right}")
     if inertia is not None and not unit.physical:
-        what = f"is {unit.name!r}, in which forces have no unit; remove inertia, or use rad or m"
+        what = f"is {unit.name!r}, a unit in which inertia has no meaning; remove inertia, or use rad or m"
         raise StudyError(unit_key, what)
     own = {
         name: None if models is None else canonical_models(models, join_keys(key, name))
@@ -432,7 +432,7 @@ def expand(signals: list[dict[str, Any]], sweeps: list[Any]) -> list[dict[str, A
             right = 'it must be like "simulate.noise_sd", "system.gravity" or "start"'
             raise StudyError(key, f"is {show(sweep.key)}, which is not a key of a signal; {right}")
         if not any(_applies(sweep.key, signal) for signal in signals):
-            raise StudyError(key, f"is {show(sweep.key)}, which no signal has; sweep a key of a signal")
+            raise StudyError(key, f"is {show(sweep.key)}, which no signal has; sweep a key that a signal has")
         names = [suffix(sweep.key, value, sweep.values) for value in sweep.values]
         if len(set(names)) != len(names):
             what = f"repeats a value: {show(list(sweep.values))}; give each value once"

@@ -175,7 +175,7 @@ class SimulateTable(StudySection):
     )
     samples: Samples
     repeats: Count = 1
-    noise: str = Field("gaussian", description="a noise model's name in quotes")
+    noise: str = Field("gaussian", description='a noise model such as "student_t"')
     outliers: float = Field(0.0, ge=0, description="a number of samples, or a fraction of them below 1")
     gaps: int = Field(0, ge=0, le=20, description="a whole number from 0 to 20")
     quantum: float = Field(0.0, ge=0, description="the recording step in the record's unit, 0 or more")
@@ -260,7 +260,7 @@ class PosteriorTable(StudySection):
 
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
     noise: str | SomeNames = Field(
-        "gaussian", description='a noise model\'s name in quotes, a list of names, or "auto"'
+        "gaussian", description='"auto", a noise model such as "student_t", or a list of noise models'
     )
     best: int | None = Field(
         None, ge=1, le=MOST_SAMPLED, description="a whole number: how many models of a signal are sampled"

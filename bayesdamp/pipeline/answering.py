@@ -73,8 +73,8 @@ def compute_answer(record: StudyRecord, kind: str) -> Product:
         raise Refusal(NOT_APPLICABLE)
     missing = [t for t in _terms_of(study, spec) if TERMS.get(t).kernel is DampingTerm.kernel]
     if missing:
-        names = ", ".join(missing)
-        raise Refusal(f"not compared: {names} cannot be compiled; give the term a `kernel`")
+        what = f"the damping term {missing[0]} has no `kernel`, the force in a form that can be compiled"
+        raise Refusal(f"not compared: {what}; add it to the plug-in of the term")
 
     def known(law: str) -> Mapping[str, float]:
         system = record.system(law)

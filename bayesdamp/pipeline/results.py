@@ -193,7 +193,7 @@ class Run(ResultView):
         name = (read_description(folder).get("study") or {}).get("name")
         if name is None:
             right = "give the folder that run_study or the command study wrote"
-            raise InputError(f"{folder}: its run.json names no study; {right}")
+            raise InputError(f"{folder}: its run.json does not contain a study; {right}")
         store = Store(folder)
         failed = [n for n in store.names() if status_of(store.read(n, arrays=False).outcome) is Status.FAILED]
         outcome = f"{len(failed)} tasks failed: {', '.join(failed)}" if failed else OK

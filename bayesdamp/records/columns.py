@@ -440,7 +440,7 @@ def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
     if len(content.columns) == 1:
         what = "has one column of values and no times: export the times too, or give the rate in Hz"
         raise InputError(what, arguments=["rate"])
-    what = "has no column named like a time, and the first does not always increase"
+    what = "has no column whose name means a time, and the values of the first do not always increase"
     what = f"{what}: name the time column or give the rate in Hz"
     raise InputError(f"{what}; columns are {list_names(content.columns)}", arguments=["time", "rate"])
 

@@ -37,7 +37,7 @@ FAULTS = {
     "other law's": (swap("rest_angle = 0.0", "gravity = 1.0"), "system.gravity: unknown key; valid are restoring"),
     "system text": (swap("20.0", '"fre"'), "system.stiffness: is 'fre'; it must be a number (known), \"free\""),
     # priors
-    "no prior": (swap("20.0", "{ mean = 1 }"), "system.stiffness: names no prior; it must be a table such as"),
+    "no prior": (swap("20.0", "{ mean = 1 }"), "system.stiffness: has no type of prior; it must be a table such as"),
     "prior missing": (swap("20.0", '{ prior = "normal", mean = 1 }'), "stiffness.sd: is missing; it must be a num"),
     "negative noise": (swap("omega0", 'noise_sd = { prior = "uniform", low = -1, high = 1 }\nomega0'), "system.noise_sd: is uniform(low -1, high 1), which allows values below zero"),
     # [[signal]]
@@ -46,10 +46,10 @@ FAULTS = {
     "both": (GOOD + 'file = "rig.csv"\n', "signal[one]: has both simulate and file; it must have one of the two"),
     "stray": (GOOD + "rate = 3.0\n", "signal[one].rate: is for a record from a file; remove it here"),
     "own models": (GOOD + 'compare = ["viscuos"]\n', "signal[one].compare: unknown damping term 'viscuos'; did you mean 'viscous'?"),
-    "own estimate": (GOOD + 'estimate = ["viscous+coulomb"]\n', "signal[one].estimate: names viscous+coulomb, which this signal does"),
+    "own estimate": (GOOD + 'estimate = ["viscous+coulomb"]\n', "signal[one].estimate: contains viscous+coulomb, which this signal does"),
     # simulate
     "simulate": (swap("duration", "durations"), "signal[one].simulate.durations: unknown key; did you mean 'duration'?"),
-    "no term": (swap("viscous = 0.05, ", ""), "signal[one].simulate: names no damping; give at least one of"),
+    "no term": (swap("viscous = 0.05, ", ""), "signal[one].simulate: has no damping term; give at least one of"),
     "negative": (swap("0.05", "-0.05"), "signal[one].simulate.viscous: is -0.05; it must be a number of at least 0"),
     "samples": (swap("100", "100.0"), "simulate.samples: is 100.0; it must be a whole number from 10 to 10,000,000"),
     "simulated metres": (swap("samples = 100", 'samples = 100, unit = "m"').replace('"linear"', '"pendulum"'), "signal[one].simulate.unit: is 'm', a translation, but the restoring law pendulum needs an angle"),
@@ -59,7 +59,7 @@ FAULTS = {
     "no rest under another law": (swap('"linear"', '"duffing"').replace("20.0", "-20.0").replace("rest_angle = 0.0", "rest_angle = 0.0\ncubic = 50.0") + '[models]\nrestoring = ["pendulum"]\n', "signal[one].system: stiffness = -20: it must be above 0 under the law pendulum"),
     # a file
     "no file": (rig(old='"rig.csv"', new='"rg.csv"'), "signal[rig].file: 'rg.csv' does not exist; paths are relative to"),
-    "forces of a sensor's unit": (rig('unit = "mV"\nsystem = { restoring = "linear", inertia = 2.0 }\n'), "signal[rig].unit: is 'mV', in which forces have no unit; remove inertia, or use rad or m"),
+    "forces of a sensor's unit": (rig('unit = "mV"\nsystem = { restoring = "linear", inertia = 2.0 }\n'), "signal[rig].unit: is 'mV', a unit in which inertia has no meaning; remove inertia, or use rad or m"),
     "unit": (rig('unit = "degrees"\n'), "signal[rig].unit: unknown unit 'degrees'; it must be one of rad, mrad, deg"),
     # [[sweep]]
     "sweep key": (sweep("noise", "[1]"), "sweep[1].key: is 'noise', which is not a key of a signal; it must be like"),

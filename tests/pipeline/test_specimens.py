@@ -45,7 +45,7 @@ SWEEP = '[[sweep]]\nkey = "simulate.noise_sd"\nvalues = [0.003]\n'
 WRONG = [
     ('specimen = "a"', "specimen = 3", "it must be a name in quotes"),
     ("theta0 = 0.25", 'theta0 = 0.25, unit = "m"', "in m and rad"),
-    ('name = "a2"\n', 'name = "a2"\ncompare = ["quadratic"]\n', "under other models"),
+    ('name = "a2"\n', 'name = "a2"\ncompare = ["quadratic"]\n', "compare different models"),
     ('[[signal]]\nname = "a2"', f'{SWEEP}[[signal]]\nname = "a2"', "[[sweep]]"),
 ]
 

@@ -160,7 +160,7 @@ GOOD = ["time,angle", *rows()]
 BAD = {
     "unknown column": (GOOD, {"value": "angel"}, "unknown column 'angel'; did you mean 'angle'"),
     "column with another name": (GOOD, {"value": "zzz"}, "valid are time, angle"),
-    "column number too large": (GOOD, {"value": 3}, "no column 3, the file has 2"),
+    "column number too large": (GOOD, {"value": 3}, "no column 3; the file has 2 columns"),
     "name without header": (rows(), {"value": "angle", "time": 1}, "no names"),
     "text in a number": (
         [*GOOD[:8], "0.7,oops", *GOOD[8:]],

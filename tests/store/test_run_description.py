@@ -67,7 +67,7 @@ def test_commands_that_need_a_study_refuse_a_run_of_another_command(
             line = refused("claims", option, str(folder), "--out", str(page))
             assert line.startswith(f"{option} {folder}: ")
             assert "give the folder of bayesdamp study" in line
-        with pytest.raises(InputError, match="names no study; give the folder that run_study"):
+        with pytest.raises(InputError, match="does not contain a study; give the folder that run_study"):
             bd.Run.load(folder)
         assert not page.exists()
 

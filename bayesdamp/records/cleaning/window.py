@@ -275,9 +275,8 @@ def _find_decays(
             name,
         )
     if share < LEAST_SHARE:
-        raise InputError(
-            f"no oscillation stands out of the noise (share of the best sinusoid {share:.2f})", name
-        )
+        shown = f"the best sinusoid has {100 * share:.0f} % of the power"
+        raise InputError(f"no oscillation stands out of the noise: {shown}", name)
     raise InputError("no oscillation: fewer than three turning points stand out of noise and rounding", name)
 
 

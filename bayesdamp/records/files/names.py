@@ -334,7 +334,7 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
     if name.isdigit():
         if len(name) < 9 and 1 <= int(name) <= len(columns):
             return [columns[int(name) - 1]]
-        raise InputError(f"there is no column {name[:20]}, the file has {len(columns)}")
+        raise InputError(f"there is no column {name[:20]}; the file has {len(columns)} columns")
     forms = []  # forms of each name: as it is, with its unit, without run, and without run and unit
     for column in columns:
         bare = split_run(column)[0]

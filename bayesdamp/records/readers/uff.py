@@ -66,7 +66,7 @@ class UffReader(Reader):
             samples, claimed = np.size(data["data"]), int(data["num_pts"])
             if samples < claimed:
                 raise InputError(
-                    f"is cut off: a data set claims {claimed} samples and has {samples}; export it again"
+                    f"is cut off: a data set has {samples} of the {claimed} samples in its header; export it again"
                 )
         columns: list[Column] = []
         facts: dict[str, Fact] = {}
