@@ -86,7 +86,7 @@ def _window_noise(x: np.ndarray, values: np.ndarray) -> np.ndarray:
         good &= size <= OUTLIER_SCALES * 1.4826 * np.median(size, axis=1, keepdims=True) + 1e-300
         some = np.flatnonzero(~good.all(axis=1))
         rest[some], sds = _residuals(columns[some] * good[some][:, :, None], values[some] * good[some])
-        size[some] = np.abs(rest[some]) / sds
+        size[some] = np.where(good[some], np.abs(rest[some]) / sds, np.inf)
     return np.sqrt(np.sum(rest**2, axis=1) / np.maximum(good.sum(axis=1) - k, 1))
 
 
