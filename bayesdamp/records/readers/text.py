@@ -13,6 +13,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -466,13 +467,24 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         what = f"its header names {most} columns, but its rows have {layout.columns}"
         warnings.append(f"{what}: the first {layout.columns} names are used.")
     units = [unit.strip("()[] -") for unit in layout.units] or [""] * layout.columns
-    heads = list(zip(layout.names, units, strict=True))
+    # Tables side by side have the same names; a line above them that has a label for each table names them.
+    below = max((i for i, (_, names) in enumerate(head) if names), default=0)
+    cells = split_cells(head[below - 1][0].lstrip("#% "), layout.separator) if below else []
+    labels, names = [*cells, *layout.columns * [""]][: layout.columns], layout.names
+    if names[0] and sum(map(bool, labels)) == names.count(names[0]) > 1:
+        groups = list(accumulate(labels, lambda left, label: label or left))
+        names = [f"{group}.{name}" if name else "" for group, name in zip(groups, names, strict=True)]
+        head[below - 1] = (head[below - 1][0], layout.columns)
+    else:
+        groups = [""] * layout.columns
+    heads = list(zip(names, groups, units, strict=True))
     repeated: list[int] = []
     table = _numbers_only(body, layout)
     if table is not None:
         at = np.arange(len(table))
         columns = [
-            Column(name, np.ascontiguousarray(table[:, i]), unit=unit) for i, (name, unit) in enumerate(heads)
+            Column(name, np.ascontiguousarray(table[:, i]), group=group, unit=unit)
+            for i, (name, group, unit) in enumerate(heads)
         ]
     else:
         filled = [(i, split_cells(line, layout.separator)) for i, line in enumerate(body) if line.strip()]
@@ -480,9 +492,7 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         filled = [(i, row) for i, row in filled if i not in repeated]
         at = np.array([i for i, _ in filled])
         rows = [row for _, row in filled]
-        columns = [
-            make_column(rows, i, layout.decimal, name, unit=unit) for i, (name, unit) in enumerate(heads)
-        ]
+        columns = [make_column(rows, i, layout.decimal, *labels) for i, labels in enumerate(heads)]
         warnings += _uneven_warning(rows, at + first + 1, layout.columns)
     while len(columns) > 1 and not columns[-1].name and not np.isfinite(columns[-1].values).any():
         columns.pop()  # an empty column, from a separator at the end of each line

@@ -85,17 +85,16 @@ def test_tables_side_by_side_are_records_with_their_own_times(tmp_path: Path, la
     names = ["Time (s)", "Angle (deg)", ""] * 3
     cells = np.stack([column for k, y in enumerate(ys) for column in (t + later * k, y)], axis=1).astype(str)
     rows = [[*row[:2], "", *row[2:4], "", *row[4:]] for row in cells]
-    for separator, labels in (
-        (",", ("Run 1", "Run 2", "Run 3")),
-        ("\t", ("soft", "stiff", "none")),
-        (",", ()),
+    for separator, labels, runs, tables in (
+        (",", ("Run 1", "Run 2", "Run 3"), ["1", "2", "3"], [""] * 3),
+        ("\t", ("soft", "stiff", "none"), [""] * 3, ["soft.", "stiff.", "none."]),
+        (",", (), [""] * 3, ["pair 1.", "pair 2.", "pair 3."]),
     ):
         top = [cell for label in labels for cell in (label, "", "")][:-2]
         lines = [separator.join(row) for row in ([top] if labels else []) + [names[:-1]] + rows]
         raws = read_records(written(tmp_path / "a.csv", *lines))
-        assert [(raw.unit, raw.channel) for raw in raws] == [
-            ("deg", f"pair {k}.Angle (deg)") for k in (1, 2, 3)
-        ]
+        assert [(raw.unit, raw.run) for raw in raws] == [("deg", run) for run in runs]
+        assert [raw.channel for raw in raws] == [f"{table}Angle (deg)" for table in tables]
         for k, raw in enumerate(raws):
             np.testing.assert_allclose(raw.t, t + later * k, atol=1e-9)  # type: ignore[arg-type]
             np.testing.assert_allclose(raw.y, ys[k], atol=1e-6)
