@@ -125,6 +125,9 @@ def test_times_since_an_epoch_count_from_the_first_sample_and_other_releases_are
 def test_init_writes_a_study_that_passes_check(tmp_path, capsys) -> None:
     file = runs(tmp_path / "my rig.csv")
     out = tmp_path / "my rig.toml"
+    assert main(["init", str(file), "--start", "1e4"]) == 2
+    assert "start = 10000 s is outside the record" in capsys.readouterr().err
+    assert not out.exists()
     assert main(["init", str(file)]) == 0
     printed, notes = capsys.readouterr()
     assert "run 2, Angle, left (deg) is left out" in notes

@@ -47,12 +47,7 @@ _TABLES: dict[str, tuple[type[StudySection], str]] = {
 def study_text(records: Sequence[RecordOptions], out: Path) -> str:
     """Return the text (TOML) of a study of these records, whose files are in the folder of the study file `out`.
 
-    It has the settings of `bayesdamp compare --exact`, each with a comment. Nothing is written.
-
-    Raises
-    ------
-    InputError
-        If the study would be invalid.
+    It has the settings of `bayesdamp compare --exact`, each with a comment. Nothing is checked or written.
     """
     tables = comparison_tables([{**asked, "file": Path(asked["file"]).name} for asked in records])
     typed, of = printable(shlex.quote(out.name)), printable(Path(records[0]["file"]).name)
@@ -72,9 +67,7 @@ def study_text(records: Sequence[RecordOptions], out: Path) -> str:
     for name, (section, what) in _TABLES.items():
         lines += ["", f"# {what}", f"[{name}]"]
         lines += [_line(section, key, value) for key, value in tables[name].items()]
-    text = "\n".join(lines) + "\n"
-    resolve_study(tomllib.loads(text), out)
-    return text
+    return "\n".join(lines) + "\n"
 
 
 def _line(section: type[StudySection], key: str, value: object) -> str:
@@ -104,6 +97,8 @@ def init(
     **reading: Any,
 ) -> int:
     """Write a commented study file for records, next to them; nothing is computed or overwritten."""
+    from bayesdamp.pipeline.run import read_records  # imports slowly
+
     check_names(files)
     file = files[0]
     if len({path.absolute().parent for path in files}) > 1:
@@ -117,10 +112,12 @@ def init(
     chosen = select_records(files, options, every=True)
     for line in [*chosen.doubted, *chosen.notes]:
         typer.echo(line, err=True)
+    text = study_text(study_signals(chosen.records, options), out)
     try:
-        text = study_text(study_signals(chosen.records, options), out)
+        study = resolve_study(tomllib.loads(text), out)
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
+    read_records(study)
     if os.path.lexists(out):
         raise InputError(f"{out}: already exists and is not overwritten; move it away first")
     write_bytes(out, text.encode())
