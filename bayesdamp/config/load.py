@@ -90,7 +90,7 @@ def study_file(given: Path) -> Path:
     if given.suffix:
         return given
     raise InputError(
-        f"{given}: no such file, and bayesdamp has no study of this name{nearest(given.name, names)}"
+        f"{given}: no such file, and no study of bayesdamp has this name{nearest(given.name, names)}"
     )
 
 
@@ -180,9 +180,7 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
             study = resolve_study(tables, folder / path.name, plugins)
             missing = modules.keys() - {m.digest for m in study.plugins}
             if missing:
-                what = (
-                    f"the run had the plug-in {modules[min(missing)]}, whose file is missing or has changed"
-                )
+                what = f"the file of the run's plug-in {modules[min(missing)]} is missing or has changed"
                 raise InputError(f"{what}; give the file as it was in the run with --plugin")
             return study
         try:
@@ -309,13 +307,9 @@ def _read_estimators(raw: object) -> Estimators:
             continue
         key, method = join_keys("estimators", name), options["variant_of"]
         if name in ESTIMATORS.names():
-            raise StudyError(
-                key, "is the name of an estimator; a variant needs another name, such as sindy_sign"
-            )
+            raise StudyError(key, "is an estimator's name; a variant needs another name, such as sindy_sign")
         if not re.fullmatch(NAME, name):
-            raise StudyError(
-                key, "is not a valid name; a variant's name must have only letters, digits, - and _"
-            )
+            raise StudyError(key, "is not a valid name; it must have only letters, digits, - and _")
         key = join_keys(key, "variant_of")
         if not isinstance(method, str):
             raise StudyError(key, f"is {show(method)}; it must be an estimator's name in quotes")

@@ -194,9 +194,7 @@ def read(
     units = {unit_or_guess(record, unit, quantity): record.channel for record in raw}
     if len(units) > 1:
         each = ", ".join(f"{channel!r} ({u})" for (u, _), channel in units.items())
-        raise InputError(
-            f"{path.name}: contains records in several units: {each}; choose with channels=[...]"
-        )
+        raise InputError(f"{path.name}: has records in several units: {each}; choose with channels=[...]")
     given = unit is not None
     unit, quantity = next(iter(units))
     known_unit(unit, quantity, path.name)

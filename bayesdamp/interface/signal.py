@@ -197,9 +197,7 @@ def signal(
             )
         t = None if y is None else np.arange(y.size) / rate
     if t is None or y is None:
-        raise InputError(
-            "signal: give times and values, signal(t, y), or values alone, signal(y, rate=HERTZ)"
-        )
+        raise InputError("signal: give times and values as signal(t, y), or signal(y, rate=HERTZ)")
     times, values = numbers_of(t, "t", name), numbers_of(y, "y", name)
     if times.ndim != 1 or times.shape != values.shape:
         raise InputError(
@@ -221,9 +219,7 @@ def signal(
         return cut(raw, name, unit, quantity, clock=clock, start=start, stop=stop)
     if np.any(np.diff(times) <= 0):
         at = int(np.argmax(np.diff(times) <= 0)) + 1
-        raise InputError(
-            f"times must increase, but t[{at}] is not later than t[{at - 1}]; sort the samples", name
-        )
+        raise InputError(f"times must increase, but t[{at}] is not after t[{at - 1}]; sort the samples", name)
     provenance = Provenance(notes=("Used as given, without cleaning.",), unit=unit)
     step = recording_step(values) * scale
     return Signal(times - times[0], values * scale, quantity, base, name, step, provenance)

@@ -261,21 +261,15 @@ def choose_columns(
             record = replace(home[0].record(column), run=run)
             chosen.append(_with_clock(record, content))
         if not chosen:
-            raise InputError(
-                "the selected column is not in the selected runs; leave out the column or the runs"
-            )
+            raise InputError("the selected column is not in the selected runs; leave out one of the two")
         return chosen
     blocks = [block for block in blocks if block.candidates] or [block for block in blocks if block.values]
     if not blocks:
         if len(columns) == 1:
-            raise InputError(
-                "has only one column, and it contains the times; export the recorded quantity too"
-            )
+            raise InputError("its only column contains the times; export the recorded quantity too")
         if len({c.values.size for c in columns}) > 1:
             sizes = ", ".join(f"{c.name!r}: {c.values.size}" for c in columns)
-            raise InputError(
-                f"columns have different numbers of values ({sizes}); give as many values as times"
-            )
+            raise InputError(f"columns have different lengths ({sizes}); give as many values as times")
         raise InputError(
             f"only the times change; give a file with a recorded quantity (columns are {list_names(columns)})"
         )

@@ -114,9 +114,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     size = half_swing(raw)
     if quantity == "angle" and not given and raw.unit == "" and size > HALF_TURN and unit in _ASSUMED:
         turns = size / (2 * math.pi)
-        why = (
-            f"no unit given, and an amplitude of {size:.3g} would be {turns:.2g} turns if it were in radians"
-        )
+        why = f"no unit given, and an amplitude of {size:.3g} would be {turns:.2g} turns in radians"
         what, option = _ASSUMED[unit]
         doubts.append(Finding(Kind.DEGREES, f"it is read as {what}: {why}", option))
     if not given and unit == "rad" and raw.unit and raw.unit not in UNITS:
@@ -181,9 +179,7 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
         and period < SHORT_DAYS
         and any(low <= t[0] <= high for low, high in DAY_NUMBERS)
     ):
-        sentence = (
-            f"its times begin at {t[0]:.7g} and a period would last {period:.3g} s; do they count days?"
-        )
+        sentence = f"its times begin at {t[0]:.7g} and a period lasts {period:.3g} s; do they count days?"
         return Finding(Kind.TIME_UNIT, sentence, "--time-unit d, or s if they are in s")
     if not oscillation.oscillates or step < COARSE_STEP or period < SLOW_PERIOD:
         return None

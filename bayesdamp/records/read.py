@@ -78,9 +78,7 @@ def read_record(
     if len(records) > 1:
         names = [f"run {r.run} {r.channel!r}" if r.run else repr(r.channel) for r in records]
         several = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-        raise file_error(
-            Path(path), f"contains {len(records)} records; give the run or channel of one: {several}"
-        )
+        raise file_error(Path(path), f"has {len(records)} records; give the run or channel of one: {several}")
     return records[0]
 
 
@@ -267,9 +265,7 @@ def _refuse_unusable(y: np.ndarray) -> None:
     """
     largest = float(np.abs(y).max())
     if largest > LARGEST_VALUE:
-        raise InputError(
-            f"the values go up to {largest:.3g}, which is not a measurement; is it the right column?"
-        )
+        raise InputError(f"values of up to {largest:.3g} are not a measurement; is it the right column?")
     for mark in (float(y.min()), float(y.max())):
         others = y[y != mark]
         is_nines = set(f"{abs(mark):.12g}") <= {"9", "."}
@@ -284,9 +280,7 @@ def _refuse_unusable(y: np.ndarray) -> None:
     if span == 0:
         raise InputError(f"the values are constant ({y[0]:g}); is it the right column?")
     if span < 1 / LARGEST_VALUE:
-        raise InputError(
-            f"the values change by {span:.3g} at most, too little to compute with; give another unit"
-        )
+        raise InputError(f"the values change by {span:.3g} at most, which is too little; give another unit")
 
 
 def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]) -> np.ndarray:
@@ -310,7 +304,7 @@ def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]
     span = float(np.abs(t).max())
     if not span < 1 / SLOWEST_RATE * 1e3:
         raise InputError(
-            f"the times go up to {span:.3g} s; is {time.name!r} the right column, or in another unit?"
+            f"times of up to {span:.3g} s: is {time.name!r} the right column, or in another unit?"
         )
     if 0 < float(np.ptp(t)) < t.size / FASTEST_RATE:
         raise InputError(

@@ -118,7 +118,7 @@ DAMAGED: tuple[tuple[str, str, Callable[[Path], object], str], ...] = (
     ("bomb", "a.npz", bomb_zip, "GiB"), ("bomb", "a.h5", hdf(lambda file: file.create_dataset("x", **ENDLESS)), "GiB"),
     ("encrypted", "a.xlsx", partial(locked, form="xlsx"), "encrypted"),
     ("with a password", "a.xlsx", partial(compound, stream="EncryptedPackage"), "is a workbook with a password"),
-    ("of 1997", "a.xls", partial(compound, stream="Workbook"), "is an Excel 97-2003 workbook (.xls), which is not read; save"),
+    ("of 1997", "a.xls", partial(compound, stream="Workbook"), "is an old Excel workbook (.xls); save"),
     ("of version 255 of zip", "a.xlsx", partial(of_version, form="xlsx", version=255), "damaged or cut off"),
     ("of another file's numbers", "a.h5", hdf(lambda file: file.create_dataset("x", **ELSEWHERE)), "is stored in another file"),
     ("of a link", "a.h5", hdf(lambda file: file.update(x=h5py.ExternalLink("/etc/hostname", "x"))), "no numeric array"),

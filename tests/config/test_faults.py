@@ -69,7 +69,7 @@ FAULTS = {
     "options": (GOOD + "[estimators]\nenvelope = 3\n", "estimators.envelope: is 3; it must be a table"),
     "repeats": (GOOD + "[estimators]\nrepeats = { envelop = 2 }\n", "estimators.repeats.envelop: unknown key; did you mean 'envelope'?"),
     "variant of": (GOOD + VARIANT.replace('"sindy"\nswitch', '"sindi"\nswitch'), "estimators.by_sign.variant_of: unknown estimator 'sindi'"),
-    "variant's name": (GOOD + VARIANT.replace("[estimators.by_sign]", "[estimators.koopman]"), "estimators.koopman: is the name of an estimator"),
+    "variant's name": (GOOD + VARIANT.replace("[estimators.by_sign]", "[estimators.koopman]"), "estimators.koopman: is an estimator's name"),
     "variant of nothing": (GOOD + VARIANT.replace('variant_of = "sindy"\n', ""), "by_sign"),
     "model sum": (GOOD + '[models]\ncompare = ["viscous+viscous"]\n', "models.compare: is 'viscous+viscous'; it must be a sum of different terms"),
     "another law": (GOOD + '[models]\nrestoring = ["linear", "dufing"]\n', "did you mean 'duffing'"),

@@ -24,7 +24,7 @@ REFUSED: dict[str, Callable[[], object]] = {
     "read: path is int; it must be a path": lambda: ANY.read(3),
     "read: unknown argument 'vlaue'; did you mean 'value'": lambda: ANY.read("rig.csv", vlaue=2),
     "features: signal is ndarray; it must be a Signal": lambda: ANY.features(Y),
-    "signal: give times and values, signal(t, y), or values alone": lambda: ANY.signal(T),
+    "signal: give times and values as signal(t, y), or signal(y, rate=HERTZ)": lambda: ANY.signal(T),
     "Model: missing a required argument: 'damping'": lambda: ANY.Model(),
     "model is str; it must be a Model": lambda: ANY.fit(bd.signal(T, Y), "viscous"),
     "compare: give one signal": lambda: ANY.compare(3),

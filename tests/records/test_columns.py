@@ -67,7 +67,7 @@ UNCLEAR: dict[str, tuple[dict[str, np.ndarray], bool, str]] = {
     "two motions": ({"t": T, "x": Y, "y": OTHER}, True, "'x', 'y' may each be the record; give the name"),
     "channels without a unit": ({"t": T, "ch1": Y, "ch2": OTHER}, True, "or of several channels"),
     "two motions without times": ({"x": Y, "y": OTHER}, True, "may each be the record"),
-    "only times": ({"t": T}, True, "has only one column, and it contains the times"),
+    "only times": ({"t": T}, True, "its only column contains the times"),
     "no times": ({"x": Y}, True, "export the times too, or give the rate in Hz (--rate)"),
 }  # fmt: skip
 
@@ -84,7 +84,7 @@ def test_sensors_of_one_unit_are_separate_records(tmp_path: Path) -> None:
     records = read_records(path)
     assert [(record.channel, record.run) for record in records] == [("left (g)", ""), ("right (g)", "")]
     assert read_records(path, channels=["right"])[0].y[0] == OTHER[0]
-    with pytest.raises(InputError, match="contains 2 records; give the run or channel of one: 'left"):
+    with pytest.raises(InputError, match="has 2 records; give the run or channel of one: 'left"):
         read_record(path)
 
 

@@ -43,9 +43,7 @@ class ExcelReader(Reader):
             if old and _ENCRYPTED in file.read():
                 raise InputError("is a workbook with a password; save it as .xlsx without one, or as CSV")
         if old:
-            raise InputError(
-                "is an Excel 97-2003 workbook (.xls), which is not read; save it as .xlsx or CSV"
-            )
+            raise InputError("is an old Excel workbook (.xls); save it as .xlsx or CSV")
         refuse_archive(path)
         import openpyxl
 
@@ -68,9 +66,7 @@ class ExcelReader(Reader):
             facts |= {f"{title}.{name}": value for name, value in table.facts.items()}
             columns += [replace(c, group=title) for c in table.columns]
         if not tables:
-            raise InputError(
-                "none of its sheets has rows of numbers; give a table with a row for each sample"
-            )
+            raise InputError("no sheet has rows of numbers; give a table with a row for each sample")
         for i, column in enumerate(columns if tables > 1 else ()):
             columns[i] = replace(column, name=f"{column.group}.{column.name or i + 1}")
         return Contents("Excel", tuple(columns), facts)

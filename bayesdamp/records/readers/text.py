@@ -449,9 +449,7 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
     if layout is None:
         raise InputError("no rows of numbers were found; give a table with a row for each sample")
     if layout.columns > MOST_COLUMNS:
-        raise InputError(
-            f"has {layout.columns:,} columns; a record has a row for each sample: transpose the table"
-        )
+        raise InputError(f"has {layout.columns:,} columns; give a row for each sample: transpose the table")
     body = lines[layout.first :]
     first = layout.first - (len(lines) - given)
     header = [name for name in layout.names if name]

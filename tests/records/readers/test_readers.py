@@ -103,7 +103,7 @@ def test_lists_of_samples_in_json(tmp_path: Path) -> None:
         assert record.unit == unit
         np.testing.assert_array_equal(record.y, Y)
     (tmp_path / "d.json").write_text(json.dumps({"t": T.tolist(), "x": Y[1:].tolist()}), encoding="utf-8")
-    with pytest.raises(InputError, match="different numbers of values"):
+    with pytest.raises(InputError, match="different lengths"):
         read_record(tmp_path / "d.json")
 
 
