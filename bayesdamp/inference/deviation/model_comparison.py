@@ -15,6 +15,7 @@ from bayesdamp.inference.deviation.candidate import (
     MotionCandidate,
     exact_model,
     initial_values,
+    linearise,
     linearise_at_mode,
     parameters_of,
     refit,
@@ -72,6 +73,9 @@ REACH = 20.0
 """A candidate is not fitted if its log evidence, predicted from the fit of the sum of all terms
 (`ModelComparison.expected_evidence`), is more than this many nats below the best (of 385 candidates on 22 simulated
 records this left out 135, none of which was closer than 18 nats)."""
+FAR = 2 * REACH
+"""A restoring law is left out if the log evidence of the sum of all terms, linearised about its fit, is more than this
+many nats below the best, before its mode is sought."""
 BEHIND = f"its log evidence is expected to be more than {REACH:g} nats below the best"
 """Reason, in `ModelComparison.refused`, why a candidate is not fitted: its log evidence is expected to be too small
 (`REACH`)."""
@@ -297,13 +301,39 @@ class ModelComparison:
         model = whole.model.only(present | ~parameters.damping, np.where(coefficients, off, whole.z))
         return linear_posterior(model, whole.grid(coarse=True), self.variance, self.samples).log_evidence
 
-    def evaluate(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:
-        """Linearise a candidate about its mode, starting from its fit, and return its posterior and evidence.
+    def modes_near(
+        self, largest: Mapping[str, Linearisation], solvers: Mapping[str, Solver]
+    ) -> dict[str, Linearisation]:
+        """Linearise the largest sum about its mode, under each law whose log evidence is not `FAR` below the best.
 
-        fit: its fit under exact laws. If laws are exact or the linearisation fails, the result has only the posterior
-        under exact laws.
+        largest: linearisations from which the modes are sought, by restoring law. The result has the same keys, without
+        laws that are too far below. solvers: by restoring law.
         """
-        mode = linearise_at_mode(solver, self.data, fit, self.variance) if self.approximate else None
+        logs = {
+            law: linear_posterior(at.model, at.grid(coarse=True), self.variance, self.samples).log_evidence
+            for law, at in largest.items()
+        }
+        near = [law for law, log in logs.items() if log > max(logs.values()) - FAR]
+
+        modes = at_once(
+            lambda law: linearise_at_mode(solvers[law], self.data, largest[law], self.variance), near
+        )
+        return dict(zip(near, modes, strict=True))
+
+    def evaluate(
+        self,
+        candidate: MotionCandidate,
+        solver: Solver,
+        fit: LeastSquaresFit,
+        start: Linearisation | None = None,
+    ) -> CandidateResult:
+        """Linearise a candidate about its mode, and return its posterior and evidence.
+
+        fit: its fit under exact laws. start: the linearisation from which the mode is sought, by default that about the
+        fit. If laws are exact or the linearisation fails, the result has only the posterior under exact laws.
+        """
+        at = (start or linearise(solver, self.data, fit)) if self.approximate else None
+        mode = None if at is None else linearise_at_mode(solver, self.data, at, self.variance)
         return self.evaluate_about(candidate, solver, fit, mode, self.exact_variance(fit))
 
     def evaluate_about(
@@ -396,15 +426,20 @@ def compare_candidates(
     if "epsilon" not in fits.known_under(fits.laws[0]):
         frictions, epsilon = fits.choose_friction()
         fits = fits.with_width(epsilon)
-    comparison, fits, modes = choose_noise(fits, frictions, noises, approximate)
-    followed = [c for c in asked if c.restoring in modes]
-    expected = {c: comparison.expected_evidence(c, modes[c.restoring]) for c in followed}
+    comparison, fits, largest = choose_noise(fits, frictions, noises, approximate)
+    modes = comparison.modes_near(largest, fits.solvers)
+    followed = [c for c in asked if c.restoring in largest]
+    expected = {
+        c: comparison.expected_evidence(c, modes[c.restoring]) if c.restoring in modes else -np.inf
+        for c in followed
+    }
     top = max((log for log in expected.values() if np.isfinite(log)), default=-np.inf)
     refused |= {c: BEHIND for c, log in expected.items() if log < top - REACH and c not in refused}
 
     def evaluate(c: MotionCandidate) -> CandidateResult | None:
-        fit = fits.fit_of(c)
-        return None if fit is None else comparison.evaluate(c, fits.solvers[c.restoring], fit)
+        fit, whole = fits.fit_of(c), modes[c.restoring]
+        start = whole if whole.fit is fit else None
+        return None if fit is None else comparison.evaluate(c, fits.solvers[c.restoring], fit, start)
 
     results = at_once(evaluate, [c for c in followed if c not in refused])
     if not any(results):
@@ -445,21 +480,22 @@ def choose_noise(
     _CandidateFits
         Fits to the record, whose values are adapted to the noise model.
     dict of str to Linearisation
-        For each restoring law, the largest sum linearised about its mode.
+        For each restoring law, the largest sum linearised about its fit; under the law of the noise, about its mode.
 
     Raises
     ------
     Refusal
         If no motion stays in phase with the record, or if none of the noise models applies.
     """
-    modes, data, stated = fits.modes(), fits.data, fits.known_under(fits.laws[0])
-    if not modes:
+    largest, data, stated = fits.linearised(), fits.data, fits.known_under(fits.laws[0])
+    if not largest:
         raise Refusal(
             "the equation of motion cannot be fitted: no solution stays in phase with the record; check the unit and "
             "the sampling rate, or choose a part of the record"
         )
-    law = min(modes, key=lambda name: modes[name].variance(data))
-    mode, variance, kappa, noise_known = modes[law], modes[law].variance(data), 1.0, True
+    law = min(largest, key=lambda name: largest[name].variance(data))
+    mode = fits.mode(law, largest)
+    variance, kappa, noise_known = mode.variance(data), 1.0, True
     known = fits.known_under(law)
     adapting = partial(adapt, data=data, known=known, priors=fits.priors, approximate=approximate)
     adapted = adapting(noises, solver=fits.solvers[law], at=mode)
@@ -470,12 +506,12 @@ def choose_noise(
             frictions, epsilon = fits.choose_friction(adapting)
             if epsilon != fits.epsilon:
                 fits = fits.with_width(epsilon)
-                again = adapting(solver=fits.solvers[law], at=fits.modes()[law])
+                again = adapting(solver=fits.solvers[law], at=fits.mode(law, fits.linearised()))
                 if again is not None:
                     adapted, noise = again, replace(again.noise, weighed=noise.weighed)
         fits = fits.refitted(data=adapted.data)
-        modes = fits.modes()
-        mode = modes[law]
+        largest = fits.linearised()
+        mode = fits.mode(law, largest)
         kappa = inflation(data.t, mode.left, data.frequency, mode.u.size, adapted.variance)
         variance = kappa * adapted.variance
     elif "noise_sd" in stated and data.noise_model.name == GAUSSIAN:
@@ -493,7 +529,7 @@ def choose_noise(
         fits.data, fits.reference, fits.epsilon, frictions, fits.solvers, variance, kappa, noise, approximate,
         noise_known, "epsilon" in stated,
     )  # fmt: skip
-    return comparison, fits, modes
+    return comparison, fits, largest | {law: mode}
 
 
 class _CandidateFits:
@@ -650,16 +686,18 @@ class _CandidateFits:
         fits = self.refitted(solvers={law: replace(s, epsilon=epsilon) for law, s in self.solvers.items()})
         return fits if self.data.averaged is None else fits.refitted(solvers=fits.corrected_solvers())
 
-    def modes(self) -> dict[str, Linearisation]:
-        """Linearise the candidate of each restoring law in `fullest` (with the most terms) about its mode.
+    def linearised(self) -> dict[str, Linearisation]:
+        """Linearise the candidate of each restoring law in `fullest` (with the most terms) about its fit.
 
         Return the linearised candidates by the name of the law. Those that cannot be linearised are left out.
         """
         whole = [c for c in self.fullest if c in self.fits]
-        modes = at_once(
-            lambda c: linearise_at_mode(self.solvers[c.restoring], self.data, self.fits[c], None), whole
-        )
-        return {c.restoring: at for c, at in zip(whole, modes, strict=True) if at is not None}
+        each = at_once(lambda c: linearise(self.solvers[c.restoring], self.data, self.fits[c]), whole)
+        return {c.restoring: at for c, at in zip(whole, each, strict=True) if at is not None}
+
+    def mode(self, law: str, largest: Mapping[str, Linearisation]) -> Linearisation:
+        """Linearise one of the candidates that `linearised` returned about its mode, with the variance of its noise."""
+        return linearise_at_mode(self.solvers[law], self.data, largest[law], None)
 
     def choose_friction(
         self, adapting: Callable[..., AdaptedData | None] | None = None
@@ -703,7 +741,8 @@ class _CandidateFits:
                 return None
             log = -0.5 * self.data.y.size * np.log(fit.squares)
             if adapting is not None:
-                mode = linearise_at_mode(own, self.data, fit, None)
+                at = linearise(own, self.data, fit)
+                mode = None if at is None else linearise_at_mode(own, self.data, at, None)
                 adapted = None if mode is None else adapting(solver=own, at=mode)
                 if adapted is None:
                     return None

@@ -360,7 +360,7 @@ def _slice_at(
         model, u = exact_model(fit), fit.z
     else:
         about = linearise(solver, data, fit, np.concatenate([z, start[d:]]))
-        mode = None if about is None else linearise_at_mode(solver, data, fit, result.variance, about)
+        mode = None if about is None else linearise_at_mode(solver, data, about, result.variance)
         if mode is None:
             return None
         model, u = mode.model, mode.u
