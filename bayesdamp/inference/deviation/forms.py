@@ -21,7 +21,6 @@ from bayesdamp.inference.deviation.candidate import (
     MotionCandidate,
     parameters_of,
     search_near,
-    solve_at,
     start_values,
 )
 from bayesdamp.inference.deviation.exponent import exponent_starts, power_solver
@@ -187,11 +186,10 @@ def bound_other_forms(
     """
     absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
     forms = [form for name in absent for form in _forms(comparison, result, name)]
-    base = columns_of(result)
-    more = _tangents(comparison, result, forms) if base is not None and forms else None
-    if base is None or more is None:
+    more = _tangents(comparison, result, forms) if forms else None
+    if more is None:
         return {}
-    columns, target = base
+    columns, target = columns_of(result)
     parameters, solver = result.fit.parameters, comparison.solvers[result.candidate.restoring]
     times, x, v = _nodes_and_middles(result)
     weight = v * (np.gradient(times) / (times[-1] - times[0]))
@@ -249,19 +247,17 @@ def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> I
             yield _Form(name, changed, known, not priors[parameter].reflected)
 
 
-def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
+def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray]:
     """Return Jacobian (n, K) and target (n,) of the linear least-squares problem about a candidate's mode.
 
     u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
     (relative frequency), at knots in time. Under exact laws it contains only the scores. The target is the record minus
     the constant part of the linearised motion, so that |Jacobian u − target|² is the sum of squared residuals. Both are
-    in the record's unit. None if the motion is unbounded.
+    in the record's unit.
     """
-    fit, linearisation = result.fit, result.linearisation
-    if linearisation is None:
-        return fit.tangents, fit.residual + fit.tangents @ fit.z
-    solution = solve_at(result.solver, fit, linearisation.u)
-    return None if solution is None else (solution[1], linearisation.residual + solution[1] @ linearisation.u)
+    at = result.fit if result.linearisation is None else result.linearisation
+    u = result.fit.z if result.linearisation is None else result.linearisation.u
+    return at.tangents, at.residual + at.tangents @ u
 
 
 def _nodes_and_middles(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
