@@ -332,9 +332,9 @@ def linearise_at_mode(solver: Solver, data: Data, at: Linearisation, variance: f
     """Linearise a candidate about the joint mode of its parameters and deviations, by Gauss–Newton steps.
 
     In each step the sizes (prior sds) and correlation lengths of the deviations are fixed at their most probable values
-    in the coarse grid of `Linearisation.grid` (see `mode_of`). The steps end before one that would change the motion by
-    less than `SETTLED`, when none of `STEPS` keeps the sum of squared residuals from growing, or after `MOST_STEPS`;
-    the linearisation at the last point is returned.
+    in the coarse grid of `Linearisation.grid` (see `prior_root`). The steps end before one that would change the motion
+    by less than `SETTLED`, when none of `STEPS` keeps the sum of squared residuals from growing more than the linear
+    model predicts, or after `MOST_STEPS`; the linearisation at the last point is returned.
 
     Parameters
     ----------
@@ -351,14 +351,16 @@ def linearise_at_mode(solver: Solver, data: Data, at: Linearisation, variance: f
     d, grid, first = fit.z.size, at.grid(coarse=True), 0
     for _ in range(MOST_STEPS):
         used = variance if variance is not None else at.variance(data)
+        root = prior_root(at.model, grid, used)
         for i, (share, hold) in enumerate(STEPS[first:], first):
-            mode = mode_of(at.model, grid, used, at.z, hold)
+            mode = mode_of(at.model, root, used, at.z, hold)
             if at.distance(mode, used) < SETTLED:
                 return at
             u = at.u + share * (mode - at.u)
             u[:d] = fit.parameters.retract(solver.restoring, at.z, u[:d])
             trial = linearise(solver, data, fit, u)
-            if trial is not None and trial.squares <= at.squares * (1 + 1e-6):
+            predicted = at.model.rest + float(np.sum((at.model.root @ u - at.model.target) ** 2))
+            if trial is not None and trial.squares <= max(at.squares, predicted) + SETTLED**2 * used:
                 at, first = trial, max(i - 1, 0)
                 break
         else:
@@ -366,38 +368,33 @@ def linearise_at_mode(solver: Solver, data: Data, at: Linearisation, variance: f
     return at
 
 
-def mode_of(
-    model: LinearModel, grid: Grid, variance: float, scores: np.ndarray | None = None, hold: float = 0.0
-) -> np.ndarray:
-    """Return the mode u, (K,), of a linear model's posterior under N(0, 1) priors of the scores, with coefficients ≥ 0.
+def prior_root(model: LinearModel, grid: Grid, variance: float) -> np.ndarray:
+    """Return a matrix R, (K, K), where R Rᵀ is the prior covariance of the unknowns, N(0, 1) for the scores.
 
-    u contains the standard normal scores of the parameters, then the log deviation g of the damping and the relative
-    deviation h of the frequency at knots in time. The hyperparameters of g and h (sizes and correlation lengths) are
-    fixed at the grid point with the largest posterior probability, computed without the condition that coefficients are
-    ≥ 0.
-
-    Parameters
-    ----------
-    model : LinearModel
-        Linear model about a motion.
-    grid : Grid
-        Sizes and correlation lengths of the deviations.
-    variance : float
-        Variance of the noise, in the record's unit squared.
-    scores : ndarray, shape (d,), optional
-        Scores towards which Marquardt's parameter pulls the solution; without them `hold` has no effect.
-    hold : float
-        Marquardt's parameter of the scores: the weight of that pull, in units of the information of the prior (1 per
-        score).
+    The hyperparameters of g and h (sizes and correlation lengths) are those at the grid point with the largest
+    posterior probability, computed without the condition that coefficients are ≥ 0. variance: variance of the noise, in
+    the record's unit squared.
     """
     top = int(np.argmax(score_normals(model, grid, variance, model.count).log))
-    d, total, sd = model.positive.size, model.root.shape[1], np.sqrt(variance)
-    root = np.eye(total)
+    root = np.eye(model.root.shape[1])
+    d = model.positive.size
     root[d:, d:] = grid.only(np.array([top])).factors[0]
-    stacked = np.concatenate([model.root @ root / sd, np.eye(total)])
-    aim = np.concatenate([model.target / sd, np.zeros(total)])
+    return root
+
+
+def mode_of(
+    model: LinearModel, root: np.ndarray, variance: float, scores: np.ndarray, hold: float
+) -> np.ndarray:
+    """Return the mode u, (K,), of a linear model's posterior, with coefficients ≥ 0.
+
+    u contains the standard normal scores of the parameters, then the log deviation g of the damping and the relative
+    deviation h of the frequency at knots in time. root: matrix R where R Rᵀ is the prior covariance of u, (K, K).
+    variance: variance of the noise, in the record's unit squared. scores: scores towards which Marquardt's parameter
+    `hold` pulls the solution, (d,); it is the weight of that pull, in units of the information of the prior (1 per
+    score).
+    """
+    d, total, sd = model.positive.size, model.root.shape[1], np.sqrt(variance)
+    stacked = np.concatenate([model.root @ root / sd, np.eye(total), np.sqrt(hold) * np.eye(d, total)])
+    aim = np.concatenate([model.target / sd, np.zeros(total), np.sqrt(hold) * scores])
     positive = np.concatenate([model.positive, np.zeros(total - d, bool)])
-    if scores is not None and hold > 0:
-        stacked = np.concatenate([stacked, np.sqrt(hold) * np.eye(d, total)])
-        aim = np.concatenate([aim, np.sqrt(hold) * scores])
     return root @ nonnegative(stacked, aim, positive)

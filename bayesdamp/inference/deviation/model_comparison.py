@@ -320,19 +320,13 @@ class ModelComparison:
         )
         return dict(zip(near, modes, strict=True))
 
-    def evaluate(
-        self,
-        candidate: MotionCandidate,
-        solver: Solver,
-        fit: LeastSquaresFit,
-        start: Linearisation | None = None,
-    ) -> CandidateResult:
-        """Linearise a candidate about its mode, and return its posterior and evidence.
+    def evaluate(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:
+        """Linearise a candidate about its mode, starting from its fit, and return its posterior and evidence.
 
-        fit: its fit under exact laws. start: the linearisation from which the mode is sought, by default that about the
-        fit. If laws are exact or the linearisation fails, the result has only the posterior under exact laws.
+        fit: its fit under exact laws. If laws are exact or the linearisation fails, the result has only the posterior
+        under exact laws.
         """
-        at = (start or linearise(solver, self.data, fit)) if self.approximate else None
+        at = linearise(solver, self.data, fit) if self.approximate else None
         mode = None if at is None else linearise_at_mode(solver, self.data, at, self.variance)
         return self.evaluate_about(candidate, solver, fit, mode, self.exact_variance(fit))
 
@@ -437,9 +431,8 @@ def compare_candidates(
     refused |= {c: BEHIND for c, log in expected.items() if log < top - REACH and c not in refused}
 
     def evaluate(c: MotionCandidate) -> CandidateResult | None:
-        fit, whole = fits.fit_of(c), modes[c.restoring]
-        start = whole if whole.fit is fit else None
-        return None if fit is None else comparison.evaluate(c, fits.solvers[c.restoring], fit, start)
+        fit = fits.fit_of(c)
+        return None if fit is None else comparison.evaluate(c, fits.solvers[c.restoring], fit)
 
     results = at_once(evaluate, [c for c in followed if c not in refused])
     if not any(results):
