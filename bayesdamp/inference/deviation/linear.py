@@ -6,7 +6,7 @@ frequency) at knots in time. The hyperparameters are the prior sds (sizes) and t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from itertools import product
@@ -49,28 +49,27 @@ class Grid:
 
     g and h, at n knots in time each, are the deviations of the damping (log) and of the frequency (relative) from their
     laws. Their hyperparameters are sizes (prior standard deviations) and correlation lengths. For a record without
-    phases (`grid_of`), scales and roots contain only g, with n in place of 2n.
+    phases (`grid_of`), h has no knots.
 
     Attributes
     ----------
     size_g, size_h : ndarray, shape (c,)
         Sizes (prior standard deviations, dimensionless) of g and h at each grid point.
+    length_g, length_h : ndarray of int, shape (c,)
+        Index of each grid point's correlation length in `roots_g` and in `roots_h`.
     log_prior : ndarray, shape (c,)
         Log prior probability of each grid point.
-    scales : ndarray, shape (c, 2n)
-        Factors of the columns of a matrix in `roots`: the size of g for the first n columns, that of h for the last n.
-    lengths : ndarray of int, shape (c,)
-        Index of each grid point's pair of correlation lengths in `roots`.
-    roots : ndarray, shape (p, 2n, 2n)
-        Matrices R where R Rᵀ is the covariance of (g, h) for sizes of 1, one for each pair of correlation lengths.
+    roots_g, roots_h : ndarray, shape (l, n, n)
+        Matrices R where R Rᵀ is the covariance of g (of h) for a size of 1, one for each correlation length.
     """
 
     size_g: np.ndarray
     size_h: np.ndarray
+    length_g: np.ndarray
+    length_h: np.ndarray
     log_prior: np.ndarray
-    scales: np.ndarray
-    lengths: np.ndarray
-    roots: np.ndarray
+    roots_g: np.ndarray
+    roots_h: np.ndarray
 
     @property
     def factors(self) -> np.ndarray:
@@ -79,11 +78,25 @@ class Grid:
         A grid point is a combination of sizes (prior sds) and correlation lengths. g is the deviation of the log
         damping, h the relative one of the frequency, at n knots in time each.
         """
-        return self.roots[self.lengths] * self.scales[:, None, :]
+        n, total = self.roots_g.shape[1], self.roots_g.shape[1] + self.roots_h.shape[1]
+        factors = np.zeros((self.log_prior.size, total, total))
+        factors[:, :n, :n] = self.roots_g[self.length_g] * self.size_g[:, None, None]
+        factors[:, n:, n:] = self.roots_h[self.length_h] * self.size_h[:, None, None]
+        return factors
+
+    @cached_property
+    def of_h(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return factors F of the k different prior covariances F Fᵀ of h, (k, n, n), and each grid point's index, (c,).
+
+        h is the relative deviation of the frequency at n knots in time.
+        """
+        both = np.column_stack([self.size_h, self.length_h])
+        _, first, places = np.unique(both, axis=0, return_index=True, return_inverse=True)
+        return self.roots_h[self.length_h[first]] * self.size_h[first, None, None], places.ravel()
 
     def only(self, places: np.ndarray) -> Grid:
         """Return the grid with only the points at the indices `places`, (k,)."""
-        names = ("size_g", "size_h", "log_prior", "scales", "lengths")
+        names = ("size_g", "size_h", "length_g", "length_h", "log_prior")
         return replace(self, **{name: getattr(self, name)[places] for name in names})
 
 
@@ -126,10 +139,12 @@ def grid_of(
     if not exact:
         of_g = _with_none(SIZES_G[::step], MEAN_G, LENGTHS[::step])
         of_h = _with_none(SIZES_H[::step], MEAN_H, LENGTHS[::step])
-    if phases:
-        return _combine(knots, of_g, of_h, absorbed)
-    grid = _combine(knots, of_g, [NO_DEVIATION], absorbed)
-    return replace(grid, scales=grid.scales[:, :knots], roots=grid.roots[:, :knots, :knots])
+    if not phases:
+        of_h = [NO_DEVIATION]
+    size_g, size_h, log_prior = np.array([(g[0], h[0], g[2] + h[2]) for g, h in product(of_g, of_h)]).T
+    places = np.array([(LENGTHS.index(g[1]), LENGTHS.index(h[1])) for g, h in product(of_g, of_h)]).T
+    roots = (_roots(n, centred) for n, centred in zip((knots, knots if phases else 0), absorbed, strict=True))
+    return Grid(size_g, size_h, *places, log_prior, *roots)
 
 
 def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> list[Size]:
@@ -149,27 +164,18 @@ def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> li
     return [(0.0, 1.0, float(np.log(PROBABILITY_EXACT))), *deviating]
 
 
-def _combine(knots: int, of_g: Sequence[Size], of_h: Sequence[Size], absorbed: tuple[bool, bool]) -> Grid:
-    """Return the grid of all combinations of sizes and lengths of the deviations g and h, which are independent.
+def _roots(knots: int, centred: bool) -> np.ndarray:
+    """Return a factor F of the prior covariance F Fᵀ of a deviation of size 1, for each of `LENGTHS`: (l, n, n).
 
-    g is the deviation of the log damping, h the relative one of the frequency. of_g, of_h: sizes (prior sds),
-    correlation lengths and log prior probabilities of each. absorbed: as in `grid_of`.
+    centred: whether the deviation has zero mean over the record.
     """
+    roots = np.array([smooth_root(knots, length) for length in LENGTHS])
+    if not centred:
+        return roots
     weights = np.ones(knots)
     weights[:1] = weights[-1:] = 0.5
-    # Subtracts the mean over the record of a function that is linear between knots (trapezoidal rule).
-    centre = np.eye(knots) - np.tile(weights / np.sum(weights), (knots, 1))
-    about_g, about_h = (centre if yes else np.eye(knots) for yes in absorbed)
-    pairs = list(product(of_g, of_h))
-    lengths = {lengths: place for place, lengths in enumerate(dict.fromkeys((g[1], h[1]) for g, h in pairs))}
-    roots = np.zeros((len(lengths), 2 * knots, 2 * knots))
-    for (length_g, length_h), root in zip(lengths, roots, strict=True):
-        root[:knots, :knots] = about_g @ smooth_root(knots, length_g)
-        root[knots:, knots:] = about_h @ smooth_root(knots, length_h)
-    size_g, size_h, log_prior = np.array([(g[0], h[0], g[2] + h[2]) for g, h in pairs]).T
-    scales = np.repeat(np.column_stack([size_g, size_h]), knots, axis=1)
-    places = np.array([lengths[g[1], h[1]] for g, h in pairs])
-    return Grid(size_g, size_h, log_prior, scales, places, roots)
+    # Subtract the mean over the record of a function that is linear between knots (trapezoidal rule).
+    return roots - (weights / np.sum(weights) @ roots)[:, None, :]
 
 
 @lru_cache(maxsize=32)
@@ -495,6 +501,18 @@ class _Principal:
         target = model.target - left @ (sizes * at)
         return cls(replace(model, root=root, target=target), axes.T, at)
 
+    def keeps_digits(self, grid: Grid, variance: float) -> bool:
+        """Return whether the information about every deviation is less than `LARGEST_INFORMATION`.
+
+        variance: least variance of the noise, in the record's unit squared.
+        """
+        of_g, of_h = np.split(self.model.root[:, self.at.size :], [grid.roots_g.shape[1]], axis=1)
+        parts = ((of_g @ grid.roots_g, grid.size_g), (of_h @ grid.roots_h, grid.size_h))
+        return all(
+            np.max(np.sum(white**2, axis=1), initial=0.0) * np.max(size) ** 2 < LARGEST_INFORMATION * variance
+            for white, size in parts
+        )
+
 
 @dataclass(frozen=True)
 class _Triangles:
@@ -518,34 +536,35 @@ class _Triangles:
         of c grid points, (c,). order: the order of the unknowns w, as indices of scores, g and h.
         """
         model, d, total = principal.model, principal.at.size, principal.model.root.shape[1]
-        sd = np.sqrt(variance)[:, None]
-        # The matrix of the model in w, for sizes (prior sds) of 1 and each pair of correlation lengths.
-        white = np.repeat(model.root[None], len(grid.roots), axis=0)
-        white[:, :, d:] = model.root[:, d:] @ grid.roots
-        white = white[:, :, order]
-        scales = np.concatenate([np.ones((grid.log_prior.size, d)), grid.scales], axis=1)[:, order] / sd
-        products = np.swapaxes(white, 1, 2) @ white
-        information = products[grid.lengths] * scales[:, :, None] * scales[:, None, :]
-        information[:, np.arange(total), np.arange(total)] += 1.0
+        white = np.empty((variance.size, total, total + 1))
+        white[:, :, :d], white[:, :, total] = model.root[:, :d], model.target
+        white[:, :, d:total] = model.root[:, d:] @ grid.factors
+        white = white[:, :, [*order, total]] / np.sqrt(variance)[:, None, None]
         about = np.concatenate([principal.at, np.zeros(total - d)])[order]
-        squares = model.target @ model.target / variance + about @ about
-        if information.diagonal(axis1=1, axis2=2)[:, order >= d].max(initial=0.0) < LARGEST_INFORMATION:
-            lower = np.linalg.cholesky(information)
-            half = (model.target @ white)[grid.lengths] * scales / sd - about
-            for i in range(total):  # forward substitution
-                half[:, i] -= np.einsum("ci,ci->c", lower[:, i, :i], half[:, :i])
-                half[:, i] /= lower[:, i, i]
-            return cls(lower, half, squares - np.sum(half**2, axis=1))
+        if principal.keeps_digits(grid, float(np.min(variance))):
+            return cls.of_products(np.swapaxes(white, 1, 2) @ white, about)
         # With hardly any noise the information matrix loses digits: minimise |white w − target|² + |w + about|² by QR.
-        c = variance.size
-        aim = np.broadcast_to((model.target / sd)[:, :, None], (c, model.target.size, 1))
-        prior = np.broadcast_to(np.column_stack([np.eye(total), -about]), (c, total, total + 1))
-        stacked = np.concatenate([white[grid.lengths] * scales[:, None, :], aim], axis=2)
-        upper = np.asarray(np.linalg.qr(np.concatenate([stacked, prior], axis=1), mode="r"))
+        prior = np.broadcast_to(np.column_stack([np.eye(total), -about]), white.shape)
+        upper = np.asarray(np.linalg.qr(np.concatenate([white, prior], axis=1), mode="r"))
         upper = upper * np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
         return cls(
             np.swapaxes(upper[:, :total, :total], 1, 2), upper[:, :total, total], upper[:, total, total] ** 2
         )
+
+    @classmethod
+    def of_products(cls, products: np.ndarray, about: np.ndarray) -> _Triangles:
+        """Factorise the sums of products, (c, K + 1, K + 1), of the columns of K unknowns w and the target.
+
+        They are in units of the noise variance, and are overwritten. The prior adds |w + about|² to the squares; about:
+        (K,).
+        """
+        k = about.size
+        products[:, np.arange(k), np.arange(k)] += 1.0
+        products[:, k, :k] -= about
+        squares = products[:, k, k] + about @ about
+        products[:, k, k] = 2 * squares + 1  # The last pivot is then positive, whatever the rounding errors.
+        lower = np.linalg.cholesky(products)
+        return cls(lower[:, :k, :k], lower[:, k, :k], lower[:, k, k] ** 2 - squares - 1)
 
     def log_evidence(
         self, model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float
@@ -597,13 +616,41 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
     d, total = model.positive.size, model.root.shape[1]
     principal = _Principal.of(model, variance)
     # With the scores behind the deviations, the last rows of the triangle are that of the scores alone.
-    triangles = _Triangles.of(
-        principal, grid, np.full(grid.log_prior.size, variance), np.roll(np.arange(total), -d)
-    )
-    factors = np.swapaxes(_inverse(triangles.lower[:, total - d :, total - d :]), 1, 2)
-    means = principal.at + (factors @ triangles.half[:, total - d :, None])[:, :, 0]
-    log = triangles.log_evidence(model, grid, variance, samples)
+    if principal.keeps_digits(grid, variance):
+        triangles, log_det = _without_h(principal, grid, variance)
+    else:
+        variances, log_det = np.full(grid.log_prior.size, variance), 0.0
+        triangles = _Triangles.of(principal, grid, variances, np.roll(np.arange(total), -d))
+    first = triangles.half.shape[1] - d
+    factors = np.swapaxes(_inverse(triangles.lower[:, first:, first:]), 1, 2)
+    means = principal.at + (factors @ triangles.half[:, first:, None])[:, :, 0]
+    log = triangles.log_evidence(model, grid, variance, samples) - log_det
     return Normals(log, means @ principal.axes.T, principal.axes @ factors)
+
+
+def _without_h(principal: _Principal, grid: Grid, variance: float) -> tuple[_Triangles, np.ndarray]:
+    """Factorise the information about g and the scores at each grid point, with h integrated out.
+
+    h, the relative deviation of the frequency, is integrated out only once for each of its sizes (prior sds) and
+    correlation lengths. g is the deviation of the log damping. Return also the logs of the determinants of the
+    triangles of h, (c,). variance: variance of the noise, in the record's unit squared.
+    """
+    model, d, n = principal.model, principal.at.size, grid.roots_g.shape[1]
+    columns = np.column_stack([model.root[:, d : d + n], model.root[:, :d], model.target])
+    of_h, places = grid.of_h
+    white = model.root[:, d + n :] @ of_h
+    information = np.swapaxes(white, 1, 2) @ white / variance + np.eye(white.shape[2])
+    both = np.swapaxes(white, 1, 2) @ columns / variance
+    products = columns.T @ columns / variance - np.swapaxes(both, 1, 2) @ np.linalg.solve(information, both)
+    # Change to the independent coordinates of g for a size of 1 and each correlation length.
+    change = np.tile(np.eye(n + d + 1), (len(grid.roots_g), 1, 1))
+    change[:, :n, :n] = grid.roots_g
+    products = np.swapaxes(change, 1, 2) @ products[:, None] @ change
+    scales = np.ones((grid.log_prior.size, n + d + 1))
+    scales[:, :n] = grid.size_g[:, None]
+    products = products[places, grid.length_g] * scales[:, :, None] * scales[:, None, :]
+    triangles = _Triangles.of_products(products, np.concatenate([np.zeros(n), principal.at]))
+    return triangles, 0.5 * np.linalg.slogdet(information)[1][places]
 
 
 def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: float) -> LinearPosterior:
