@@ -86,7 +86,7 @@ class Grid:
 
     @cached_property
     def of_h(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return factors F of the k different prior covariances F Fᵀ of h, (k, n, n), and each grid point's index, (c,).
+        """Return the k different factors F of the prior covariances F Fᵀ of h, (k, n, n), and each point's index, (c,).
 
         h is the relative deviation of the frequency at n knots in time.
         """

@@ -14,7 +14,7 @@ oscillation, and from it the equivalent viscous damping ratio follows.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import scipy  # loads its modules when they are used
@@ -345,9 +345,7 @@ def law_free(signal: Signal) -> LawFree:
         replace(windows, errors=np.hypot(windows.errors, share * least / windows.amplitudes))
         for share in CONSTANT_ERRORS
     ]
-    windows = max(
-        options, key=lambda w: max(f.log_likelihood for f in _smooth_power(w, log_sizes, 0.0, x[:1], False))
-    )
+    windows = max(options, key=lambda w: _smooth_power(w, log_sizes, 0.0, x[:1]).log_likelihood.max())
     order = DERIVATIVES[signal.quantity]
     sizes, phases, half = log_sizes, windows.phases, 0.5 * float(windows.times[-1] - windows.times[0])
     if order:
@@ -378,7 +376,7 @@ def law_free(signal: Signal) -> LawFree:
     weight = np.cos(np.pi * share) ** 2
     for _ in range(AVERAGING_ROUNDS):
         # Correct for the average over a window, which is larger than at its middle if the curve is convex.
-        curve = scipy.interpolate.CubicSpline(x, _smooth(windows, sizes, x, with_slopes=False)[0])
+        curve = scipy.interpolate.CubicSpline(x, _smooth(windows, sizes, x)[0])
         inside = np.exp(curve(x[:, None] + share * width[:, None]) - curve(x)[:, None])
         sizes = averages - np.log(inside @ (weight / weight.sum()))
     windows, line = replace(windows, phases=phases), _fit_line(windows, sizes)
@@ -399,24 +397,22 @@ def _smooth(
     values: np.ndarray,
     at: np.ndarray,
     powers: Sequence[float] = POWERS,
-    with_slopes: bool = True,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Smooth `values` (k,) of the windows (log amplitudes or phases), averaged over powers and variances of the walk.
 
     Return, at scaled times `at` (m,), the smoothed values, their slopes by scaled time, and the variances of these
-    slopes; slopes and variances are empty without `with_slopes`. powers: powers of the amplitude that may be a straight
-    line in time; with (0.0,) the values themselves may be one, as is needed for phases.
+    slopes. powers: powers of the amplitude that may be a straight line in time; with (0.0,) the values themselves may
+    be one, as is needed for phases.
     """
-    fits = [f for p in powers for f in _smooth_power(windows, values, p, at, with_slopes)]
-    logs = np.array([f.log_likelihood for f in fits])
+    fits = [_smooth_power(windows, values, p, at) for p in powers]
+    logs, sizes, slopes, sds = (np.concatenate([getattr(f, a.name) for f in fits]) for a in fields(fits[0]))
     weights = np.exp(logs - logs.max())
     weights = weights / weights.sum()
-    slope, variance = _mix_curves(weights, [f.slopes for f in fits], [f.sds for f in fits])
-    return weights @ np.array([f.sizes for f in fits]), slope, variance
+    return weights @ sizes, *_mix_curves(weights, slopes, sds)
 
 
 def _mix_curves(
-    weights: np.ndarray, values: Sequence[np.ndarray], sds: Sequence[np.ndarray]
+    weights: np.ndarray, values: Sequence[np.ndarray] | np.ndarray, sds: Sequence[np.ndarray] | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return mean and variance, (k,), of a mixture with weights (m,; sum 1) of curves with means and sds (m, k)."""
     mean = weights @ np.array(values)
@@ -468,7 +464,8 @@ class Backbone:
         `MOST_HARMONIC`, and negative if the frequency falls with the amplitude. Amplitudes are in the unit of
         `largest`.
         """
-        natural, pace = self.at(np.zeros(1))[0], self.at(amplitude)[0]
+        curves = [_pace(c, np.append(0.0, amplitude / self.largest)) for _, c, _ in self.parts]
+        natural, pace = np.split(np.array([w for w, _, _ in self.parts]) @ np.array(curves), [1])
         return np.clip((1 - (natural / pace) ** 2) / 24, -MOST_HARMONIC, MOST_HARMONIC)
 
 
@@ -479,22 +476,23 @@ def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
     ε = (1 − (ω₀/ω)²)/24 is the third harmonic of a cubic spring, and dE/dJ = ω gives the energy E(a) = ∫ ω dJ. c:
     coefficients of ω in powers of a².
     """
-    powers = np.arange(c.size)
+    slope = np.polynomial.polynomial.polyder(c)
 
-    def pace(b: np.ndarray) -> np.ndarray:
-        return np.maximum((b[..., None] ** (2 * powers)) @ c, 1e-6 * abs(c[0]) + 1e-300)
-
-    def slope(b: np.ndarray) -> np.ndarray:
-        return (2 * powers[1:] * b[..., None] ** (2 * powers[1:] - 1)) @ c[1:]
-
-    def action_slope(b: np.ndarray) -> np.ndarray:
+    def action_slope(b: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Return dJ/da, where J = (11 ω + ω₀²/ω) a²/24."""
-        w, share = pace(b), (c[0] / pace(b)) ** 2
-        return b * w * (11 + share) / 12 + b**2 * slope(b) * (11 - share) / 24
+        share = (c[0] / w) ** 2
+        steep = 2 * b * np.polynomial.polynomial.polyval(b**2, slope)
+        return b * w * (11 + share) / 12 + b**2 * steep * (11 - share) / 24
 
-    inside = 0.5 * a[:, None] * (_X + 1)
-    energy = 0.5 * a * ((pace(inside) * action_slope(inside)) @ _W)
-    return np.stack([pace(a), a * action_slope(a) / (2 * np.maximum(energy, 1e-300)), energy])
+    inside, w = 0.5 * a[:, None] * (_X + 1), _pace(c, a)
+    within = _pace(c, inside)
+    energy = 0.5 * a * ((within * action_slope(inside, within)) @ _W)
+    return np.stack([w, a * action_slope(a, w) / (2 * np.maximum(energy, 1e-300)), energy])
+
+
+def _pace(c: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Return the frequency ω, a polynomial with coefficients c in the squares of the relative amplitudes a; above 0."""
+    return np.maximum(np.polynomial.polynomial.polyval(a**2, c), 1e-6 * abs(c[0]) + 1e-300)
 
 
 def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
@@ -532,29 +530,26 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
 
 
 @dataclass(frozen=True)
-class _SmoothedCurve:
-    """A smoothed curve of the log amplitude (or phase) for one variance of the random walk.
+class _SmoothedCurves:
+    """Smoothed curves of the log amplitude (or phase) for each of v variances of the random walk.
 
-    log_likelihood: its log marginal likelihood plus the log prior of the variance, in nats. sizes, slopes, sds: log
-    amplitudes, their slopes in scaled time, and the sds of the slopes, (k,) each.
+    log_likelihood: log marginal likelihoods plus the log prior of the variance, in nats, (v,). sizes, slopes, sds: log
+    amplitudes, their slopes in scaled time, and the sds of the slopes, (v, k) each.
     """
 
-    log_likelihood: float
+    log_likelihood: np.ndarray
     sizes: np.ndarray
     slopes: np.ndarray
     sds: np.ndarray
 
 
-def _smooth_power(
-    windows: Sinusoids, logs: np.ndarray, power: float, at: np.ndarray, with_slopes: bool
-) -> list[_SmoothedCurve]:
+def _smooth_power(windows: Sinusoids, logs: np.ndarray, power: float, at: np.ndarray) -> _SmoothedCurves:
     """Smooth a power of the amplitude (0: its log) by a line plus an integrated random walk.
 
     Return one curve for each variance of the walk in `WALKS`.
 
     logs: log amplitudes in the windows, (n,), whose errors have the windows' covariance. at: scaled times at which the
-    curve is evaluated, (k,). with_slopes: whether to compute slopes and their sds; else they are empty. Variances for
-    which the covariance is singular are left out.
+    curve is evaluated, (k,).
     """
     x = windows.scaled_times
     middle = logs.mean()
@@ -563,52 +558,46 @@ def _smooth_power(
     # Covariance of the transformed values, and kernel of the integrated random walk, which starts at the first window.
     noise = windows.covariance * np.outer(base, base)
     scale = float(np.exp(np.mean(np.log(np.diag(noise)))))
-    columns = np.stack([np.ones_like(x), x], axis=1)
-    columns_at = np.stack([np.ones_like(at), at], axis=1)
-    columns_slope = np.stack([0 * at, np.ones_like(at)], axis=1)
     z, w = x + 1.0, np.maximum(at + 1.0, 0.0)  # scaled times from the start
     less, more = np.minimum(z[:, None], z), np.maximum(z[:, None], z)
     walk = less**2 * (3 * more - less) / 6
     less, more = np.minimum(w[:, None], z), np.maximum(w[:, None], z)
     walk_at, walk_slope = less**2 * (3 * more - less) / 6, z * less - 0.5 * less**2
+    # Coordinates of the values in which noise is independent with variance `scale`, and the walk is independent too.
+    root = np.linalg.cholesky(noise / scale)
+    half = np.linalg.solve(root, walk)
+    powers, axes = np.linalg.eigh(np.linalg.solve(root, half.T))
+    to_axes = axes.T @ np.linalg.inv(root)
+    columns, values = to_axes @ np.stack([np.ones_like(x), x], axis=1), to_axes @ values
+    walk_at, walk_slope = walk_at @ to_axes.T, walk_slope @ to_axes.T
+    precision = 1 / (1 + WALKS[:, None] * np.maximum(powers, 0.0))  # (v, n)
+    weighted = columns * precision[:, :, None]
+    inverse = np.linalg.inv(columns.T @ weighted)
+    c = (inverse @ (values @ weighted)[:, :, None])[:, :, 0]
+    rest = values - c @ columns.T
+    off = rest * precision
     free = x.size - 2
-    wide = (
-        float(scipy.special.stdtrit(free * ESTIMATES_PER_WINDOW / STARTS_PER_WINDOW + NOISE_WEIGHT, 0.975))
-        / NORMAL_95
+    variance = (np.sum(rest * off, axis=1) + NOISE_WEIGHT * scale) / (free + NOISE_WEIGHT)
+    prior = np.where(WALKS == 0, PROBABILITY_NO_WALK, (1 - PROBABILITY_NO_WALK) / (WALKS.size - 1))
+    log = (
+        np.log(prior)
+        - np.sum(np.log(np.diag(root)))
+        + 0.5 * np.sum(np.log(precision), axis=1)
+        + 0.5 * np.linalg.slogdet(inverse)[1]
+        - 0.5 * (free + NOISE_WEIGHT) * np.log(variance)
+        + np.sum(np.log(base))  # Jacobian: all densities are those of the log amplitudes
     )
+    level = c[:, :1] + c[:, 1:] * at + WALKS[:, None] * (off @ walk_at.T)
+    # Keep the curve within 20 to 25 % of the amplitudes.
     base_at = np.interp(at, x, base)
-    curves = []
-    prior = np.log(np.where(WALKS == 0, PROBABILITY_NO_WALK, (1 - PROBABILITY_NO_WALK) / (WALKS.size - 1)))
-    for ratio, log_prior in zip(WALKS.tolist(), prior.tolist(), strict=True):
-        try:
-            factor = scipy.linalg.cho_factor(noise / scale + ratio * walk, lower=True)
-        except np.linalg.LinAlgError:
-            continue  # the walk is so much larger than the errors that the matrix is singular
-        weighted = scipy.linalg.cho_solve(factor, columns)
-        inverse = np.linalg.inv(columns.T @ weighted)
-        c = inverse @ (weighted.T @ values)
-        rest = values - columns @ c
-        off = scipy.linalg.cho_solve(factor, rest)
-        variance = (float(rest @ off) + NOISE_WEIGHT * scale) / (free + NOISE_WEIGHT)
-        log = (
-            log_prior
-            - float(np.sum(np.log(np.diag(factor[0]))))
-            + 0.5 * float(np.linalg.slogdet(inverse)[1])
-            - 0.5 * (free + NOISE_WEIGHT) * np.log(variance)
-            + float(np.sum(np.log(base)))  # Jacobian: all densities are those of the log amplitudes
-        )
-        level = columns_at @ c + ratio * walk_at @ off
-        # Keep the curve within 20 to 25 % of the amplitudes.
-        stretched = np.clip(1 + power * level, 0.8 * base_at, 1.25 * base_at)
-        sizes = middle + (level if power == 0 else np.log(stretched) / power)
-        slopes = sds = np.empty(0)
-        if with_slopes:
-            slopes = (columns_slope @ c + ratio * walk_slope @ off) / stretched
-            by_walk = ratio * scipy.linalg.cho_solve(factor, walk_slope.T)
-            line = columns_slope - by_walk.T @ columns
-            spread = ratio * (w - np.einsum("ij,ji->i", walk_slope, by_walk)) + np.einsum(
-                "ij,jk,ik->i", line, inverse, line
-            )
-            sds = wide * np.sqrt(variance * np.maximum(spread, 0.0)) / stretched
-        curves.append(_SmoothedCurve(log, sizes, slopes, sds))
-    return curves
+    stretched = np.clip(1 + power * level, 0.8 * base_at, 1.25 * base_at)
+    sizes = middle + (level if power == 0 else np.log(stretched) / power)
+    slopes = (c[:, 1:] + WALKS[:, None] * (off @ walk_slope.T)) / stretched
+    line = np.array([0.0, 1.0]) - WALKS[:, None, None] * (walk_slope @ weighted)
+    spread = WALKS[:, None] * (w - WALKS[:, None] * (precision @ walk_slope.T**2))
+    spread += np.sum(line @ inverse * line, axis=2)
+    degrees = free * ESTIMATES_PER_WINDOW / STARTS_PER_WINDOW + NOISE_WEIGHT
+    wide = float(scipy.special.stdtrit(degrees, 0.975)) / NORMAL_95
+    return _SmoothedCurves(
+        log, sizes, slopes, wide * np.sqrt(variance[:, None] * np.maximum(spread, 0.0)) / stretched
+    )
