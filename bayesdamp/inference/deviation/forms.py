@@ -24,7 +24,7 @@ from bayesdamp.inference.deviation.candidate import (
     start_values,
 )
 from bayesdamp.inference.deviation.exponent import exponent_starts, power_solver
-from bayesdamp.inference.deviation.linear import condense, linear_posterior
+from bayesdamp.inference.deviation.linear import condense, score_normals, with_priors
 from bayesdamp.inference.deviation.model_comparison import REACH, CandidateResult, ModelComparison
 from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, TINY, others
@@ -106,12 +106,10 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
             sums = {(*c, form): values for n in range(len(rest)) for c in combinations(rest, n)}
             if largest and largest[0].linearisation is not None:
                 fit, at = largest[0].fit, largest[0].linearisation
-                expected = {
-                    s: comparison.expected_evidence(MotionCandidate(s, best.candidate.restoring), at)
-                    for s in sums
-                }
+                smaller = [MotionCandidate(s, best.candidate.restoring) for s in sums]
+                expected = comparison.expected_evidences(smaller, at)
                 least, near = best.log_evidence - REACH, fit.parameters.named(fit.z)
-                sums = {s: near for s, log in expected.items() if log >= least}
+                sums = {c.damping: near for c, log in expected.items() if log >= least}
         rivals += _evaluate_rivals(comparison, solver, sums)
     exponents = exponent_starts(comparison) if ALONE not in plain.terms else []
     if exponents:
@@ -197,8 +195,7 @@ def bound_other_forms(
     works = solver.works(x, v, weight, result.further, result.fit.active)[0]
     viscous = 2 * comparison.data.frequency * float(np.sum(weight * v))
     right = x > comparison.data.rest_under(result.candidate.restoring, result.law)
-    bounds: dict[str, float] = {}
-    d, shared = result.fit.z.size, np.append(parameters.shared, True)
+    sizes = np.zeros(len(forms))
     for i, form in enumerate(forms):
         # Mean power of the form on either side of rest.
         alone = replace(solver, terms=(form.name,))
@@ -206,19 +203,25 @@ def bound_other_forms(
         further = np.array([[values[n] for n in alone.further] for values in states])
         each = [alone.works(x, v, weight * side, further, np.ones(1, bool))[:, 0] for side in (right, ~right)]
         sides = np.array([part[0] - part[1:].sum() for part in each])
-        work = abs(sides.sum())
-        if work <= LEAST_WORK * np.abs(sides).sum():
-            bounds.setdefault(form.name, 0.0)
-            continue
-        size = SCORE_RATIO * viscous / work
-        whole = np.insert(columns, d, more[:, i] * size, axis=1)
-        model = condense(whole, target, np.append(parameters.positive, not form.signed), shared)
-        posterior = linear_posterior(model, result.grid(coarse=True), comparison.variance, comparison.samples)
+        if abs(sides.sum()) > LEAST_WORK * np.abs(sides).sum():
+            sizes[i] = SCORE_RATIO * viscous / abs(sides.sum())
+    # The model with all forms; that with a single one follows from it.
+    d = result.fit.z.size
+    whole = np.concatenate([columns[:, :d], more * sizes, columns[:, d:]], axis=1)
+    positive = np.concatenate([parameters.positive, [not form.signed for form in forms]])
+    model = condense(whole, target, positive)
+    normals = score_normals(model, result.grid(coarse=True), comparison.variance, comparison.samples)
+    bounds = dict.fromkeys((form.name for form in forms), 0.0)
+    for i in np.flatnonzero(sizes):
+        form, own = forms[i], np.arange(positive.size) < d
+        own[d + i] = True
+        only = normals.given(~own, np.zeros(own.size))
+        posterior = with_priors(only, positive[own], np.append(parameters.shared, True))
         u = posterior.draws(FEW, rng)[0]
-        lost = np.abs(u[:, d]) * size * work
+        lost = np.abs(u[:, d]) * SCORE_RATIO * viscous
         rest = np.maximum(parameters.values(u[:, :d])[:, : works.size] @ works, 0.0)
         share = float(np.quantile(lost / np.maximum(lost + rest, 1e-300), 0.95))
-        bounds[form.name] = max(bounds.get(form.name, 0.0), share)
+        bounds[form.name] = max(bounds[form.name], share)
     return bounds
 
 

@@ -254,24 +254,6 @@ class LinearModel:
         model = condense(self.root @ matrix, target, self.positive, self.shared, self.damping)
         return replace(model, rest=self.rest + model.rest, count=self.count)
 
-    def only(self, scores: np.ndarray, others: np.ndarray) -> LinearModel:
-        """Return the model in which only some of the standard normal scores are unknown; the others are fixed.
-
-        The deviations g and h remain unknowns too.
-
-        Parameters
-        ----------
-        scores : ndarray of bool, shape (d,)
-            Which scores remain unknowns.
-        others : ndarray, shape (d,)
-            The values of the fixed scores; those of the unknown ones have no effect.
-        """
-        columns = np.concatenate([scores, np.ones(self.root.shape[1] - scores.size, bool)])
-        masks = (mask[scores] for mask in (self.positive, self.shared, self.damping))
-        target = self.target - self.root[:, ~columns] @ others[~scores]
-        model = condense(self.root[:, columns], target, *masks)
-        return replace(model, rest=self.rest + model.rest, count=self.count)
-
 
 @dataclass(frozen=True)
 class DampingLikelihood:
@@ -475,6 +457,21 @@ class Normals:
     def only(self, places: np.ndarray) -> Normals:
         """Return the posteriors at some combinations of hyperparameters; places: their indices or a mask."""
         return Normals(self.log[places], self.means[places], self.factors[places])
+
+    def given(self, known: np.ndarray, values: np.ndarray) -> Normals:
+        """Return the posteriors of the other unknowns if some scores are known, with the evidence of this model.
+
+        known: booleans, (K,). values: the known scores, (K,); those of unknown ones have no effect.
+        """
+        root, unknown = np.linalg.inv(self.factors), int(np.sum(~known))
+        target = (root @ self.means[:, :, None])[:, :, 0] - root[:, :, known] @ values[known]
+        columns = np.concatenate([root[:, :, ~known], target[:, :, None]], axis=2)
+        upper = np.asarray(np.linalg.qr(columns, mode="r"))
+        factors, target = np.linalg.inv(upper[:, :unknown, :unknown]), upper[:, :, unknown:]
+        log_density = np.linalg.slogdet(factors)[1] - np.linalg.slogdet(self.factors)[1]
+        log_density -= 0.5 * np.sum(target[:, unknown:, 0] ** 2, axis=1)
+        log = self.log + log_density + 0.5 * values[known] @ values[known]
+        return Normals(log, (factors @ target[:, :unknown])[:, :, 0], factors)
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,8 @@ from bayesdamp.inference.deviation.linear import (
     LinearPosterior,
     knots_of,
     linear_posterior,
+    score_normals,
+    with_priors,
 )
 from bayesdamp.inference.deviation.sample_noise import (
     AUTOMATIC,
@@ -71,7 +73,7 @@ ROUNDS = 2
 again."""
 REACH = 20.0
 """A candidate is not fitted if its log evidence, predicted from the fit of the sum of all terms
-(`ModelComparison.expected_evidence`), is more than this many nats below the best (of 385 candidates on 22 simulated
+(`ModelComparison.expected_evidences`), is more than this many nats below the best (of 385 candidates on 22 simulated
 records this left out 135, none of which was closer than 18 nats)."""
 FAR = 2 * REACH
 """A restoring law is left out if the log evidence of its sum of all terms, linearised about the fit, is more than this
@@ -285,22 +287,31 @@ class ModelComparison:
         degrees = max(self.data.y.size - fit.z.size, 1)
         return self.data.least_variance + self.inflation * fit.squares / degrees
 
-    def expected_evidence(self, candidate: MotionCandidate, whole: Linearisation) -> float:
-        """Predict the log evidence of a candidate, in nats, without fitting it.
+    def expected_evidences(
+        self, candidates: Iterable[MotionCandidate], whole: Linearisation
+    ) -> dict[MotionCandidate, float]:
+        """Predict the log evidences of candidates, in nats, without fitting them.
 
-        It is the evidence of the linear model of a larger sum, `whole`, in which the coefficients of the terms that the
-        candidate does not have are 0. Return infinity if the candidate has a term that `whole` does not have.
+        Each is the evidence of the linear model of a larger sum, `whole`, in which the coefficients of the terms that
+        the candidate does not have are 0. It is infinity for a candidate that has a term that `whole` does not have.
         """
-        parameters, terms = whole.fit.parameters, [TERMS.get(t) for t in candidate.damping]
-        names = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
-        if not {t.parameter for t in terms} <= set(parameters.free_names):
-            return np.inf
-        present = np.array([n in names for n in parameters.free_names])
+        parameters = whole.fit.parameters
         # The model is linear in a coefficient, whose score at 0 may be infinite under the user's prior.
         coefficients = np.isin(parameters.free_names, [TERMS.get(t).parameter for t in TERMS.names()])
         off = whole.z - parameters.values(whole.z)[parameters.free] / parameters.rates(whole.z)
-        model = whole.model.only(present | ~parameters.damping, np.where(coefficients, off, whole.z))
-        return linear_posterior(model, whole.grid(coarse=True), self.variance, self.samples).log_evidence
+        off = np.where(coefficients, off, whole.z)
+        normals = score_normals(whole.model, whole.grid(coarse=True), self.variance, self.samples)
+
+        def expected(candidate: MotionCandidate) -> float:
+            terms = [TERMS.get(t) for t in candidate.damping]
+            names = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
+            if not {t.parameter for t in terms} <= set(parameters.free_names):
+                return np.inf
+            absent = parameters.damping & ~np.isin(parameters.free_names, list(names))
+            masks = (mask[~absent] for mask in (parameters.positive, parameters.shared))
+            return with_priors(normals.given(absent, off), *masks).log_evidence
+
+        return {c: expected(c) for c in candidates}
 
     def modes_near(
         self, largest: Mapping[str, Linearisation], solvers: Mapping[str, Solver]
@@ -422,11 +433,9 @@ def compare_candidates(
         fits = fits.with_width(epsilon)
     comparison, fits, largest = choose_noise(fits, frictions, noises, approximate)
     modes = comparison.modes_near(largest, fits.solvers)
-    followed = [c for c in asked if c.restoring in largest]
-    expected = {
-        c: comparison.expected_evidence(c, modes[c.restoring]) if c.restoring in modes else -np.inf
-        for c in followed
-    }
+    expected = dict.fromkeys((c for c in asked if c.restoring in largest), -np.inf)
+    for law, mode in modes.items():
+        expected |= comparison.expected_evidences([c for c in asked if c.restoring == law], mode)
     top = max((log for log in expected.values() if np.isfinite(log)), default=-np.inf)
     refused |= {c: BEHIND for c, log in expected.items() if log < top - REACH and c not in refused}
 
@@ -434,7 +443,7 @@ def compare_candidates(
         fit = fits.fit_of(c)
         return None if fit is None else comparison.evaluate(c, fits.solvers[c.restoring], fit)
 
-    results = at_once(evaluate, [c for c in followed if c not in refused])
+    results = at_once(evaluate, [c for c in asked if c in expected and c not in refused])
     if not any(results):
         raise Refusal("the equation of motion cannot be fitted with any of the damping models")
     # The order must not depend on which thread was first.
