@@ -447,7 +447,7 @@ class Normals:
     h (relative frequency) from the laws.
 
     log: log of evidence times prior probability of the grid point, in nats, (c,). means: (c, K). factors: F in the
-    covariances F Fᵀ, (c, K, K). The K unknowns are either the scores alone, or scores, g and h.
+    covariances F Fᵀ, (c, K, L). The K unknowns are either the scores alone, or scores, g and h.
     """
 
     log: np.ndarray
@@ -463,15 +463,14 @@ class Normals:
 
         known: booleans, (K,). values: the known scores, (K,); those of unknown ones have no effect.
         """
-        root, unknown = np.linalg.inv(self.factors), int(np.sum(~known))
-        target = (root @ self.means[:, :, None])[:, :, 0] - root[:, :, known] @ values[known]
-        columns = np.concatenate([root[:, :, ~known], target[:, :, None]], axis=2)
-        upper = np.asarray(np.linalg.qr(columns, mode="r"))
-        factors, target = np.linalg.inv(upper[:, :unknown, :unknown]), upper[:, :, unknown:]
-        log_density = np.linalg.slogdet(factors)[1] - np.linalg.slogdet(self.factors)[1]
-        log_density -= 0.5 * np.sum(target[:, unknown:, 0] ** 2, axis=1)
-        log = self.log + log_density + 0.5 * values[known] @ values[known]
-        return Normals(log, (factors @ target[:, :unknown])[:, :, 0], factors)
+        basis, triangle = np.linalg.qr(np.swapaxes(self.factors[:, known], 1, 2))
+        off = np.linalg.solve(np.swapaxes(triangle, 1, 2), (values[known] - self.means[:, known])[:, :, None])
+        factors = self.factors[:, ~known]
+        along = factors @ basis
+        log = self.log - np.sum(np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2))), axis=1)
+        log = log - 0.5 * np.sum(off[:, :, 0] ** 2, axis=1) + 0.5 * values[known] @ values[known]
+        means = self.means[:, ~known] + (along @ off)[:, :, 0]
+        return Normals(log, means, factors - along @ np.swapaxes(basis, 1, 2))
 
 
 @dataclass(frozen=True)

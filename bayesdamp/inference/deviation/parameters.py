@@ -109,8 +109,9 @@ class Parameters(Scores):
         """
         p = np.empty((*z.shape[:-1], self._fixed.size))
         p[...] = self._fixed
-        for j, (place, prior) in enumerate(zip(self.free, self.priors.values(), strict=True)):
-            p[..., place] = prior.value(z[..., j])
+        each = zip(self.free, self._functions, np.moveaxis(z, -1, 0), strict=True)
+        for place, (transform, _, numbers, _), x in each:
+            p[..., place] = transform(x, *numbers)
         return p
 
     def named(self, z: np.ndarray) -> dict[str, float]:

@@ -267,8 +267,9 @@ class Scores:
         return z
 
     @cached_property
-    def _rates(self):
-        return [(type(p).derivative, p.numbers, p.reflected) for p in self.priors.values()]
+    def _functions(self):
+        """For each score: transform to the parameter, its derivative, numbers of both, whether it is reflected."""
+        return [(type(p).transform, type(p).derivative, p.numbers, p.reflected) for p in self.priors.values()]
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """Return the derivative of each inferred parameter by its own standard normal score, at scores z, (d,).
@@ -276,11 +277,11 @@ class Scores:
         The derivatives, (d,), have the units of the parameters. Where a parameter has a half-normal prior,
         `NEAR_ZERO_SCORE` replaces a score of 0.
         """
-        both = zip(self._rates, z.tolist(), strict=True)
+        both = zip(self._functions, z.tolist(), strict=True)
         return np.array(
             [
                 rate((z or NEAR_ZERO_SCORE) if reflected else z, *numbers)
-                for (rate, numbers, reflected), z in both
+                for (_, rate, numbers, reflected), z in both
             ],
             float,
         )
@@ -307,7 +308,8 @@ class Scores:
         indices = [order.index(n) for n in names]
 
         def coordinates(z: np.ndarray) -> np.ndarray | None:
-            values = {n: float(priors[n].value(z[i])) for n, i in zip(names, indices, strict=True)}
+            each = [(self._functions[i], float(z[i])) for i in indices]
+            values = {n: f[0](x, *f[2]) for n, (f, x) in zip(names, each, strict=True)}
             natural = law.natural({**known, **values})
             return None if natural is None else np.array([natural[n] for n in names])
 
