@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from itertools import accumulate
 from typing import Self
 
@@ -121,6 +121,24 @@ class CandidateDraws:
         values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
         g, h = np.split(u[:, d:], 2, axis=1)
         return cls(result, values[:, :m], values[:, m : law.start], values[:, law], g, h)
+
+    @cached_property
+    def _step_sds(self) -> np.ndarray:
+        """Return the sd of the change of g from a knot to the next, (n,).
+
+        Its square is half the mean square of the draw's second differences, which contain no linear trend.
+        """
+        return np.sqrt(np.mean(np.diff(self.g, 2, axis=1) ** 2, axis=1) / 2)
+
+    def between_knots(self, fraction: float, rng: np.random.Generator) -> np.ndarray:
+        """Draw by how much g differs from its linear interpolation, `at_fraction`, at a fraction of the record: (n,).
+
+        Between two of its knots, which are equidistant in time, g is a Brownian bridge. Its variance is u (1 − u) of
+        the variance of a step at a fraction u of the way (I. Karatzas and S. E. Shreve, Brownian Motion and Stochastic
+        Calculus, 1991, 5.6.B), and 0 at a knot.
+        """
+        u = fraction * (self.g.shape[1] - 1) % 1.0
+        return np.sqrt(u * (1 - u)) * self._step_sds * rng.standard_normal(len(self.g))
 
     def by_further(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Evaluate a function of the terms' own parameters for each draw, but only once for draws with equal ones.
@@ -357,29 +375,16 @@ def at_fraction(values: np.ndarray, fraction: float) -> np.ndarray:
     return (1 - at + i) * values[:, i] + (at - i) * values[:, i + 1]
 
 
-def between_knots(values: np.ndarray, fraction: float, rng: np.random.Generator) -> np.ndarray:
-    """Draw by how much a deviation differs from its linear interpolation, `at_fraction`, at `fraction`: (n,).
-
-    values: the deviation at the k equidistant knots in time for n draws, (n, k). Between two knots the deviation is a
-    Brownian bridge. Its variance is u (1 − u) of the variance of a step at a fraction u of the way (I. Karatzas and S.
-    E. Shreve, Brownian Motion and Stochastic Calculus, 1991, 5.6.B), and 0 at a knot. The variance of a step is half
-    that of the draw's second differences, which contain no linear trend.
-    """
-    u = fraction * (values.shape[1] - 1) % 1.0
-    sd = np.sqrt(u * (1 - u) * np.mean(np.diff(values, 2, axis=1) ** 2, axis=1) / 2)
-    return sd * rng.standard_normal(len(values))
-
-
 def deviations_at(
     d: CandidateDraws, amplitude: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return g (log damping) and h (relative frequency) of a candidate's draws at an amplitude (rad or m), (n,) each.
 
     They are interpolated between knots at the time when the motion has this amplitude, or the nearest amplitude that it
-    has (`time_fraction`); g also includes the random difference of `between_knots`.
+    has (`time_fraction`); g also includes the random difference of `CandidateDraws.between_knots`.
     """
     share = time_fraction(d.result, amplitude)
-    return at_fraction(d.g, share) + between_knots(d.g, share, rng), at_fraction(d.h, share)
+    return at_fraction(d.g, share) + d.between_knots(share, rng), at_fraction(d.h, share)
 
 
 def ratio_at(

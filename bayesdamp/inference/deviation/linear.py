@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from itertools import product
 
 import numpy as np
 import scipy  # loads its modules when they are used
@@ -36,11 +35,6 @@ Cholesky factor (conventional)."""
 LEAST_KNOTS, MOST_KNOTS = 4, 16
 """Smallest and largest number of knots in time between which the deviation of the damping, or of the frequency, from
 its law is interpolated."""
-Size = tuple[float, float, float]
-"""Size (prior standard deviation), correlation length (fraction of the record) and log prior probability of a
-deviation."""
-NO_DEVIATION: Size = (0.0, 1.0, 0.0)
-"""The `Size` of a deviation that is zero with probability 1; its correlation length has no effect."""
 
 
 @dataclass(frozen=True)
@@ -135,33 +129,27 @@ def grid_of(
         Whether the record has phases. Without them h has no effect, and the factors are those of g alone, (c, n, n).
     """
     step = 2 if coarse else 1
-    of_g, of_h = [NO_DEVIATION], [NO_DEVIATION]
-    if not exact:
-        of_g = _with_none(SIZES_G[::step], MEAN_G, LENGTHS[::step])
-        of_h = _with_none(SIZES_H[::step], MEAN_H, LENGTHS[::step])
-    if not phases:
-        of_h = [NO_DEVIATION]
-    size_g, size_h, log_prior = np.array([(g[0], h[0], g[2] + h[2]) for g, h in product(of_g, of_h)]).T
-    places = np.array([(LENGTHS.index(g[1]), LENGTHS.index(h[1])) for g, h in product(of_g, of_h)]).T
+    of_g = _with_none(SIZES_G[::step], MEAN_G, step) if not exact else np.zeros((3, 1))
+    of_h = _with_none(SIZES_H[::step], MEAN_H, step) if not exact and phases else np.zeros((3, 1))
+    size_g, length_g, log_g = np.repeat(of_g, of_h.shape[1], axis=1)
+    size_h, length_h, log_h = np.tile(of_h, of_g.shape[1])
     roots = (_roots(n, centred) for n, centred in zip((knots, knots if phases else 0), absorbed, strict=True))
-    return Grid(size_g, size_h, *places, log_prior, *roots)
+    return Grid(size_g, size_h, length_g.astype(int), length_h.astype(int), log_g + log_h, *roots)
 
 
-def _with_none(sizes: np.ndarray, mean: float, lengths: tuple[float, ...]) -> list[Size]:
-    """Return size, length and log prior probability for one deviation: no deviation, and each size with each length.
+def _with_none(sizes: np.ndarray, mean: float, step: int) -> np.ndarray:
+    """Return sizes, indices of lengths and log prior probabilities of one deviation: none, and all sizes and lengths.
 
     No deviation has probability `PROBABILITY_EXACT`. Given a deviation, the size has an exponential prior with this
-    mean, and all lengths are equally probable.
+    mean, and every `step`-th of `LENGTHS` is equally probable. The result has the shape (3, n).
     """
     edges = np.concatenate([[0.0], np.sqrt(sizes[1:] * sizes[:-1]), [np.inf]])
-    mass = np.diff(-np.exp(-edges / mean))
-    share = (1 - PROBABILITY_EXACT) / len(lengths)
+    lengths = np.arange(len(LENGTHS))[::step]
+    mass = np.diff(-np.exp(-edges / mean)) * (1 - PROBABILITY_EXACT) / lengths.size
     deviating = [
-        (float(size), length, float(np.log(share * m)))
-        for size, m in zip(sizes, mass, strict=True)
-        for length in lengths
-    ]
-    return [(0.0, 1.0, float(np.log(PROBABILITY_EXACT))), *deviating]
+        np.repeat(sizes, lengths.size), np.tile(lengths, sizes.size), np.log(np.repeat(mass, lengths.size))
+    ]  # fmt: skip
+    return np.column_stack([[0.0, 0.0, np.log(PROBABILITY_EXACT)], deviating])
 
 
 def _roots(knots: int, centred: bool) -> np.ndarray:
@@ -197,8 +185,6 @@ time."""
 LARGEST_INFORMATION = 1e11
 """Largest information about a deviation at a knot, relative to the prior's, up to which Cholesky factors and
 differences of squares keep at least five digits (measured)."""
-SMALL = 12
-"""Size of a triangular matrix up to which `_inverse` uses `numpy.linalg.inv` instead of blocks."""
 NEGLIGIBLE = 30.0
 """The evidence is a sum over grid points (sizes and correlation lengths of the deviations) and values of the
 coefficients' common prior scale. A combination is left out if its log evidence is this many nats below an estimate of
@@ -426,19 +412,6 @@ def condense(
     return LinearModel(whole[:k, :k], whole[:k, k], rest, r.size, positive, shared, damping)
 
 
-def _inverse(lower: np.ndarray) -> np.ndarray:
-    """Return the inverses of lower triangular matrices, (c, K, K), computed recursively by blocks of half the size."""
-    k = lower.shape[1]
-    if k <= SMALL:
-        return np.linalg.inv(lower)
-    half = k // 2
-    inverse = np.zeros_like(lower)
-    first, last = _inverse(lower[:, :half, :half]), _inverse(lower[:, half:, half:])
-    inverse[:, :half, :half], inverse[:, half:, half:] = first, last
-    inverse[:, half:, :half] = -last @ (lower[:, half:, :half] @ first)
-    return inverse
-
-
 @dataclass(frozen=True)
 class Normals:
     """Normal posteriors at c grid points, where each parameter has a standard normal score that may be negative.
@@ -502,12 +475,10 @@ class _Principal:
 
         variance: least variance of the noise, in the record's unit squared.
         """
-        of_g, of_h = np.split(self.model.root[:, self.at.size :], [grid.roots_g.shape[1]], axis=1)
-        parts = ((of_g @ grid.roots_g, grid.size_g), (of_h @ grid.roots_h, grid.size_h))
-        return all(
-            np.max(np.sum(white**2, axis=1), initial=0.0) * np.max(size) ** 2 < LARGEST_INFORMATION * variance
-            for white, size in parts
-        )
+        root, n = self.model.root[:, self.at.size :], grid.roots_g.shape[1]
+        of_g = np.sum((root[:, :n] @ grid.roots_g) ** 2, axis=1).max(initial=0.0) * grid.size_g.max() ** 2
+        of_h = np.sum((root[:, n:] @ grid.roots_h) ** 2, axis=1).max(initial=0.0) * grid.size_h.max() ** 2
+        return bool(max(of_g, of_h) < LARGEST_INFORMATION * variance)
 
 
 @dataclass(frozen=True)
@@ -517,7 +488,7 @@ class _Triangles:
     In coordinates w, which are the principal coordinates of the scores and independent coordinates of g and h with the
     prior N(0, I) in some order, the log posterior is −wᵀ L Lᵀ w / 2 + bᵀ w + constant. lower: L, (c, K, K). half:
     L⁻¹ b, (c, K). left: least value of |root u − target|² / noise variance + |scores|² + |w of g and h|², (c,), without
-    `LinearModel.rest`.
+    `LinearModel.rest`; if h is integrated out, plus the log determinant of the information about it.
     """
 
     lower: np.ndarray
@@ -542,7 +513,6 @@ class _Triangles:
         # With hardly any noise the information matrix loses digits: minimise |white w − target|² + |w + about|² by QR.
         prior = np.broadcast_to(np.column_stack([np.eye(total), -about]), white.shape)
         upper = np.asarray(np.linalg.qr(np.concatenate([white, prior], axis=1), mode="r"))
-        upper = upper * np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
         return cls(
             np.swapaxes(upper[:, :total, :total], 1, 2), upper[:, :total, total], upper[:, total, total] ** 2
         )
@@ -572,7 +542,7 @@ class _Triangles:
         log = grid.log_prior - 0.5 * (
             self.left + model.rest / variance + samples * np.log(2 * np.pi * variance)
         )
-        return log - np.sum(np.log(np.diagonal(self.lower, axis1=1, axis2=2)), axis=1)
+        return log - np.sum(np.log(np.abs(np.diagonal(self.lower, axis1=1, axis2=2))), axis=1)
 
 
 def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float) -> Normals:
@@ -594,7 +564,7 @@ def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, sample
     d, variance = model.positive.size, np.broadcast_to(variance, grid.log_prior.size)
     principal = _Principal.of(model, float(np.min(variance)))
     triangles = _Triangles.of(principal, grid, variance, np.arange(model.root.shape[1]))
-    factors = np.swapaxes(_inverse(triangles.lower), 1, 2).copy()
+    factors = np.swapaxes(np.linalg.inv(triangles.lower), 1, 2).copy()
     factors[:, :d] = principal.axes @ factors[:, :d]
     factors[:, d:] = grid.factors @ factors[:, d:]
     means = (factors @ triangles.half[:, :, None])[:, :, 0]
@@ -613,23 +583,22 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
     principal = _Principal.of(model, variance)
     # With the scores behind the deviations, the last rows of the triangle are that of the scores alone.
     if principal.keeps_digits(grid, variance):
-        triangles, log_det = _without_h(principal, grid, variance)
+        triangles = _without_h(principal, grid, variance)
     else:
-        variances, log_det = np.full(grid.log_prior.size, variance), 0.0
-        triangles = _Triangles.of(principal, grid, variances, np.roll(np.arange(total), -d))
-    first = triangles.half.shape[1] - d
-    factors = np.swapaxes(_inverse(triangles.lower[:, first:, first:]), 1, 2)
-    means = principal.at + (factors @ triangles.half[:, first:, None])[:, :, 0]
-    log = triangles.log_evidence(model, grid, variance, samples) - log_det
+        variances, order = np.full(grid.log_prior.size, variance), np.roll(np.arange(total), -d)
+        triangles = _Triangles.of(principal, grid, variances, order)
+    factors = np.swapaxes(np.linalg.inv(triangles.lower[:, -d:, -d:]), 1, 2)
+    means = principal.at + (factors @ triangles.half[:, -d:, None])[:, :, 0]
+    log = triangles.log_evidence(model, grid, variance, samples)
     return Normals(log, means @ principal.axes.T, principal.axes @ factors)
 
 
-def _without_h(principal: _Principal, grid: Grid, variance: float) -> tuple[_Triangles, np.ndarray]:
+def _without_h(principal: _Principal, grid: Grid, variance: float) -> _Triangles:
     """Factorise the information about g and the scores at each grid point, with h integrated out.
 
     h, the relative deviation of the frequency, is integrated out only once for each of its sizes (prior sds) and
-    correlation lengths. g is the deviation of the log damping. Return also the logs of the determinants of the
-    triangles of h, (c,). variance: variance of the noise, in the record's unit squared.
+    correlation lengths. g is the deviation of the log damping. variance: variance of the noise, in the record's unit
+    squared.
     """
     model, d, n = principal.model, principal.at.size, grid.roots_g.shape[1]
     columns = np.column_stack([model.root[:, d : d + n], model.root[:, :d], model.target])
@@ -642,11 +611,11 @@ def _without_h(principal: _Principal, grid: Grid, variance: float) -> tuple[_Tri
     change = np.tile(np.eye(n + d + 1), (len(grid.roots_g), 1, 1))
     change[:, :n, :n] = grid.roots_g
     products = np.swapaxes(change, 1, 2) @ products[:, None] @ change
-    scales = np.ones((grid.log_prior.size, n + d + 1))
-    scales[:, :n] = grid.size_g[:, None]
-    products = products[places, grid.length_g] * scales[:, :, None] * scales[:, None, :]
+    products = products[places, grid.length_g]
+    products[:, :n] *= grid.size_g[:, None, None]
+    products[:, :, :n] *= grid.size_g[:, None, None]
     triangles = _Triangles.of_products(products, np.concatenate([np.zeros(n), principal.at]))
-    return triangles, 0.5 * np.linalg.slogdet(information)[1][places]
+    return replace(triangles, left=triangles.left + np.linalg.slogdet(information)[1][places])
 
 
 def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: float) -> LinearPosterior:
@@ -670,12 +639,10 @@ def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: f
     """
     posteriors = score_normals(model, grid, variance, samples)
     posterior = with_priors(posteriors, model.positive, model.shared)
-    posterior = replace(posterior, whole=partial(_whole, model, grid, variance, samples))
     places = np.flatnonzero(model.damping)
-    if not places.size:
-        return posterior
-    likelihood = partial(damping_likelihood, posteriors, places, grid.log_prior)
-    return replace(posterior, damping_likelihood=likelihood)
+    likelihood = partial(damping_likelihood, posteriors, places, grid.log_prior) if places.size else None
+    whole = partial(_whole, model, grid, variance, samples)
+    return replace(posterior, whole=whole, damping_likelihood=likelihood)
 
 
 def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, combos: np.ndarray) -> Normals:

@@ -14,7 +14,7 @@ oscillation, and from it the equivalent viscous damping ratio follows.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # loads its modules when they are used
@@ -345,7 +345,7 @@ def law_free(signal: Signal) -> LawFree:
         replace(windows, errors=np.hypot(windows.errors, share * least / windows.amplitudes))
         for share in CONSTANT_ERRORS
     ]
-    windows = max(options, key=lambda w: _smooth_power(w, log_sizes, 0.0, x[:1]).log_likelihood.max())
+    windows = max(options, key=lambda w: _smooth_power(w, log_sizes, 0.0, x[:1])[0].max())
     order = DERIVATIVES[signal.quantity]
     sizes, phases, half = log_sizes, windows.phases, 0.5 * float(windows.times[-1] - windows.times[0])
     if order:
@@ -405,7 +405,7 @@ def _smooth(
     be one, as is needed for phases.
     """
     fits = [_smooth_power(windows, values, p, at) for p in powers]
-    logs, sizes, slopes, sds = (np.concatenate([getattr(f, a.name) for f in fits]) for a in fields(fits[0]))
+    logs, sizes, slopes, sds = (np.concatenate(parts) for parts in zip(*fits, strict=True))
     weights = np.exp(logs - logs.max())
     weights = weights / weights.sum()
     return weights @ sizes, *_mix_curves(weights, slopes, sds)
@@ -529,24 +529,14 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
     return Backbone(largest, tuple((float(w), c, cov) for w, (_, c, cov) in zip(weights, fits, strict=True)))
 
 
-@dataclass(frozen=True)
-class _SmoothedCurves:
-    """Smoothed curves of the log amplitude (or phase) for each of v variances of the random walk.
-
-    log_likelihood: log marginal likelihoods plus the log prior of the variance, in nats, (v,). sizes, slopes, sds: log
-    amplitudes, their slopes in scaled time, and the sds of the slopes, (v, k) each.
-    """
-
-    log_likelihood: np.ndarray
-    sizes: np.ndarray
-    slopes: np.ndarray
-    sds: np.ndarray
-
-
-def _smooth_power(windows: Sinusoids, logs: np.ndarray, power: float, at: np.ndarray) -> _SmoothedCurves:
+def _smooth_power(
+    windows: Sinusoids, logs: np.ndarray, power: float, at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Smooth a power of the amplitude (0: its log) by a line plus an integrated random walk.
 
-    Return one curve for each variance of the walk in `WALKS`.
+    Return the log marginal likelihoods plus log priors, in nats, of the v variances of the walk in `WALKS`, (v,); and
+    for each variance the smoothed log amplitudes (or phases), their slopes in scaled time, and the sds of the slopes,
+    (v, k) each.
 
     logs: log amplitudes in the windows, (n,), whose errors have the windows' covariance. at: scaled times at which the
     curve is evaluated, (k,).
@@ -598,6 +588,5 @@ def _smooth_power(windows: Sinusoids, logs: np.ndarray, power: float, at: np.nda
     spread += np.sum(line @ inverse * line, axis=2)
     degrees = free * ESTIMATES_PER_WINDOW / STARTS_PER_WINDOW + NOISE_WEIGHT
     wide = float(scipy.special.stdtrit(degrees, 0.975)) / NORMAL_95
-    return _SmoothedCurves(
-        log, sizes, slopes, wide * np.sqrt(variance[:, None] * np.maximum(spread, 0.0)) / stretched
-    )
+    sds = wide * np.sqrt(variance[:, None] * np.maximum(spread, 0.0)) / stretched
+    return log, sizes, slopes, sds

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import halfnorm, lognorm, uniform
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
-from bayesdamp.inference.deviation.draws import CandidateDraws, between_knots, midline_drift
+from bayesdamp.inference.deviation.draws import CandidateDraws, midline_drift
 from bayesdamp.inference.deviation.findings import (
     candidate_probabilities,
     compute_findings,
@@ -156,17 +156,22 @@ def test_the_interval_of_the_frequency_is_that_of_all_draws(comparison: ModelCom
 
 
 @pytest.mark.parametrize("steps", [1, 4])
-def test_deviations_between_knots_are_those_of_a_random_walk(steps: int) -> None:
+def test_deviations_between_knots_are_those_of_a_random_walk(comparison: ModelComparison, steps: int) -> None:
     """Of which every eighth step is known. Three standard errors of 20,000 draws are 3 %. At a knot, and on a straight
     line of any slope, nothing is added."""
     rng = np.random.default_rng(3)
+
+    def draws_of(g: np.ndarray) -> CandidateDraws:
+        return CandidateDraws(comparison.best, *[np.zeros((len(g), 0))] * 3, g, g)
+
     walk = np.cumsum(rng.standard_normal((20000, 97)), axis=1)
     knots, fraction = walk[:, ::8], (40 + steps) / 96
     linear = knots[:, 5] + steps / 8 * (knots[:, 6] - knots[:, 5])
-    drawn = between_knots(knots, fraction, rng)
+    drawn = draws_of(knots).between_knots(fraction, rng)
     assert np.mean(drawn**2) == pytest.approx(np.mean((walk[:, 40 + steps] - linear) ** 2), rel=0.05)
-    assert np.abs(between_knots(knots, 40 / 96, rng)).max() < 1e-6
-    assert np.abs(between_knots(np.linspace(-1, 1, 9)[None] + np.zeros((5, 1)), fraction, rng)).max() < 1e-12
+    assert np.abs(draws_of(knots).between_knots(40 / 96, rng)).max() < 1e-6
+    straight = np.linspace(-1, 1, 9)[None] + np.zeros((5, 1))
+    assert np.abs(draws_of(straight).between_knots(fraction, rng)).max() < 1e-12
 
 
 def test_the_drift_of_the_midline_is_measured(comparison: ModelComparison) -> None:
