@@ -213,15 +213,14 @@ def bound_other_forms(
     normals = score_normals(model, result.grid(coarse=True), comparison.variance, comparison.samples)
     bounds = dict.fromkeys((form.name for form in forms), 0.0)
     for i in np.flatnonzero(sizes):
-        form, own = forms[i], np.arange(positive.size) < d
-        own[d + i] = True
+        own = np.isin(np.arange(positive.size), [*range(d), d + i])
         only = normals.given(~own, np.zeros(own.size))
         posterior = with_priors(only, positive[own], np.append(parameters.shared, True))
         u = posterior.draws(FEW, rng)[0]
         lost = np.abs(u[:, d]) * SCORE_RATIO * viscous
         rest = np.maximum(parameters.values(u[:, :d])[:, : works.size] @ works, 0.0)
         share = float(np.quantile(lost / np.maximum(lost + rest, 1e-300), 0.95))
-        bounds[form.name] = max(bounds[form.name], share)
+        bounds[forms[i].name] = max(bounds[forms[i].name], share)
     return bounds
 
 
