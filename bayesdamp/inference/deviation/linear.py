@@ -503,7 +503,7 @@ class _Triangles:
         of c grid points, (c,). order: the order of the unknowns w, as indices of scores, g and h.
         """
         model, d, total = principal.model, principal.at.size, principal.model.root.shape[1]
-        white = np.empty((variance.size, total, total + 1))
+        white = np.empty((variance.size, model.target.size, total + 1))
         white[:, :, :d], white[:, :, total] = model.root[:, :d], model.target
         white[:, :, d:total] = model.root[:, d:] @ grid.factors
         white = white[:, :, [*order, total]] / np.sqrt(variance)[:, None, None]
@@ -511,7 +511,7 @@ class _Triangles:
         if principal.keeps_digits(grid, float(np.min(variance))):
             return cls.of_products(np.swapaxes(white, 1, 2) @ white, about)
         # With hardly any noise the information matrix loses digits: minimise |white w − target|² + |w + about|² by QR.
-        prior = np.broadcast_to(np.column_stack([np.eye(total), -about]), white.shape)
+        prior = np.tile(np.column_stack([np.eye(total), -about]), (variance.size, 1, 1))
         upper = np.asarray(np.linalg.qr(np.concatenate([white, prior], axis=1), mode="r"))
         return cls(
             np.swapaxes(upper[:, :total, :total], 1, 2), upper[:, :total, total], upper[:, total, total] ** 2
