@@ -133,8 +133,8 @@ def grid_of(
     of_h = _with_none(SIZES_H[::step], MEAN_H, step) if not exact and phases else np.zeros((3, 1))
     size_g, length_g, log_g = np.repeat(of_g, of_h.shape[1], axis=1)
     size_h, length_h, log_h = np.tile(of_h, of_g.shape[1])
-    roots = (_roots(n, centred) for n, centred in zip((knots, knots if phases else 0), absorbed, strict=True))
-    return Grid(size_g, size_h, length_g.astype(int), length_h.astype(int), log_g + log_h, *roots)
+    root_g, root_h = _roots(knots, absorbed[0]), _roots(knots if phases else 0, absorbed[1])
+    return Grid(size_g, size_h, length_g.astype(int), length_h.astype(int), log_g + log_h, root_g, root_h)
 
 
 def _with_none(sizes: np.ndarray, mean: float, step: int) -> np.ndarray:
