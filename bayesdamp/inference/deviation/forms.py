@@ -213,7 +213,7 @@ def bound_other_forms(
     normals = score_normals(model, result.grid(coarse=True), comparison.variance, comparison.samples)
     bounds = dict.fromkeys((form.name for form in forms), 0.0)
     for i in np.flatnonzero(sizes):
-        own = np.isin(np.arange(positive.size), [*range(d), d + i])
+        own = np.isin(np.arange(positive.size), np.append(np.arange(d), d + i))
         only = normals.given(~own, np.zeros(own.size))
         posterior = with_priors(only, positive[own], np.append(parameters.shared, True))
         u = posterior.draws(FEW, rng)[0]
