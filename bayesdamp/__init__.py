@@ -29,19 +29,16 @@ __version__ = "0.1.0"
 _NAMES = {
     "config": ("Study", "load_study"),
     "interface.comparison": ("Comparison", "compare"),
-    "interface.density": ("Density",),
     "interface.estimate": ("Estimate", "estimate"),
     "interface.first_words": ("first_words",),
     "interface.fit": ("Fit", "Prediction", "fit"),
-    "interface.model": ("Model",),
+    "interface.model": ("Density", "Model"),
     "interface.posterior": ("Evidence", "Posterior", "evidence", "sample"),
-    "interface.record": ("Record", "read"),
     "interface.result": ("load",),
-    "interface.signal": ("Signal", "signal"),
+    "interface.signal": ("Record", "Signal", "read", "signal"),
     "interface.simulate": ("simulate",),
     "physics.damping": ("DampingTerm",),
-    "physics.oscillator": ("Oscillator",),
-    "physics.trajectories": ("trajectory",),
+    "physics.oscillator": ("Oscillator", "trajectory"),
     "pipeline.results": ("Candidate", "Run", "run_study"),
     "priors": ("HalfNormal", "LogNormal", "LogUniform", "Normal", "Uniform"),
     "records.cleaning.clean": ("clean",),
@@ -60,24 +57,21 @@ __all__ = ["__version__", "trajectory", *(_HOME.keys() - {"trajectory"})]  # pyr
 if TYPE_CHECKING:
     from bayesdamp.config import Study as Study, load_study as load_study
     from bayesdamp.interface.comparison import Comparison as Comparison, compare as compare
-    from bayesdamp.interface.density import Density as Density
     from bayesdamp.interface.estimate import Estimate as Estimate, estimate as estimate
     from bayesdamp.interface.first_words import first_words as first_words
     from bayesdamp.interface.fit import Fit as Fit, Prediction as Prediction, fit as fit
-    from bayesdamp.interface.model import Model as Model
+    from bayesdamp.interface.model import Density as Density, Model as Model
     from bayesdamp.interface.posterior import (
         Evidence as Evidence,
         Posterior as Posterior,
         evidence as evidence,
         sample as sample,
     )
-    from bayesdamp.interface.record import Record as Record, read as read
     from bayesdamp.interface.result import load as load
-    from bayesdamp.interface.signal import Signal as Signal, signal as signal
+    from bayesdamp.interface.signal import Record as Record, Signal as Signal, read as read, signal as signal
     from bayesdamp.interface.simulate import simulate as simulate
     from bayesdamp.physics.damping import DampingTerm as DampingTerm
-    from bayesdamp.physics.oscillator import Oscillator as Oscillator
-    from bayesdamp.physics.trajectories import simulate as trajectory
+    from bayesdamp.physics.oscillator import Oscillator as Oscillator, simulate as trajectory
     from bayesdamp.pipeline.results import Candidate as Candidate, Run as Run, run_study as run_study
     from bayesdamp.priors import (
         HalfNormal as HalfNormal,

@@ -1,7 +1,5 @@
 """Check the arguments of public functions; a wrong one raises an InputError of one line that names the keyword."""
 
-from __future__ import annotations
-
 import inspect
 import os
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Manage resources of the computer: cache folder, signals of the operating system, threads and processes."""
 
-from __future__ import annotations
-
 import atexit
 import gc
 import multiprocessing

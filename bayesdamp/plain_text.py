@@ -1,7 +1,5 @@
 """Read small text files of the user."""
 
-from __future__ import annotations
-
 import errno
 import stat
 from pathlib import Path

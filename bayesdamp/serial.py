@@ -1,7 +1,5 @@
 """Convert values to JSON and named arrays, and back; the types of dataclass fields determine how."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass

@@ -1,7 +1,5 @@
 """Compute digests of the source code that a computation uses; they are part of the keys of stored results."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Iterable

@@ -12,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from bayesdamp.estimators import ESTIMATORS, names_for_all
-from bayesdamp.estimators._protocol import table as taken
+from bayesdamp.estimators.shared import table as taken
 from bayesdamp.physics.damping import PAPER_TERMS, others
 
 DAMPINGS = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}

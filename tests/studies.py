@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from bayesdamp.config import Study, load_study
-from bayesdamp.store.tables import read_table
+from bayesdamp.store.files import read_table
 
 SYSTEM = 'restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0'
 ESTIMATED = 'estimators = { use = ["least_squares"], stages = ["initial"] }'

@@ -31,7 +31,6 @@ MAY_IMPORT: dict[str, set[str]] = {
     "physics": NEUTRAL | {"physics"},
     "records.files": NEUTRAL | {"records.files"},
     "records.readers": NEUTRAL | {"records.files", "records.readers"},
-    "records.opening": NEUTRAL | {"records.files", "records.readers", "records.opening"},
     "records.oscillation": NEUTRAL | {"records.oscillation"},
     "records.columns": NEUTRAL | {"records.oscillation", "records.files", "records.columns"},
     "records.cleaning": NEUTRAL

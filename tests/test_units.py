@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bayesdamp.physics.symbols import parameter_unit
-from bayesdamp.units import UNITS, quantity_unit
+from bayesdamp.types import UNITS, quantity_unit
 
 
 def test_factors_of_units_are_those_of_their_definitions():

@@ -1,20 +1,233 @@
-"""Simulation-based calibration: compute the ranks of true parameters among the draws of their posteriors."""
-
-from __future__ import annotations
+"""Simulation-based calibration: draw records from the prior, and rank their true parameters among posterior draws."""
 
 import time
-from typing import Any
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
-from bayesdamp.calibrate.problem import make_generator, mode_of, record_rng, run_safely
-from bayesdamp.config import Study
-from bayesdamp.inference.mode import Mode
-from bayesdamp.inference.model.target import Target
+from bayesdamp.config import Simulation, Study
+from bayesdamp.estimators import run as run_estimator
+from bayesdamp.inference.mode import Mode, find_mode
+from bayesdamp.inference.model.target import Target, build_target
+from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS, Settings
-from bayesdamp.pipeline.tasks import Product
-from bayesdamp.store.contents import RanksContent
-from bayesdamp.types import OK, InputError
+from bayesdamp.interface.simulate import simulate_source
+from bayesdamp.physics.damping import parse_model
+from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.restoring import LAWS
+from bayesdamp.pipeline.tasks import Product, outcome_of_failure
+from bayesdamp.priors import SHARED_SCALES, SHARED_SIGMAS, Prior
+from bayesdamp.records.oscillation.features import Features, features
+from bayesdamp.store.results import RanksContent
+from bayesdamp.types import OK, Estimate, InputError, Problem, Reference, Refusal, Signal, System
+
+ESTIMATOR = "least_squares"
+"""The estimator whose refined estimate is the starting point of the search for the posterior mode."""
+SECOND_ESTIMATOR = "envelope"
+"""If the trajectory fit of `ESTIMATOR` has an outcome other than `ok`, this estimator's estimate, the initial estimate
+of `ESTIMATOR` and the centre of the prior are further starting points of the search."""
+SCALE_RANGE = (0.003, 0.1)
+"""Range of the scale of the half-normal prior of equivalent damping ratios (`SharedHalfNormal`), itself a damping ratio
+(1 is critical). Records are drawn, and their posteriors and evidence computed, with only those of `SHARED_SCALES` that
+are in this range: below it noise hides the damping of most records; above it many records do not oscillate."""
+MOST_ESCAPES = 100
+"""A prior is rejected if records cannot be simulated with this many successive draws from it, because trajectories are
+unbounded, for example (conventional)."""
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class DrawnRecord:
+    """A simulated record: the true values of all inferred parameters, the signal, and a posterior density.
+
+    truth: true values by name, in the units of the parameters (not scores). target: the posterior density for this
+    signal under the model that is fitted to it, at first the one that it was drawn from.
+    """
+
+    truth: Mapping[str, float]
+    signal: Signal
+    target: Target
+
+
+@dataclass(frozen=True)
+class Generator:
+    """A generator of simulated records of one damping model, with parameters drawn from its priors.
+
+    model: the damping sum. source: the settings of the simulation; its damping terms and true values are not used.
+    system: the restoring law, the known values and the priors of the parameters. blank: the posterior density for an
+    empty record. Records are drawn from its priors, and replacing its signal by a record gives the posterior density
+    for that record.
+    """
+
+    model: str
+    source: Simulation
+    system: System
+    blank: Target
+
+    def draw(self, rng: np.random.Generator, name: str) -> DrawnRecord:
+        """Return a record with this name that is simulated with parameters drawn from the prior.
+
+        `rng` draws the parameters and then the noise. If the simulation raises InputError, as for an unbounded
+        trajectory, the parameters are drawn again. The likelihood of such parameters is zero for every record, so that
+        leaving them out of the prior does not change the posterior.
+
+        Raises
+        ------
+        InputError
+            If the simulations with `MOST_ESCAPES` successive draws fail.
+        """
+        escaped, osc = InputError("nothing was drawn"), self.blank.oscillator
+        source = self.source.model_copy(update={"damping": osc.damping, "noise": self.blank.noise_model.name})
+        for _ in range(MOST_ESCAPES):
+            z = self.blank.prior_draws(1, rng)[0]
+            truth = {k: float(v) for k, v in self.blank.values(z).items()}
+            try:
+                signal = simulate_source(source, osc.restoring, {**self.blank.known, **truth}, name, rng)
+            except InputError as fault:
+                escaped = fault
+                continue
+            return DrawnRecord(truth, signal, replace(self.blank, signal=signal))
+        raise InputError(
+            f"{self.model}: no record could be simulated with {MOST_ESCAPES} successive draws from the prior; the last "
+            f"error: {escaped}"
+        )
+
+
+def record_rng(seed: int, *labels: object) -> np.random.Generator:
+    """Return the random number generator of one record, seeded by the study's seed and the record's labels.
+
+    The labels, such as the model and the number of the record, are joined to one text. Equal arguments give equal
+    random numbers.
+    """
+    return np.random.default_rng([seed, zlib.crc32("/".join(map(str, labels)).encode())])
+
+
+def make_generator(
+    study: Study, model: str, *, source: Simulation | None = None, priors: Mapping[str, Prior] | None = None
+) -> Generator:
+    """Return the generator of records of one model, simulated like the first signal of a study.
+
+    Parameters
+    ----------
+    study
+        The study.
+    model
+        The damping sum, such as "viscous+coulomb".
+    source
+        The settings of the simulation (duration, number of samples and so on); by default those of the first signal.
+        Its damping terms, noise model and true values are not used.
+    priors
+        Priors, by parameter, that replace the prior or the known value that the study states for this parameter.
+
+    Raises
+    ------
+    InputError
+        If the first signal is a file, the study has several noise models or one that depends on the record, no
+        reference amplitude or frequency follows from the study, or the prior of a parameter would depend on the record.
+    """
+    spec = study.signals[0]
+    if not isinstance(spec.source, Simulation):
+        raise InputError(
+            f"{study.source}: signal[{spec.name}] is read from a file; a calibration simulates all records, so the "
+            "first signal must be simulated"
+        )
+    free = {**spec.system.free, **(priors or {})}
+    known = {k: v for k, v in spec.system.known.items() if k not in free}
+    system = replace(spec.system, known=known, free=free)
+    reference = _reference(study, system)
+    terms = parse_model(model)
+    given = {t: p for t, p in study.models.prior.items() if t in terms}
+    noise, *others = study.noises
+    if others:
+        raise InputError(
+            f"{study.source}: posterior.noise names {1 + len(others)} models; calibration needs exactly one"
+        )
+    if NOISES.get(noise).constants:
+        raise InputError(
+            f"{study.source}: posterior.noise is {noise}, which depends on the record, so no record can be drawn "
+            "from it; give another noise model"
+        )
+    empty = Signal(np.arange(3.0), np.zeros(3), spec.source.quantity, spec.source.unit)
+    none = np.empty(0)
+    any_record = (Features(x, x, x, x, x, x, x, x, none, none, none, none) for x in (1.0, 2.0))
+    blank, other = (
+        build_target(empty, terms, system, features, reference, noise=noise, term_priors=given)
+        for features in any_record
+    )
+    dependent = [name for name in blank.names if blank.priors[name] != other.priors[name]]
+    if dependent:
+        raise InputError(
+            f"{study.source}: the default prior of {' and '.join(dependent)} depends on the record, so nothing can be "
+            f'drawn from it; give a prior in [system], such as {dependent[0]} = {{ prior = "normal", ... }}'
+        )
+    low, high = SCALE_RANGE
+    pairs = zip(SHARED_SCALES, SHARED_SIGMAS, strict=True)
+    scales = tuple(float(sigma) for ratio, sigma in pairs if low <= ratio <= high)
+    system = replace(system, known=dict(blank.known))
+    return Generator(model, source or spec.source, system, replace(blank, scales=scales))
+
+
+def _reference(study: Study, system: System) -> Reference:
+    """Return the amplitude and frequency with which default priors scale, from the settings of the study.
+
+    Raises InputError if one of them is neither stated nor follows from known parameters.
+    """
+    amplitude, frequency = system.amplitude, system.frequency
+    if all(name in system.known for name in LAWS.get(system.restoring).parameters):
+        law = Oscillator((), system.restoring)
+        start = system.known.get("theta0", 0.0)
+        frequency = frequency or law.natural_frequency(system.known, start)
+        if "theta0" in system.known:
+            amplitude = amplitude or abs(start - law.equilibrium(system.known, start)) or None
+    if amplitude is None or frequency is None:
+        name = "amplitude" if amplitude is None else "frequency"
+        raise InputError(
+            f"{study.source}: system.{name} is missing; the widths of default priors scale with it, and a value from a "
+            "record would make the prior depend on the data; give a positive number"
+        )
+    return Reference(amplitude, frequency)
+
+
+def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
+    """Return the posterior mode of a record, and the refined estimate: the trajectory fit that starts at `ESTIMATOR`.
+
+    `system` contains the known values and priors that the estimators use. The refined estimate has no values if this
+    fit failed. No starting point of the search for the mode uses the true values: the starting points come from the
+    record or the prior.
+
+    Raises
+    ------
+    Refusal
+        If the record shows no oscillation, or the search finds no mode from any starting point.
+    """
+    roughness = features(drawn.signal).roughness
+    problem = Problem(drawn.target.oscillator.damping, system)
+    first = run_estimator(ESTIMATOR, drawn.signal, problem, seed=0)
+    refined = first[-1]
+    starts = [refined.values] if refined.values else []
+    if refined.outcome != OK:
+        second = run_estimator(SECOND_ESTIMATOR, drawn.signal, problem, stages=["initial"], seed=0)
+        starts += [e.values for e in (*first[:-1], *second) if e.values]
+        starts.append({})  # the centre of the prior
+    return find_mode(drawn.target, starts, noise_level=roughness), refined
+
+
+def run_safely(compute: Callable[..., Result], *arguments: object) -> tuple[Result | None, str]:
+    """Call a function and return its result and OK, or None and the outcome of its exception.
+
+    The outcome is the message of a Refusal, and "failed: TYPE: MESSAGE" for other exceptions. InputError and the
+    OSError of a full disk are raised to the caller, and with BAYESDAMP_DEBUG every exception except Refusal.
+    """
+    try:
+        return compute(*arguments), OK
+    except Refusal as refusal:
+        return None, str(refusal)
+    except Exception as fault:
+        return None, outcome_of_failure(fault)
+
 
 RECORDS_PER_TASK = 16
 """Number of records that one task simulates."""

@@ -1,7 +1,5 @@
 """Model recovery: draw a damping model and a record of it, and compute the probabilities of all models."""
 
-from __future__ import annotations
-
 import math
 import time
 from dataclasses import replace
@@ -11,19 +9,12 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesdamp.calibrate.problem import (
-    DrawnRecord,
-    Generator,
-    make_generator,
-    mode_of,
-    record_rng,
-    run_safely,
-)
+from bayesdamp.calibrate.ranks import DrawnRecord, Generator, make_generator, mode_of, record_rng, run_safely
 from bayesdamp.config import Simulation, Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import LogNormal
-from bayesdamp.store.contents import RecoveryContent
+from bayesdamp.store.results import RecoveryContent
 from bayesdamp.types import OK, InputError, Refusal
 
 RECORDS_PER_TASK = 4

@@ -4,8 +4,6 @@ A series is a number of records of one kind, such as those that are drawn from o
 the next few records of a series, a chunk. An interrupted calibration resumes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,10 +24,8 @@ from bayesdamp.pipeline.progress import progress_bar
 from bayesdamp.pipeline.tasks import compute_and_store, task_key
 from bayesdamp.pipeline.workers import open_pool
 from bayesdamp.plugins import use_modules
-from bayesdamp.store.contents import RanksContent
-from bayesdamp.store.files import SCHEMA, write_json
-from bayesdamp.store.results import Store, TaskResult, provenance
-from bayesdamp.store.tables import write_table
+from bayesdamp.store.files import SCHEMA, write_json, write_table
+from bayesdamp.store.results import RanksContent, Store, TaskResult, provenance
 from bayesdamp.types import OK, Status, status_of
 
 RECOVERY = "recovery"
@@ -143,7 +139,7 @@ def run_calibration(
         if whole:
             _write(study, store, whole, models)
             if report:
-                from bayesdamp.report.render import render
+                from bayesdamp.report.sections import render
 
                 render(out)
         lines = [f"{chunk.name}: {chunk.outcome}" for chunk in failed]

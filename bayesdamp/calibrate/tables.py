@@ -4,8 +4,6 @@ Simulation-based calibration (Talts, Betancourt, Simpson, Vehtari and Gelman, ar
 the prior, and a record from these, make the rank of the truth among independent posterior draws uniform. The rank is
 also uniform over any selection of records that depends on the record alone, as the posterior is conditional on it."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -17,8 +15,7 @@ from scipy.stats import binom, binomtest, kstest, norm
 
 from bayesdamp.calibrate.ranks import LIKELIHOOD
 from bayesdamp.config import Study
-from bayesdamp.store.contents import ChunkContent, RanksContent, RecoveryContent
-from bayesdamp.store.results import TaskResult
+from bayesdamp.store.results import ChunkContent, RanksContent, RecoveryContent, TaskResult
 from bayesdamp.types import OK
 
 LEVELS = (0.5, 0.8, 0.95)

@@ -1,7 +1,5 @@
 """Define claims of the paper and verdicts on them, measure on the paper's records, and write the page of verdicts."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass

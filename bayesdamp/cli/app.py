@@ -1,7 +1,5 @@
 """Run a command, and report an error as one line and an exit status."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -1,7 +1,5 @@
 """Print errors as one short line, explain errors of the operating system, and prepare the output streams."""
 
-from __future__ import annotations
-
 import errno
 import io
 import os

@@ -3,8 +3,6 @@
 A command overwrites a file only if an earlier run of the same command wrote it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

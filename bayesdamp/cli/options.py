@@ -1,7 +1,5 @@
 """Define the options that several commands share: for reading files, for the run, and for the output."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Annotated, Any

@@ -11,16 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 from bayesdamp.cli.options import READING, option, parse_time
 from bayesdamp.formatting import show
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.files.names import unit_by_name
-from bayesdamp.records.findings import QUESTIONS, Finding, findings
-from bayesdamp.records.opening import read_each
-from bayesdamp.records.read import FROM_FIRST, read_records
-from bayesdamp.records.record import RawRecord, unit_or_guess
-from bayesdamp.types import InputError, Signal
-from bayesdamp.units import UNITS
+from bayesdamp.records.files.contents import unit_by_name
+from bayesdamp.records.read import FROM_FIRST, read_each, read_records
+from bayesdamp.records.record import QUESTIONS, Finding, RawRecord, findings, unit_or_guess
+from bayesdamp.types import UNITS, InputError, Signal
 
 if TYPE_CHECKING:
-    from bayesdamp.config.compare import RecordOptions
+    from bayesdamp.config.load import RecordOptions
 
 MAYBE_ENVELOPE = "If these values are the amplitudes of an envelope, use --quantity envelope."
 """Hint for a record without an oscillation and without negative values."""

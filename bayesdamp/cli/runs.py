@@ -1,7 +1,5 @@
 """Read a study, choose the folder of its run, run it, and print its verdicts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Check the tables of a study file. Each error message is one line that names the key."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager

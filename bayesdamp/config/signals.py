@@ -1,7 +1,5 @@
 """Read the tables [[signal]] of a study: the source of each record, the known parameters of its system, and sweeps."""
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Mapping
@@ -38,8 +36,7 @@ from bayesdamp.physics.oscillator import Oscillator, check_restoring
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.plain_text import at_home
 from bayesdamp.plugins import nearest
-from bayesdamp.types import InputError, System
-from bayesdamp.units import UNITS
+from bayesdamp.types import UNITS, InputError, System
 
 START = ("theta0", "omega0")
 """Names of the initial conditions of a motion: displacement (rad or m) and velocity (rad/s or m/s) at the first

@@ -18,8 +18,7 @@ from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.plugins import PluginModule
 from bayesdamp.priors import Prior
 from bayesdamp.serial import split
-from bayesdamp.types import SENSOR, InputError, System, candidate_name, candidate_parts
-from bayesdamp.units import UNITS
+from bayesdamp.types import SENSOR, UNITS, InputError, System, candidate_name, candidate_parts
 
 NAME = r"^\w[\w-]*\Z"
 """Regular expression of valid names of studies, signals, specimens and variants of estimators: letters of any alphabet,

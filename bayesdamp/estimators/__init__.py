@@ -5,8 +5,6 @@ Damping Parameter Estimation in Nonlinear Oscillatory Systems. It compares eleve
 Coulomb or quadratic damping; docs/methods.md describes what we do differently.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -16,8 +14,8 @@ import numpy as np
 from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.estimators._protocol import Estimator, Options, reason_not_applicable
 from bayesdamp.estimators.refine import refine
+from bayesdamp.estimators.shared import Estimator, Options, reason_not_applicable
 from bayesdamp.plugins import Registry, nearest
 from bayesdamp.types import OK, Estimate, InputError, Problem, Refusal, Signal
 

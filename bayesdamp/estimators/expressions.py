@@ -3,8 +3,6 @@
 An expression is a sum of products of v, |…| and tanh(…).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

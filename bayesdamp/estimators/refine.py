@@ -21,11 +21,9 @@ from bayesdamp.estimators.shared import (
     start_parameters,
 )
 from bayesdamp.numerics.levenberg_marquardt import Expansion, Schedule, Step, levenberg_marquardt
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.physics.oscillator import Oscillator, Trajectories
 from bayesdamp.records.oscillation.features import Features
-from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal
-from bayesdamp.units import quantity_unit
+from bayesdamp.types import OK, Estimate, Problem, Refusal, Signal, quantity_unit
 
 MOST_RESIDUAL = 1.1
 """A misfit is reported if the rms of the residual, divided by the standard deviation of the record's noise, exceeds

@@ -7,8 +7,6 @@ interval), integrated over time. The inertia of a row is ∫φ θ̈ dt plus the 
 are the integrals of the candidate terms. The rows have correlated errors, and their columns have noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product

@@ -3,8 +3,6 @@
 The spectrum of the residuals shows structure near the frequency of the oscillation, at its overtones, and at low
 frequencies. The fitted directions (changes of the motion by fitted parameters) are projected out of it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache

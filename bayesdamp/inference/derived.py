@@ -21,8 +21,6 @@ first-order averaging, the amplitude changes by −ΔE/(dE/dA) in a cycle. For a
 half-life is exact, and the relative error of the decrement is half the damping ratio squared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -7,8 +7,6 @@ paper. ArviZ computes the same numbers, but its import takes half a second in ea
 draw). A result is nan if a chain has fewer than four draws or a draw is not finite.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The mode of a posterior: its search, the accuracy of the motion there, and Laplace's approximation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

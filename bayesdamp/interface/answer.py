@@ -4,8 +4,6 @@
 described in the docstring of `bayesdamp.inference.deviation`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -24,12 +22,12 @@ from bayesdamp.inference.deviation.sampling import with_samples
 from bayesdamp.inference.deviation.single import state_of
 from bayesdamp.inference.deviation.specimen import RatioLikelihood, RunComparison, ratio_likelihood
 from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
-from bayesdamp.interface.no_free_decay import no_free_decay, remark_on
+from bayesdamp.interface.first_words import no_free_decay, remark_on
 from bayesdamp.priors import Prior
 from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.oscillation.law_free import LawFree, law_free
 from bayesdamp.serial import join, split
-from bayesdamp.store.contents import (
+from bayesdamp.store.results import (
     AnswerContent,
     CandidatePriors,
     ComparedCandidate,
@@ -37,8 +35,7 @@ from bayesdamp.store.contents import (
     SampledPosterior,
     StoredFit,
 )
-from bayesdamp.types import NORMAL_95, OK, InputError, Reference, Refusal, Signal
-from bayesdamp.units import UNITS, Unit
+from bayesdamp.types import NORMAL_95, OK, UNITS, InputError, Reference, Refusal, Signal, Unit
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.decide import decide
 from bayesdamp.verdict.parts import Averages, Grade, UsedWindow

@@ -1,7 +1,5 @@
 """Check the arguments of models, comparisons and signals before anything is computed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

@@ -27,11 +27,9 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.records.envelope.record import EnvelopeRecord
-from bayesdamp.store.files import save_bytes
+from bayesdamp.store.files import DAMPING_CURVES, save_bytes
 from bayesdamp.store.results import TaskResult
-from bayesdamp.store.tables import DAMPING_CURVES
-from bayesdamp.types import OK, InputError
-from bayesdamp.units import UNITS, Unit, level_unit, unit_named
+from bayesdamp.types import OK, UNITS, InputError, Unit, level_unit, unit_named
 from bayesdamp.verdict.parts import Grade, decay_table, ratios_table
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict
@@ -209,8 +207,8 @@ class Comparison(Result):
 
         Raises InputError if the file cannot be written.
         """
-        from bayesdamp.report.render import page_of
         from bayesdamp.report.results.run import RunFolder
+        from bayesdamp.report.sections import page_of
 
         cells = [
             TaskResult(f"answer/{a.verdict.record}/0", "comparison", a.content.meta(), a.arrays)

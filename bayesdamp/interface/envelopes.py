@@ -1,7 +1,5 @@
 """Compute the answer on an envelope, and the verdict on several envelopes of one specimen."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,7 +13,7 @@ from bayesdamp.physics.amplitude import SUMS
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.records.envelope.window import EnvelopeWindow
 from bayesdamp.serial import join, split
-from bayesdamp.store.contents import AnswerContent, EnvelopeContent
+from bayesdamp.store.results import AnswerContent, EnvelopeContent
 from bayesdamp.types import Refusal
 from bayesdamp.verdict.envelope import EnvelopeAnswer, answer, specimen
 from bayesdamp.verdict.parts import Grade

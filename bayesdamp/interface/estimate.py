@@ -11,8 +11,7 @@ import numpy as np
 from bayesdamp import types
 from bayesdamp.estimators import STAGES, run as run_estimator
 from bayesdamp.formatting import Table, data_frame
-from bayesdamp.interface.density import units_of
-from bayesdamp.interface.model import Case, Model, check_signal
+from bayesdamp.interface.model import Case, Model, check_signal, units_of
 from bayesdamp.interface.result import Result, frame_table
 from bayesdamp.interface.signal import Signal
 from bayesdamp.types import OK, Refusal

@@ -20,8 +20,7 @@ from bayesdamp.inference.mode import Mode, StoredMode, restore_mode, value_inter
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.answer import amplitudes_in_base_unit
 from bayesdamp.interface.arguments import numbers_of
-from bayesdamp.interface.density import Density, units_of
-from bayesdamp.interface.model import Model, check_signal, fit_approximate, fit_exact
+from bayesdamp.interface.model import Density, Model, check_signal, fit_approximate, fit_exact, units_of
 from bayesdamp.interface.result import (
     BLUE,
     QUIET,
@@ -34,14 +33,12 @@ from bayesdamp.interface.result import (
 )
 from bayesdamp.interface.signal import Signal
 from bayesdamp.physics.kernel.solve import QUANTITIES
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.physics.oscillator import Oscillator, Trajectories
 from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.serial import Storable
-from bayesdamp.types import OK, InputError, Refusal
-from bayesdamp.units import UNITS
+from bayesdamp.types import OK, UNITS, InputError, Refusal
 from bayesdamp.verdict.words import UNDETECTED_DEVIATION
 
 if TYPE_CHECKING:

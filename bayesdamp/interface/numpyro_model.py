@@ -1,7 +1,5 @@
 """Turn a posterior into a NumPyro model, which can be run, extended, or given another prior."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

@@ -26,7 +26,7 @@ from bayesdamp.interface.result import QUIET, GivenAxes, Result, frame_table, ge
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.priors import joint_log_density
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.store.contents import NO_DRAWS
+from bayesdamp.store.results import NO_DRAWS
 from bayesdamp.types import OK, InputError, Refusal
 
 if TYPE_CHECKING:

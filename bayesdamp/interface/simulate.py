@@ -1,7 +1,5 @@
 """Simulate a record from a damping, a restoring law, and their parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

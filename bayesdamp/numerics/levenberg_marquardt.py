@@ -5,8 +5,6 @@ step that does not decrease the function, and grows after any other (Levenberg 1
 scaling).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple

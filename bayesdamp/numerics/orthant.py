@@ -4,8 +4,6 @@
 `ReflectedT` is a heavy-tailed distribution that is reflected at zero.
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

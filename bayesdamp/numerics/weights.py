@@ -6,8 +6,6 @@ fit is by Zhang and Stephens, "A new and efficient estimation method for the gen
 Technometrics 51 (2009).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ causes at A_ref, and p_i = 1, 0 and 2. For any other term the decay dA/dt = -W/(
 harmonic motion, is tabulated over ln A. Sums are integrated numerically.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

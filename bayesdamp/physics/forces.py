@@ -4,8 +4,6 @@
 `newton_many` (arrays) use Newton's method from a position close to the equilibrium. Forces are per unit of inertia.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache, reduce

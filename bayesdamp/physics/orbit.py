@@ -5,8 +5,6 @@ is x = c + A sin φ, with the amplitude A and the centre c of the two turning po
 integrands are smooth in φ, so that the quadrature converges fast.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,8 +1,6 @@
-"""Define an oscillator (a sum of damping terms and a restoring law), and the reference scales of its priors."""
+"""Define an oscillator (a sum of damping terms and a restoring law), and compute its trajectories."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -10,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bayesdamp.physics.damping import TERMS, DampingTerm, parse_model
-from bayesdamp.physics.forces import bracket, by_kernel, frequency_over, newton_many, rest_near
+from bayesdamp.physics.forces import bracket, by_kernel, frequency_over, newton, newton_many, rest_near
+from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, QUANTITIES, Motion, Solver
 from bayesdamp.physics.restoring import LAWS, RestoringLaw
-from bayesdamp.types import FeatureValues, InputError, Reference, System
+from bayesdamp.types import FeatureValues, InputError, Reference, Refusal, System
 
 Parameters = Mapping[str, float | np.ndarray]
 """Values of an oscillator's parameters by name, as scalars or arrays."""
@@ -225,3 +224,249 @@ def reference_of(system: System, features: FeatureValues) -> Reference:
     return Reference(
         amplitude or float(f"{features.amplitude:.1e}"), frequency or float(f"{features.frequency:.1e}")
     )
+
+
+STEPS_PER_CYCLE = 25.0
+"""Number of steps per cycle whose errors add up; it converts the error of a trajectory to that of a step (measured at
+the default tolerance of `Solver.solve`)."""
+DERIVATIVE_LOSS = 15.0
+"""Factor by which the relative error between the nodes of the integration grows with each time derivative (measured on
+the shipped laws: 4 to 13)."""
+MAX_TOLERANCE, MIN_TOLERANCE = 1e-6, 1e-13
+"""Largest and smallest tolerance of a step of the solver, relative to the amplitude. With larger tolerances the error
+of a trajectory no longer follows the tolerance; smaller ones are below the rounding error."""
+ROUNDING = 1e-12
+"""An amplitude that is at most this fraction of the start angle and the equilibrium counts as a body at rest, because
+the difference is only a rounding error."""
+FORCE_STEP, RECORD_STEP = 1e-6, 1e-3
+"""Relative step of central differences: `FORCE_STEP` for a force, `RECORD_STEP` for a trajectory, which is smooth in
+its parameters only within the tolerance of the solver. The relative error of a difference is of the order of the step
+squared."""
+
+
+class Trajectories:
+    """Compute trajectories of an oscillator at fixed times, for any values of its parameters.
+
+    Each trajectory starts with theta0 and omega0 at the first time. If a damping term needs the equilibrium `rest`, it
+    is computed for each set of parameters; the search starts from the value of `rest` among the parameters or, without
+    it, from the equilibrium of `reference`. The numbers `reference_amplitude` and `reference_velocity` follow from
+    `reference` unless they are among the parameters.
+
+    Parameters
+    ----------
+    osc : Oscillator
+        The oscillator: damping terms and restoring law.
+    times : ndarray, shape (n,)
+        Sample times in s, not decreasing.
+    quantity : str
+        "angle", "velocity" or "acceleration".
+    reference : mapping of str to float
+        Rough values of all parameters except the damping coefficients, by name. They set the scales of amplitude and
+        frequency from which the tolerances of the solver follow.
+    tolerance : float, optional
+        Largest error of the samples in their unit, for parameters near the reference; 0 for the smallest possible
+        error. By default the error of each step is `kernel.solve.TOLERANCE`, relative to the amplitude.
+
+    Raises
+    ------
+    Refusal
+        If the restoring law has no `kernel`. A damping term without one is refused at the first trajectory.
+    """
+
+    def __init__(
+        self,
+        osc: Oscillator,
+        times: np.ndarray,
+        quantity: str,
+        reference: Mapping[str, float],
+        tolerance: float | None = None,
+    ) -> None:
+        self.osc = osc
+        self._rests = "rest" in osc.scales
+        t = np.asarray(times, float) - float(times[0])
+        self._count = t.size
+        rest, amplitude, frequency = _scales(osc, reference)
+        self._given = {
+            "rest": rest,
+            "reference_amplitude": amplitude,
+            "reference_velocity": amplitude * frequency,
+        }
+        if t[-1] <= 0.0:  # the solver needs a positive duration
+            t = np.append(t, 1.0 / frequency)
+        if not amplitude > ROUNDING * max(abs(rest), abs(float(reference["theta0"]))):
+            amplitude = 1.0  # the body is at rest
+        self._solver = Solver(osc.damping, osc.restoring, t, quantity, amplitude, frequency, 0.0, t[[0, -1]])
+        self._active = np.ones(len(osc.damping), bool)
+        self._tolerance = None
+        if tolerance is not None:  # convert to the error of one step, relative to the amplitude
+            order = QUANTITIES.index(quantity)
+            cycles = max(1.0, t[-1] * frequency / (2 * np.pi))
+            share = tolerance / (amplitude * frequency**order)
+            self._tolerance = float(
+                np.clip(
+                    share / (STEPS_PER_CYCLE * cycles * DERIVATIVE_LOSS**order), MIN_TOLERANCE, MAX_TOLERANCE
+                )
+            )
+
+    def record(self, p: Mapping[str, float]) -> np.ndarray:
+        """Return the samples of the quantity, (n,), for parameters p by name; all NaN if the trajectory diverges.
+
+        All are also NaN if a damping term needs the equilibrium and there is none. If epsilon is missing in p, it is 0;
+        all other parameters of the oscillator are necessary.
+        """
+        motion = self._solve(p, NONE)
+        return np.full(self._count, np.nan) if motion is None else motion.y[: self._count]
+
+    def with_slopes(self, p: Mapping[str, float], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the samples, (n,), and their derivatives by the parameters in `names`, (k, n), at p, values by name.
+
+        Derivatives by parameters of the restoring law include their effect on `rest`. The derivative by epsilon is a
+        central difference (0 at epsilon = 0); that by a name that the motion does not depend on is 0. All are NaN if
+        the trajectory diverges, or if a damping term needs the equilibrium and there is none.
+        """
+        motion, epsilon = self._solve(p, PARAMETERS), _epsilon(p)
+        if motion is None:
+            return np.full(self._count, np.nan), np.full((len(names), self._count), np.nan)
+        slopes = np.zeros((len(names), self._count))
+        of_rest = self._slopes_of_rest(p) if self._rests else {}
+        for row, name in zip(slopes, names, strict=True):
+            # At epsilon = 0 the derivative is zero: the dissipated energy depends on epsilon squared.
+            if name == "epsilon" and epsilon > 0.0:
+                up, down = (
+                    self.record({**p, "epsilon": epsilon * (1.0 + sign * RECORD_STEP)})
+                    for sign in (1.0, -1.0)
+                )
+                row += (up - down) / (2.0 * RECORD_STEP * epsilon)
+            for place, own in enumerate(self._solver.names):
+                if own == name or (own == "rest" and name in of_rest):
+                    share = 1.0 if own == name else of_rest[name]
+                    row += share * motion.tangents[: self._count, place]
+        return motion.y[: self._count], slopes
+
+    def many(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the samples, (m, n), for m sets of parameters; values: an array (m,) for each parameter, by name.
+
+        All samples of a row are NaN if its trajectory diverges, or if a damping term needs the equilibrium and there is
+        none.
+        """
+        sets = zip(*(np.asarray(v, float).tolist() for v in values.values()), strict=True)
+        return np.stack([self.record(dict(zip(values, numbers))) for numbers in sets])
+
+    def _solve(self, p: Mapping[str, float], tangents: int) -> Motion | None:
+        values = {**self._given, **p}
+        if self._rests:
+            rest = self._rest(p)
+            if rest is None:
+                return None
+            values["rest"] = rest
+        vector = np.array([float(values[name]) for name in self._solver.names])
+        return self._solver.solve(
+            vector, self._active, tangents=tangents, tolerance=self._tolerance, epsilon=_epsilon(p)
+        )
+
+    def _rest(self, p: Mapping[str, float]) -> float | None:
+        """Return the equilibrium of the restoring law with parameters p; None if Newton's method does not reach one.
+
+        It starts at `rest` in p or, if this is missing, at the equilibrium of the reference.
+        """
+        force = _force(self.osc, p)
+        return newton(lambda x: (force(x), _slope(force, x)), float(p.get("rest", self._given["rest"])))
+
+    def _slopes_of_rest(self, p: Mapping[str, float]) -> dict[str, float]:
+        """Return the derivatives of the equilibrium by the law's parameters, by name; empty if there is no equilibrium.
+
+        They follow from the implicit function theorem. p: values of all parameters of the oscillator, by name.
+        """
+        rest = self._rest(p)
+        if rest is None:
+            return {}
+        stiffness = _slope(_force(self.osc, p), rest)
+        slopes = {}
+        for name in self.osc.law.parameters:
+            slope = _slope(lambda v, name=name: _force(self.osc, {**p, name: v})(rest), float(p[name]))
+            slopes[name] = -slope / stiffness
+        return slopes
+
+
+def _epsilon(p: Mapping[str, float]) -> float:
+    """Return the width epsilon in rad/s from the parameters p; 0 (discontinuous friction) if it is missing."""
+    return float(p.get("epsilon", 0.0))
+
+
+def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, float]:
+    """Return the equilibrium θ_e nearest to theta0, the amplitude about it, and the angular frequency ω there, rad/s.
+
+    The amplitude is √((θ₀ − θ_e)² + (θ̇₀/ω)²). p: values of all parameters except the damping's. If there is no stable
+    equilibrium in the range of the search, or no positive slope of the force there, return theta0, |theta0| and 1.
+    Raises Refusal if the restoring law has no `kernel`.
+    """
+    theta0, omega0 = float(p["theta0"]), float(p["omega0"])
+    law = np.array([float(p[name]) for name in osc.law.parameters])
+    force = _force(osc, p)
+    try:
+        rest = rest_near(
+            by_kernel(osc.law.kernel, law), theta0, SEARCH_REACH * max(1.0, abs(theta0)), SEARCH_POINTS
+        )
+    except NotImplementedError:
+        raise Refusal(
+            f"the restoring law {osc.restoring!r} has no `kernel`; define this method to compute trajectories"
+        ) from None
+    squared_frequency = 0.0 if rest is None else _slope(force, rest)
+    if rest is None or not squared_frequency > 0.0:
+        return theta0, abs(theta0), 1.0
+    frequency = float(np.sqrt(squared_frequency))
+    return rest, float(np.hypot(theta0 - rest, omega0 / frequency)), frequency
+
+
+def _force(osc: Oscillator, p: Mapping[str, float]) -> Callable[[float], float]:
+    """Return a function that computes the restoring force from the position only, with parameters p."""
+    law = [float(p[name]) for name in osc.law.parameters]
+    return lambda x: osc.law.kernel(x, law)
+
+
+def _slope(function: Callable[[float], float], x: float) -> float:
+    """Return the derivative of a smooth scalar function at x, by a central difference."""
+    h = FORCE_STEP * max(1.0, abs(x))
+    return (function(x + h) - function(x - h)) / (2.0 * h)
+
+
+def simulate(
+    osc: Oscillator,
+    p: Mapping[str, float],
+    times: np.ndarray,
+    quantity: str = "angle",
+    tolerance: float = 1e-9,
+) -> np.ndarray:
+    """Return the trajectory of an oscillator that starts with theta0 and omega0 at the first time.
+
+    Parameters
+    ----------
+    osc
+        The oscillator.
+    p
+        Values of all its parameters, by name (`Oscillator.parameters`).
+    times
+        Times in s, shape (n,), not decreasing.
+    quantity
+        What to return: "angle", "velocity" or "acceleration".
+    tolerance
+        Largest error, in the unit of the quantity.
+
+    Returns
+    -------
+    ndarray
+        The quantity at these times, shape (n,); all NaN if the trajectory diverges.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is missing or the quantity is unknown.
+    Refusal
+        If the restoring law or a damping term has no `kernel`.
+    """
+    missing = [name for name in osc.parameters if name not in p]
+    if missing:
+        raise ValueError(f"parameter {missing[0]!r} is missing; needed are {', '.join(osc.parameters)}")
+    if quantity not in QUANTITIES:
+        raise ValueError(f"quantity {quantity!r} is not one of {', '.join(QUANTITIES)}")
+    return Trajectories(osc, times, quantity, p, tolerance).record(p)

@@ -1,11 +1,8 @@
 """Look up the symbol, description and unit of an oscillator's parameter."""
 
-from __future__ import annotations
-
 from bayesdamp.physics.damping import TERMS, words_of
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.types import Symbol
-from bayesdamp.units import quantity_unit
+from bayesdamp.types import Symbol, quantity_unit
 
 # Symbols of parameters that belong to no damping term or restoring law.
 _STATE = {

@@ -1,7 +1,5 @@
 """Compute the answer on one record: the evidence of every damping model, the verdict and its numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from bayesdamp.config import Recording, SignalSpec, Study
@@ -16,7 +14,7 @@ from bayesdamp.pipeline.records import NOT_APPLICABLE, StudyRecord
 from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.priors import Prior
 from bayesdamp.serial import join, split
-from bayesdamp.store.contents import AnswerContent
+from bayesdamp.store.results import AnswerContent
 from bayesdamp.types import OK, Refusal, Status, following
 from bayesdamp.verdict.parts import Grade
 

@@ -1,7 +1,5 @@
 """Read the envelopes of a study and compute the answers on them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

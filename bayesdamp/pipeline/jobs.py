@@ -1,7 +1,5 @@
 """List the jobs of a study with their tasks, order them in stages, and choose which candidates are left out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum

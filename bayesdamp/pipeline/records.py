@@ -1,7 +1,5 @@
 """Read or simulate, clean and describe the records of a study, and load stored records for other tasks."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import fields, replace
 from functools import cached_property, lru_cache
@@ -12,7 +10,7 @@ from bayesdamp.config import Recording, SignalSpec, Simulation, Study
 from bayesdamp.estimators.refine import cramer_rao
 from bayesdamp.estimators.shared import has_noise
 from bayesdamp.formatting import digits, percentage
-from bayesdamp.interface.no_free_decay import no_free_decay
+from bayesdamp.interface.first_words import no_free_decay
 from bayesdamp.interface.signal import Signal as CutSignal, cut
 from bayesdamp.interface.simulate import simulate_source
 from bayesdamp.physics.damping import TERMS
@@ -20,17 +18,16 @@ from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.plugins import sources_below
-from bayesdamp.records.findings import findings, refuse_questions
 from bayesdamp.records.oscillation.anomalies import find_anomalies
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.read import read_record
-from bayesdamp.records.record import RawRecord
-from bayesdamp.store.contents import FeatureValues, RecordContent
-from bayesdamp.store.results import Store, TaskResult, sha256
+from bayesdamp.records.record import RawRecord, findings, refuse_questions
+from bayesdamp.store.results import FeatureValues, RecordContent, Store, TaskResult, sha256
 from bayesdamp.types import (
     FRICTION_WIDTH,
     OK,
+    UNITS,
     InputError,
     Problem,
     Provenance,
@@ -39,7 +36,6 @@ from bayesdamp.types import (
     Status,
     System,
 )
-from bayesdamp.units import UNITS
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import describe_motion
 

@@ -21,10 +21,16 @@ from bayesdamp.interface.result import ResultView, outcome_notes
 from bayesdamp.pipeline import run
 from bayesdamp.plugins import nearest
 from bayesdamp.serial import split
-from bayesdamp.store.contents import EstimateContent, EvidenceContent, ModeContent, PosteriorContent
-from bayesdamp.store.files import read_description
-from bayesdamp.store.results import Store, TaskName, TaskResult
-from bayesdamp.store.tables import TABLES, read_table
+from bayesdamp.store.files import TABLES, read_description, read_table
+from bayesdamp.store.results import (
+    EstimateContent,
+    EvidenceContent,
+    ModeContent,
+    PosteriorContent,
+    Store,
+    TaskName,
+    TaskResult,
+)
 from bayesdamp.types import OK, InputError, Status, status_of
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.config import Recording, Study
-from bayesdamp.interface.no_free_decay import no_free_decay
+from bayesdamp.interface.first_words import no_free_decay
 from bayesdamp.machine import cores
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, stored_answer
@@ -125,7 +125,7 @@ def run_study(
                     write_verdicts(study, current)
             progress.begin("drawing the report", ())
             write_tables(study, Store(out, _current_keys(study, store)))
-            from bayesdamp.report.render import render  # imports Jinja
+            from bayesdamp.report.sections import render  # imports Jinja
 
             try:
                 render(out, None if scheduler else pool)

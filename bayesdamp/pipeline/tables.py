@@ -1,7 +1,5 @@
 """Write the tables, the verdicts and the run.json of a run from its stored results."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -19,19 +17,18 @@ from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.evidence import evidence_by_method, probabilities
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.tasks import task_seed
-from bayesdamp.store.contents import (
+from bayesdamp.store.files import DAMPING_CURVES, POPULATION, SCHEMA, TABLES, write_json, write_table
+from bayesdamp.store.results import (
     AnswerContent,
     EstimateContent,
     ModeContent,
     PosteriorContent,
     RecordContent,
     SampledPosterior,
+    Store,
+    provenance,
 )
-from bayesdamp.store.files import SCHEMA, write_json
-from bayesdamp.store.results import Store, provenance
-from bayesdamp.store.tables import DAMPING_CURVES, POPULATION, TABLES, write_table
-from bayesdamp.types import NORMAL_95, OK, Evidence, Status, status_of
-from bayesdamp.units import UNITS, Unit, quantity_unit, unit_named
+from bayesdamp.types import NORMAL_95, OK, UNITS, Evidence, Status, Unit, quantity_unit, status_of, unit_named
 from bayesdamp.verdict.specimen import pool_coefficients, specimen
 from bayesdamp.verdict.types import Verdict, save_verdicts
 from bayesdamp.verdict.units import in_unit, picture_in_unit

@@ -1,7 +1,5 @@
 """Compute the keys and seeds of tasks, and store the result of a task."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
@@ -14,9 +12,8 @@ import numpy as np
 
 from bayesdamp.config import Study
 from bayesdamp.sources import code_digest
-from bayesdamp.store.contents import Content
 from bayesdamp.store.files import is_disk_full
-from bayesdamp.store.results import Store, TaskResult
+from bayesdamp.store.results import Content, Store, TaskResult
 from bayesdamp.types import OK, InputError, Refusal, Status
 
 _CANDIDATE = (

@@ -3,8 +3,6 @@
 If a task kills its process (for example for lack of memory), only this task is lost.
 """
 
-from __future__ import annotations
-
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Choose the columns of a file that form a record: the times, and a column of values that oscillates and decays."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -9,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.names import (
+from bayesdamp.records.files.contents import (
+    Column,
+    Contents,
     find_columns,
     list_names,
     names_index,
@@ -22,9 +21,8 @@ from bayesdamp.records.files.names import (
     split_run,
     unit_of_column,
 )
-from bayesdamp.records.oscillation.spectrum import LEAST_SHARE, coarse_period
-from bayesdamp.types import DERIVATIVES, InputError
-from bayesdamp.units import UNITS
+from bayesdamp.records.oscillation.noise import LEAST_SHARE, coarse_period
+from bayesdamp.types import DERIVATIVES, UNITS, InputError
 
 MIN_SAMPLES = 10
 """Smallest number of samples of a record; shorter ones are refused (conventional)."""

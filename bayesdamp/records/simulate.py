@@ -1,13 +1,10 @@
 """Simulate records with the faults of measured ones: noise, spikes, gaps and rounding."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
 
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.trajectories import simulate
+from bayesdamp.physics.oscillator import Oscillator, simulate
 from bayesdamp.types import InputError, Provenance, Signal
 
 NOISES = ("gaussian", "correlated", "student_t")

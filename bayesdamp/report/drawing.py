@@ -3,8 +3,6 @@
 The colours are Okabe and Ito's palette for colour-blind readers.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import re

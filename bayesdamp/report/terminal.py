@@ -1,7 +1,5 @@
 """Print a comparison on the terminal: the answer of each record as soon as it is available, and the final result."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Mapping
@@ -13,9 +11,9 @@ from rich.text import Text
 
 from bayesdamp.report.results.checks import sampling_sentence
 from bayesdamp.report.results.run import RunFolder, answers, no_verdict_sentence, overview_table, specimens
-from bayesdamp.units import unit_named
-from bayesdamp.verdict.agreement import agreement
+from bayesdamp.types import unit_named
 from bayesdamp.verdict.parts import Grade, decay_table, modes_table, ratios_table
+from bayesdamp.verdict.specimen import agreement
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import in_unit
 from bayesdamp.verdict.words import energy_sentences, noise_sentence

@@ -1,7 +1,5 @@
 """Translate the names of parameters, models, methods and units into words and symbols for a reader."""
 
-from __future__ import annotations
-
 from bayesdamp.physics.symbols import meaning_of, own_words, parameter_symbol
 from bayesdamp.types import Symbol, candidate_parts
 

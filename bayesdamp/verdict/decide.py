@@ -1,7 +1,5 @@
 """Decide on a verdict: a pure function of the findings of a model comparison."""
 
-from __future__ import annotations
-
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import log

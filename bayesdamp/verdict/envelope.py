@@ -1,7 +1,5 @@
 """Decide on the verdict on an envelope, and on several envelopes of one specimen."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace

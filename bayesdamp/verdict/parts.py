@@ -1,7 +1,5 @@
 """Define the values of which a verdict consists, and write tables of them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 from bayesdamp.calls import CheckedMethods
 from bayesdamp.formatting import data_frame
 from bayesdamp.serial import join, split
-from bayesdamp.store.files import save_bytes, write_json
-from bayesdamp.store.tables import write_table
+from bayesdamp.store.files import save_bytes, write_json, write_table
 from bayesdamp.types import VERDICT_SCHEMA, InputError
 from bayesdamp.verdict.parts import (
     NAN,

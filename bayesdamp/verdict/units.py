@@ -1,13 +1,11 @@
 """Convert a verdict, and the arrays of its figures, to the unit of the record's file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from bayesdamp.units import Unit
+from bayesdamp.types import Unit
 from bayesdamp.verdict.parts import AtAmplitude, IntervalAt, Oscillation
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence

@@ -16,8 +16,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.trajectories import simulate
+from bayesdamp.physics.oscillator import Oscillator, simulate
 from tests.benchmarks.page import add_table
 
 SAMPLES, CYCLES = 5_000, 70

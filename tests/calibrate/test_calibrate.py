@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from bayesdamp.calibrate import problem, ranks, recovery
+from bayesdamp.calibrate import ranks, recovery
 from bayesdamp.calibrate.run import run_calibration
 from bayesdamp.cli import main
 from bayesdamp.config import load_study
@@ -17,7 +17,7 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise.gaussian import Gaussian
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.records.simulate import simulate_signal
-from bayesdamp.store.contents import RecoveryContent
+from bayesdamp.store.results import RecoveryContent
 from bayesdamp.types import InputError
 from tests.studies import study_text
 from validation.scoring import read_rows
@@ -78,13 +78,13 @@ def test_the_included_studies_can_be_run():
 
 def test_simulated_records_have_the_prior_and_the_noise_that_the_posterior_uses(tmp_path):
     """The noise within four standard errors. The name of a record is its seed."""
-    generator = problem.make_generator(load_study(STUDIES / "calibration.toml"), "viscous")
+    generator = ranks.make_generator(load_study(STUDIES / "calibration.toml"), "viscous")
     assert generator.blank.names == ("zeta", "stiffness", "theta0", "omega0", "noise_sd")
-    drawn = generator.draw(problem.record_rng(1, "a"), "a")
+    drawn = generator.draw(ranks.record_rng(1, "a"), "a")
     assert drawn.target.priors is generator.blank.priors
     assert set(drawn.truth) == set(generator.blank.names)
-    np.testing.assert_array_equal(generator.draw(problem.record_rng(1, "a"), "a").signal.y, drawn.signal.y)
-    assert generator.draw(problem.record_rng(1, "b"), "b").truth["zeta"] != drawn.truth["zeta"]
+    np.testing.assert_array_equal(generator.draw(ranks.record_rng(1, "a"), "a").signal.y, drawn.signal.y)
+    assert generator.draw(ranks.record_rng(1, "b"), "b").truth["zeta"] != drawn.truth["zeta"]
     p, rng = {**generator.blank.known, **drawn.truth}, np.random.default_rng(0)
     clean = simulate_signal(generator.blank.oscillator, p, duration=10.0, samples=401, rng=rng)
     ratio = np.std(drawn.signal.y - clean.y) / drawn.truth["noise_sd"]
@@ -107,11 +107,11 @@ def test_the_reference_amplitude_and_frequency_are_those_of_the_study(tmp_path, 
     old = '"linear", amplitude = 0.3, frequency = 4.5, stiffness = 20.0, rest_angle = 0.0'
     assert old in STUDY
     text = STUDY.replace(old, law).replace("simulate = {", f"simulate = {{ {simulated}")
-    assert problem.make_generator(load_study(write(tmp_path, text)), "viscous").blank.names[0] == "zeta"
+    assert ranks.make_generator(load_study(write(tmp_path, text)), "viscous").blank.names[0] == "zeta"
     bare = text.replace("amplitude = 0.3, ", "").replace("theta0 = 0.3, omega0", 'theta0 = "free", omega0')
     bare = bare.replace("simulate = {", "simulate = { theta0 = 0.3, ")
     with pytest.raises(InputError, match="amplitude is missing"):
-        problem.make_generator(load_study(write(tmp_path, bare)), "viscous")
+        ranks.make_generator(load_study(write(tmp_path, bare)), "viscous")
 
 
 KNOWN = STUDY.replace("records = 120", 'records = 12, samplers = ["nuts"]').replace(', "coulomb"', "")

@@ -9,9 +9,10 @@ import pandas as pd
 import pytest
 
 from bayesdamp.claims import CLAIMS
-from bayesdamp.claims.accuracy import PRINTED_TIMES, _best_clean
 from bayesdamp.claims.judge import Claim, Judgement, Runs, initial_error, page_of_verdicts, verdict_of
-from bayesdamp.claims.mechanisms import (
+from bayesdamp.claims.paper import (
+    PRINTED_TIMES,
+    _best_clean,
     _nonlinearity_is_the_cause,
     _regression_is_accurate,
     _topological_fails,

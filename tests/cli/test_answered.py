@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.store.tables import read_table
+from bayesdamp.store.files import read_table
 
 COMPARE = "compare ok.csv --restoring linear --workers 1 --damping viscous --damping coulomb --out out"
 ZETA = 0.1

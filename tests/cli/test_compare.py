@@ -13,8 +13,7 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.cli.runs import choose_folder
-from bayesdamp.config.compare import comparison, laws_for
-from bayesdamp.config.load import record_question
+from bayesdamp.config.load import comparison, laws_for, record_question
 from bayesdamp.pipeline.records import StudyRecord, compute_signal
 from bayesdamp.pipeline.tasks import compute_and_store
 from bayesdamp.store.files import write_json

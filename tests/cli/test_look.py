@@ -13,7 +13,7 @@ from bayesdamp.cli import main
 from bayesdamp.cli.commands.compare import early_lines
 from bayesdamp.cli.records import ReadingOptions, records_in, select_records, study_signals
 from bayesdamp.config import Recording, in_keys, load_study
-from bayesdamp.config.compare import comparison
+from bayesdamp.config.load import comparison
 from bayesdamp.pipeline.records import read_raw
 from bayesdamp.types import InputError
 from tests.records.tables import T, Y, write_table

@@ -9,7 +9,7 @@ from bayesdamp.interface.envelopes import analyse, answer_envelope, specimen_of_
 from bayesdamp.physics.amplitude import SUMS
 from bayesdamp.priors import odds
 from bayesdamp.records.envelope.record import EnvelopeRecord, make_record
-from bayesdamp.store.contents import AnswerContent
+from bayesdamp.store.results import AnswerContent
 from bayesdamp.verdict.envelope import joint_damping, specimen
 from bayesdamp.verdict.specimen import specimen_probabilities
 from validation.truth.ringdowns import Ringdown, simulate

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bayesdamp.estimators import names_for_all
-from bayesdamp.estimators._protocol import optional_package
+from bayesdamp.estimators.shared import optional_package
 
 NEEDS = {
     "pinn": ["torch"],
@@ -41,7 +41,7 @@ class Missing:
 
 sys.meta_path.insert(0, Missing)
 from bayesdamp.estimators import ESTIMATORS, names_for_all, parse_options, run
-from bayesdamp.estimators._protocol import table
+from bayesdamp.estimators.shared import table
 from tests.estimators.truths import pendulum
 
 table([ESTIMATORS.get(name) for name in names_for_all()], ["viscous", "power"])

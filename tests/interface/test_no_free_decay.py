@@ -14,8 +14,7 @@ from bayesdamp.cli import main
 from bayesdamp.interface.answer import answer
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.record import RawRecord
-from bayesdamp.store.contents import RecordContent
-from bayesdamp.store.results import Store
+from bayesdamp.store.results import RecordContent, Store
 from bayesdamp.types import Signal
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Grade, MotionKind
@@ -145,7 +144,9 @@ def test_a_study_without_a_verdict_says_what_is_wrong_with_a_record(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One record grows, the other decays; one line of each has a cell too many. Amplitudes are in degrees."""
-    monkeypatch.setattr("bayesdamp.report.render.render", lambda out, _: (out / "report.html").write_text(""))
+    monkeypatch.setattr(
+        "bayesdamp.report.sections.render", lambda out, _: (out / "report.html").write_text("")
+    )
     (tmp_path / "study.toml").write_text(STUDY)
     for rate in (-0.012, 0.012):
         t, y = sum_of((0.1, 1.0, rate))

@@ -10,9 +10,8 @@ from scipy.integrate import solve_ivp
 
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.physics.kernel.solve import QUANTITIES
-from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.oscillator import Oscillator, Trajectories, simulate
 from bayesdamp.physics.restoring import LAWS as LAW_PLUGINS
-from bayesdamp.physics.trajectories import Trajectories, simulate
 from tests.physics.independent import LAWS, PAPER, restoring, trajectory
 from validation.truth.oscillator import SUMS
 

@@ -17,9 +17,8 @@ from bayesdamp.pipeline.answering import stored_fit
 from bayesdamp.pipeline.jobs import choose_candidates
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.store.contents import AnswerContent, ComparedCandidate
-from bayesdamp.store.results import Store, TaskResult
-from bayesdamp.store.tables import read_table
+from bayesdamp.store.files import read_table
+from bayesdamp.store.results import AnswerContent, ComparedCandidate, Store, TaskResult
 from bayesdamp.types import Evidence, Refusal, Status, status_of
 from tests.studies import ESTIMATED, WEIGHED, study_text, write_study
 

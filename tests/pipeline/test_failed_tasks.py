@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from bayesdamp.pipeline import records
 from bayesdamp.pipeline.run import run_study
+from bayesdamp.store.files import read_table
 from bayesdamp.store.results import Store
-from bayesdamp.store.tables import read_table
 from tests.studies import ESTIMATED, signal_text, study_text, write_study
 
 SIMULATE = "viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003"

@@ -14,8 +14,8 @@ from bayesdamp.config import Study
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.pipeline.tasks import task_seed
+from bayesdamp.store.files import read_table
 from bayesdamp.store.results import Store
-from bayesdamp.store.tables import read_table
 from tests.studies import study_text, write_study
 
 MODEL = "viscous+coulomb"

@@ -10,8 +10,7 @@ from bayesdamp.config import Study
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.evidence import compute_evidence, list_evidence
 from bayesdamp.pipeline.records import StudyRecord
-from bayesdamp.store.contents import EvidenceContent
-from bayesdamp.store.results import Store, TaskResult
+from bayesdamp.store.results import EvidenceContent, Store, TaskResult
 from bayesdamp.types import Evidence
 from tests.studies import COMPARED, WEIGHED, study_text, write_study
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import bayesdamp as bd
-from bayesdamp.store.tables import read_table
+from bayesdamp.store.files import read_table
 from tests.interface.problems import not_refused
 
 STUDY: dict[str, Any] = {

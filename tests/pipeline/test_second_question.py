@@ -8,8 +8,8 @@ from pathlib import Path
 
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.report.results.run import RunFolder
+from bayesdamp.store.files import read_table
 from bayesdamp.store.results import Store
-from bayesdamp.store.tables import read_table
 from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
 
 STUDY = study_text(
@@ -22,7 +22,7 @@ def modes(out: Path) -> set[str]:
 
 
 def test_results_of_an_earlier_study_are_kept_but_not_shown(tmp_path, monkeypatch):
-    monkeypatch.setattr("bayesdamp.report.render.render", lambda *_: None)
+    monkeypatch.setattr("bayesdamp.report.sections.render", lambda *_: None)
     out = tmp_path / "out"
     assert run_study(write_study(tmp_path, STUDY), out, workers=1) == 0
     assert modes(out) == {"viscous", "quadratic"}

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.config.compare import SPECIMEN, comparison
+from bayesdamp.config.load import SPECIMEN, comparison
 from bayesdamp.pipeline.jobs import task_names
 from bayesdamp.types import InputError
 from tests.records.tables import write_table

@@ -13,8 +13,8 @@ import xarray as xr
 
 from bayesdamp.pipeline.jobs import task_names
 from bayesdamp.pipeline.run import run_study
+from bayesdamp.store.files import read_table
 from bayesdamp.store.results import Store
-from bayesdamp.store.tables import read_table
 from tests.studies import COMPARED, SYSTEM, WEIGHED, signal_text, study_text, tables_of, write_study
 
 SIMULATE = "viscous = 0.05, duration = 10.0, samples = 400, noise_sd ="

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.store.contents import ModeContent
-from bayesdamp.store.results import Store
-from bayesdamp.store.tables import read_table
+from bayesdamp.store.files import read_table
+from bayesdamp.store.results import ModeContent, Store
 from tests.physics.independent import trajectory
 from tests.studies import study_text, write_study
 

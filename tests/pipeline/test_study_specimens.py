@@ -8,7 +8,7 @@ import pytest
 
 from bayesdamp.config import load_study
 from bayesdamp.pipeline.run import run_study
-from bayesdamp.store.tables import read_table
+from bayesdamp.store.files import read_table
 from bayesdamp.verdict.types import load_verdicts
 from tests.pipeline.test_specimens import write
 

@@ -10,8 +10,8 @@ import pytest
 from bayesdamp.inference.evidence import nested
 from bayesdamp.pipeline.jobs import task_names
 from bayesdamp.pipeline.run import run_study
+from bayesdamp.store.files import read_table
 from bayesdamp.store.results import Store
-from bayesdamp.store.tables import read_table
 from tests.pipeline.test_study import SMALL
 from tests.studies import write_study
 

@@ -16,7 +16,7 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.report.sections import SECTIONS
-from bayesdamp.store.tables import read_table
+from bayesdamp.store.files import read_table
 from tests.studies import SYSTEM, study_text, write_study
 
 PAGE = Path(__file__).parents[2] / "docs" / "extending.md"

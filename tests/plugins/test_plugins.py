@@ -15,8 +15,8 @@ from bayesdamp.pipeline.jobs import jobs_of, tasks_of
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.report.results.run import RunFolder, coefficients
+from bayesdamp.store.files import read_table
 from bayesdamp.store.results import Store
-from bayesdamp.store.tables import read_table
 from tests.interface.problems import not_refused
 from tests.records.tables import write_table
 from tests.studies import COMPARED, ESTIMATED, PLUGINS, WEIGHED, plugin_source, study_text, write_study

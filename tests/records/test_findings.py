@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import bayesdamp
-from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_record
-from bayesdamp.records.record import unit_or_guess
+from bayesdamp.records.record import Kind, findings, unit_or_guess
 from tests.records.tables import T, Y, write_table
 
 NOISE = 0.01 * np.random.default_rng(1).standard_normal(T.size)

@@ -7,7 +7,7 @@ import pytest
 
 import bayesdamp
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.files.names import seconds_in, unit_and_quantity
+from bayesdamp.records.files.contents import seconds_in, unit_and_quantity
 from bayesdamp.records.read import read_record
 from bayesdamp.records.readers.text import parse_table
 from tests.records.tables import write_table

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.records.files.contents import Contents
-from bayesdamp.records.opening import load_isolated, read_contents
+from bayesdamp.records.read import load_isolated, read_contents
 from bayesdamp.records.readers.numpy_arrays import NumpyReader
 from bayesdamp.types import InputError
 

@@ -10,10 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.store.contents import ComparedCandidate, FeatureValues
-from bayesdamp.store.files import write_json
-from bayesdamp.store.results import Store, TaskResult
-from bayesdamp.store.tables import TABLES, write_table
+from bayesdamp.store.files import TABLES, write_json, write_table
+from bayesdamp.store.results import ComparedCandidate, FeatureValues, Store, TaskResult
 from bayesdamp.verdict.parts import (
     Bound,
     Coefficient,

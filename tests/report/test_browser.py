@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.report.render import render
+from bayesdamp.report.sections import render
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 BROWSER = next((path for name in NAMES if (path := shutil.which(name))), "")

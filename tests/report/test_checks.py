@@ -12,9 +12,8 @@ import pytest
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report.results.checks import RecordChecks
 from bayesdamp.report.results.run import RunFolder, probabilities_by_odds, rank_models
-from bayesdamp.store.contents import AnswerContent, ModeContent
-from bayesdamp.store.results import TaskResult
-from bayesdamp.units import UNITS
+from bayesdamp.store.results import AnswerContent, ModeContent, TaskResult
+from bayesdamp.types import UNITS
 from bayesdamp.verdict.parts import Coefficient, DampingRatio, Grade, Interval, Rival
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.report.render import render
 from bayesdamp.report.results.estimators import error_series
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.store.files import write_json
+from bayesdamp.report.sections import render
+from bayesdamp.store.files import TABLES, write_json, write_table
 from bayesdamp.store.results import claim
-from bayesdamp.store.tables import TABLES, write_table
 from tests.report.pages import Tables
 
 ERRORS = {"least_squares": (1.0, 0.01), "genetic": (4.0, 0.01), "topological": (90.0, 0.01)}

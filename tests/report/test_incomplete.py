@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.report.render import render
+from bayesdamp.report.sections import render
 from bayesdamp.store.files import write_json
 from bayesdamp.store.results import Store, TaskResult, claim
 from bayesdamp.types import InputError

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from bayesdamp.report.render import render
+from bayesdamp.report.sections import render
 from bayesdamp.report.terminal import VerdictPrinter
 from bayesdamp.verdict.types import load_verdicts
 from tests.report import stored as expected

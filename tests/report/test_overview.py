@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from bayesdamp.report.render import render
 from bayesdamp.report.results.estimators import estimates_of
 from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.sections import render
 from bayesdamp.report.terminal import print_conclusion
-from bayesdamp.store.contents import ComparedCandidate
 from bayesdamp.store.files import write_json
-from bayesdamp.store.results import Store, TaskResult, claim
+from bayesdamp.store.results import ComparedCandidate, Store, TaskResult, claim
 from bayesdamp.verdict.parts import DampingRatio, Grade, Interval
 from bayesdamp.verdict.types import Verdict
 

@@ -10,9 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from rich.console import Console
 
-from bayesdamp.report.render import render
 from bayesdamp.report.results.run import RunFolder, models_not_pruned
-from bayesdamp.report.sections import SECTIONS
+from bayesdamp.report.sections import SECTIONS, render
 from bayesdamp.report.terminal import print_conclusion
 from bayesdamp.store.files import write_json
 from tests.report.conftest import RunMaker

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from bayesdamp.calibrate import tables as calibrated
-from bayesdamp.store import tables as stored
+from bayesdamp.store import files as stored
 from bayesdamp.verdict import types as verdict
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "columns.md"

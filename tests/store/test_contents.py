@@ -15,8 +15,15 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 
-from bayesdamp.store.contents import AnswerContent, ChunkContent, Content, ModeContent, RecordContent
-from bayesdamp.store.results import Store, TaskResult
+from bayesdamp.store.results import (
+    AnswerContent,
+    ChunkContent,
+    Content,
+    ModeContent,
+    RecordContent,
+    Store,
+    TaskResult,
+)
 from bayesdamp.types import Provenance
 
 PLAIN: dict[type, Iterator[Any]] = {

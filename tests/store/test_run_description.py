@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import bayesdamp as bd
-from bayesdamp.claims import accuracy
+from bayesdamp.claims import paper
 from bayesdamp.cli import main
 from bayesdamp.store.files import SCHEMA, read_description
 from bayesdamp.store.results import MARK_FILE, MARK_TEXT
@@ -92,7 +92,7 @@ def test_claims_are_judged_by_the_shipped_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The negative control of the commands. Claims that need no run (of section 4.5) take seconds to measure."""
-    judged_by_runs = [claim for claim in accuracy.CLAIMS if claim.where != "4.5"]
+    judged_by_runs = [claim for claim in paper.CLAIMS if claim.where != "4.5"]
     monkeypatch.setattr("bayesdamp.cli.commands.claims.CLAIMS", judged_by_runs)
     page = tmp_path / "claims.md"
     runs = ["--paper", str(SHIPPED / "paper"), "--noise", str(SHIPPED / "noise")]

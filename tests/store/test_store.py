@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.store import files, results
-from bayesdamp.store.files import temporary_path, write_bytes, write_json
+from bayesdamp.store.files import TABLES, read_table, temporary_path, write_bytes, write_json, write_table
 from bayesdamp.store.results import Store, TaskResult, provenance, sha256
-from bayesdamp.store.tables import TABLES, read_table, write_table
 from bayesdamp.types import InputError
 
 NAME = "estimate/bench/0/viscous+coulomb/least_squares"

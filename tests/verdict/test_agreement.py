@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bayesdamp.verdict.agreement import agreement, worst_agreement
 from bayesdamp.verdict.parts import DampingRatio, Grade
+from bayesdamp.verdict.specimen import agreement, worst_agreement
 from bayesdamp.verdict.thresholds import AGREEMENT_SDS
 from bayesdamp.verdict.types import Verdict
 

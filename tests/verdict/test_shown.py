@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from bayesdamp.report.terminal import VerdictPrinter
-from bayesdamp.units import UNITS
+from bayesdamp.types import UNITS
 from bayesdamp.verdict.parts import DampingRatio, Grade
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import LENGTH_ARRAYS, picture_in_unit

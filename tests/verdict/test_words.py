@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from bayesdamp.units import UNITS
+from bayesdamp.types import UNITS
 from bayesdamp.verdict.parts import (
     Bound,
     DampingRatio,

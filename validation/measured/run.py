@@ -13,7 +13,7 @@ from pathlib import Path
 from bayesdamp.cli.records import ReadingOptions, records_in
 from bayesdamp.formatting import markdown_table
 from bayesdamp.interface.answer import answer
-from bayesdamp.store.tables import write_table
+from bayesdamp.store.files import write_table
 from bayesdamp.types import Signal
 from bayesdamp.verdict.specimen import specimen
 from bayesdamp.verdict.types import Verdict, columns

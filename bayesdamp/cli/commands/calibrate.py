@@ -1,7 +1,5 @@
 """Define `bayesdamp calibrate`, which checks the intervals of a study with simulated records."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

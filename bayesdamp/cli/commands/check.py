@@ -1,7 +1,5 @@
 """Define `bayesdamp check`, which checks a study file."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import typer

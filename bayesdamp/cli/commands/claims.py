@@ -1,7 +1,5 @@
 """Define `bayesdamp claims`, which tests a published paper's claims about damping estimators on runs of studies."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

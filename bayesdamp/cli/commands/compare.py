@@ -1,7 +1,5 @@
 """Define `bayesdamp compare`, which finds the damping of records."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -14,15 +12,13 @@ from bayesdamp.cli import options as o, records as r
 from bayesdamp.cli.files import check_folder, check_names
 from bayesdamp.cli.options import COMPARED, READING, RUNNING
 from bayesdamp.config import Recording, Study
-from bayesdamp.config.compare import RecordOptions, comparison
-from bayesdamp.interface.first_words import first_words
-from bayesdamp.interface.no_free_decay import no_free_decay
+from bayesdamp.config.load import RecordOptions, comparison
+from bayesdamp.interface.first_words import first_words, no_free_decay
 from bayesdamp.pipeline.records import read_free_decay
 from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.records.envelope.record import are_envelopes
-from bayesdamp.records.opening import read_each
-from bayesdamp.types import SENSOR, InputError, Refusal
-from bayesdamp.units import UNITS
+from bayesdamp.records.read import read_each
+from bayesdamp.types import SENSOR, UNITS, InputError, Refusal
 from bayesdamp.verdict.units import in_unit
 
 MOST_EARLY_LINES = 5

@@ -1,7 +1,5 @@
 """Define `bayesdamp doctor`, which checks the installation."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time

@@ -1,7 +1,5 @@
 """Define `bayesdamp init`, which writes a commented study that compares files as `bayesdamp compare` does."""
 
-from __future__ import annotations
-
 import json
 import os
 import shlex
@@ -15,8 +13,7 @@ import typer
 from bayesdamp.cli.border import printable
 from bayesdamp.cli.files import check_names
 from bayesdamp.cli.records import ReadingOptions, select_records, study_signals, with_reading_options
-from bayesdamp.config.compare import RecordOptions, comparison_tables
-from bayesdamp.config.load import resolve_study
+from bayesdamp.config.load import RecordOptions, comparison_tables, resolve_study
 from bayesdamp.config.study import (
     EstimatorsTable,
     EvidenceTable,

@@ -1,13 +1,11 @@
 """Define `bayesdamp report`, which writes the report of a run again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from bayesdamp.report.render import render
+from bayesdamp.report.sections import render
 from bayesdamp.types import InputError
 
 

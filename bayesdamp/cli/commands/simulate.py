@@ -1,7 +1,5 @@
 """Define `bayesdamp simulate`, which writes a simulated record to try the program on."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path

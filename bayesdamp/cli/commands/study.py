@@ -1,7 +1,5 @@
 """Define `bayesdamp study`, which runs a study file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

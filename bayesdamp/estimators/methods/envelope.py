@@ -3,15 +3,14 @@
 Section 3.3, equation 15, of the paper that `bayesdamp.estimators` cites.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from pydantic import Field
 from scipy.optimize import least_squares
 from scipy.signal import hilbert, savgol_filter
 
-from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.shared import (
+    Estimator,
+    Options,
     checked_features,
     decay_start,
     free_names,
@@ -21,7 +20,7 @@ from bayesdamp.estimators.shared import (
     rest_position,
     start_parameters,
 )
-from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.physics.oscillator import Trajectories
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 

@@ -3,15 +3,14 @@
 Section 3.11 of the paper that `bayesdamp.estimators` cites.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
 from pydantic import Field
 
-from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.shared import (
+    Estimator,
+    Options,
     checked_features,
     free_names,
     oscillator,
@@ -19,8 +18,8 @@ from bayesdamp.estimators.shared import (
     thin_record,
 )
 from bayesdamp.physics.damping import DampingTerm
+from bayesdamp.physics.oscillator import Trajectories
 from bayesdamp.physics.restoring import RestoringLaw
-from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 

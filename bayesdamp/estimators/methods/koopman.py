@@ -3,15 +3,14 @@
 Section 3.12, equations 24 and 25, of the paper that `bayesdamp.estimators` cites.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from pydantic import Field
 from scipy.linalg import logm
 
-from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.regression import CandidateTerm, candidates, derivatives, to_even_clock
 from bayesdamp.estimators.shared import (
+    Estimator,
+    Options,
     SmoothedMotion,
     before_gap,
     checked_features,

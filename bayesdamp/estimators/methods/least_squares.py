@@ -3,14 +3,13 @@
 Section 3.10, equation 23, of the paper that `bayesdamp.estimators` cites.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np
 
-from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.shared import (
+    Estimator,
+    Options,
     SmoothedMotion,
     checked_features,
     free_start,

@@ -12,13 +12,10 @@ The coefficients are the projection of the learnt force on the damping law (the 
 the damping law takes, as nearly as possible, the same mean power out of the motion as the learnt force in each segment.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from pydantic import Field
 
-from bayesdamp.estimators._protocol import Estimator, Options, optional_package
-from bayesdamp.estimators.shared import checked_features
+from bayesdamp.estimators.shared import Estimator, Options, checked_features, optional_package
 from bayesdamp.types import Estimate, Problem, Signal
 
 

@@ -8,15 +8,12 @@ trained along with the weights. All derivatives are automatic, and the loss, a s
 Levenberg–Marquardt steps.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from bayesdamp.estimators._protocol import Estimator, Options, optional_package
-from bayesdamp.estimators.shared import checked_features
+from bayesdamp.estimators.shared import Estimator, Options, checked_features, optional_package
 from bayesdamp.types import Estimate, Problem, Signal
 
 

@@ -12,25 +12,25 @@ trained further in this range, and so on until the range is about ±10 %. (The a
 dynamics, does not contain the coefficient as a number.)
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.shared import (
+    Estimator,
+    Options,
     checked_features,
     free_names,
     noise_level,
+    optional_package,
     oscillator,
     phase_of,
     rest_position,
     start_parameters,
     thin_record,
 )
-from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.physics.oscillator import Trajectories
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 

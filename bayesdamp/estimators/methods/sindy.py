@@ -3,8 +3,6 @@
 Section 3.4, equation 16, of the paper that `bayesdamp.estimators` cites.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,7 +16,6 @@ from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
 from scipy.special import gammaln
 
-from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.regression import (
     CandidateTerm,
     RecordToPredict,
@@ -29,12 +26,15 @@ from bayesdamp.estimators.regression import (
     restoring_values,
 )
 from bayesdamp.estimators.shared import (
+    Estimator,
+    Options,
     before_gap,
     checked_features,
     free_start,
     integrate,
     known_restoring,
     motion,
+    optional_package,
     oscillator,
 )
 from bayesdamp.records.oscillation.features import Features

@@ -3,22 +3,22 @@
 Section 3.8, equation 21, of the paper that `bayesdamp.estimators` cites.
 """
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
 from scipy.optimize import least_squares
 
-from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.shared import (
+    Estimator,
+    Options,
     checked_features,
     free_start,
     further_values,
     known_restoring,
     motion,
     noise_level,
+    optional_package,
     oscillator,
     solve,
 )

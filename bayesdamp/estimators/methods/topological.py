@@ -6,8 +6,6 @@ A. D. Myers and F. A. Khasawneh, Damping parameter estimation using topological 
 Systems and Signal Processing 174 (2022) 109042.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -17,19 +15,20 @@ from pydantic import Field
 from scipy.optimize import brentq
 from scipy.special import erfcinv, erfinv, log_ndtr
 
-from bayesdamp.estimators._protocol import Estimator, Options, optional_package
 from bayesdamp.estimators.shared import (
+    Estimator,
+    Options,
     before_gap,
     checked_features,
     free_names,
     known_restoring,
     noise_level,
+    optional_package,
     oscillator,
     start_parameters,
 )
 from bayesdamp.physics.damping import PAPER_TERMS
-from bayesdamp.records.oscillation.features import Features
-from bayesdamp.records.oscillation.turning import midpoints
+from bayesdamp.records.oscillation.features import Features, midpoints
 from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
 
 OPTIMAL_RATIO = 0.3299

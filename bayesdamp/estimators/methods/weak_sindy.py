@@ -3,15 +3,12 @@
 Section 3.9, equation 22, of the paper that `bayesdamp.estimators` cites.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 from pydantic import Field
 from scipy import sparse
 
-from bayesdamp.estimators._protocol import Estimator, Options
 from bayesdamp.estimators.regression import (
     CandidateTerm,
     Rows,
@@ -29,6 +26,8 @@ from bayesdamp.estimators.regression import (
     whiten,
 )
 from bayesdamp.estimators.shared import (
+    Estimator,
+    Options,
     before_gap,
     checked_features,
     free_names,

@@ -3,8 +3,6 @@
 Equation 17 of the paper that `bayesdamp.estimators` cites.
 """
 
-from __future__ import annotations
-
 import warnings
 from typing import Any
 

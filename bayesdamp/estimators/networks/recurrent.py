@@ -1,7 +1,5 @@
 """Define a recurrent network that maps a sequence to a number, and train it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

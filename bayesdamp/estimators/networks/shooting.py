@@ -1,7 +1,5 @@
 """Fit a learnt damping force by multiple shooting: segments of a record are integrated in one batch."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, cast
 

@@ -1,7 +1,5 @@
 """Provide derivatives, dense networks, training and scaled records for the estimators with a network."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Iterator

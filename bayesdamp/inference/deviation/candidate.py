@@ -1,7 +1,5 @@
 """Fit one candidate (a damping sum under a restoring law), and linearise it about a motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product

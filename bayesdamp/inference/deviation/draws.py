@@ -5,8 +5,6 @@ A candidate is a sum of damping terms under a restoring law. The summarised quan
 from the laws, and the residual beyond the noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial

@@ -1,7 +1,5 @@
 """Compute from a model comparison the numbers of a verdict, the summary of a posterior, and arrays for figures."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -35,9 +33,9 @@ from bayesdamp.inference.deviation.draws import (
     unit_works,
     with_parts_of_sd,
 )
-from bayesdamp.inference.deviation.exponent import LEAST_EXPONENT, MOST_EXPONENT
 from bayesdamp.inference.deviation.forms import bound_other_forms
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
+from bayesdamp.inference.deviation.slices import LEAST_EXPONENT, MOST_EXPONENT
 from bayesdamp.inference.deviation.tempered import TemperedDraws
 from bayesdamp.inference.diagnostics import moments_and_quantiles
 from bayesdamp.physics.forces import newton_many, slope_of

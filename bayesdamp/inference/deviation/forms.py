@@ -8,8 +8,6 @@ For an upper limit, one form is added to the best sum. The linear model about th
 the derivative of the motion by the form's coefficient at 0, so that nothing has to be fitted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -23,9 +21,9 @@ from bayesdamp.inference.deviation.candidate import (
     search_near,
     start_values,
 )
-from bayesdamp.inference.deviation.exponent import exponent_starts, power_solver
 from bayesdamp.inference.deviation.linear import condense, score_normals, with_priors
 from bayesdamp.inference.deviation.model_comparison import REACH, CandidateResult, ModelComparison
+from bayesdamp.inference.deviation.slices import exponent_starts, power_solver
 from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, TINY, others
 from bayesdamp.physics.kernel import Solver

@@ -3,8 +3,6 @@
 The first cycles are fitted first, and then longer and longer parts of the record, so that no cycle is skipped.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Map standard normal scores to the parameters of a candidate, in the order in which its solver takes them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

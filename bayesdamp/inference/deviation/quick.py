@@ -3,8 +3,6 @@
 The docstring of `bayesdamp.inference.deviation` explains the words and the steps.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -15,7 +13,6 @@ from threadpoolctl import threadpool_limits
 from bayesdamp.inference.deviation.averaged import MOST_CYCLES, Averaging
 from bayesdamp.inference.deviation.candidate import START, MotionCandidate, refit
 from bayesdamp.inference.deviation.data import prepare_data
-from bayesdamp.inference.deviation.exponent import exponent_quantiles
 from bayesdamp.inference.deviation.forms import add_rivals, columns_of
 from bayesdamp.inference.deviation.model_comparison import (
     CandidateResult,
@@ -24,6 +21,7 @@ from bayesdamp.inference.deviation.model_comparison import (
     compare_candidates,
 )
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, prepare_for_noises
+from bayesdamp.inference.deviation.slices import exponent_quantiles
 from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.physics.kernel.averaged import AveragedSolver

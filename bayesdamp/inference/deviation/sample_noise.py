@@ -7,8 +7,6 @@ noise with the same information about the oscillation. Both depend on the motion
 updated in turn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

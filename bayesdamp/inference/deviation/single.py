@@ -4,8 +4,6 @@ A candidate is a sum of damping terms under a restoring law. The deviations are 
 frequency), with values at knots in time. u = (scores, g, h) are all unknowns of the candidate.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -46,8 +44,7 @@ from bayesdamp.physics.damping import PAPER_TERMS, TERMS
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.averaged import AveragedSolver
 from bayesdamp.physics.kernel.solve import NONE, PARAMETERS, TOLERANCE
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.physics.oscillator import Oscillator, Trajectories
 from bayesdamp.priors import Prior
 from bayesdamp.types import Friction, Posterior, Ratio, Reference, Refusal, Signal
 

@@ -1,7 +1,5 @@
 """Compare dampings on several records of one specimen, which have one set of coefficients in common."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product

@@ -7,8 +7,6 @@ moves leave the posterior of the linear model unchanged (S. L. Cotter, G. O. Rob
 Sci. 28, 2013, 424), so that their acceptance depends only on this ratio too, in any number of dimensions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol

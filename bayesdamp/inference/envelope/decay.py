@@ -1,7 +1,5 @@
 """Find the free decay of an envelope, average its readings in blocks, and infer the noise of the blocks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

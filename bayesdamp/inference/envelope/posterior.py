@@ -4,8 +4,6 @@ Draws are from the mixture over sums of damping terms, noises and their scales, 
 from the law. The likelihood of the rates is for joint fits of several envelopes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

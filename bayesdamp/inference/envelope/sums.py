@@ -7,8 +7,6 @@ Mira and C. P. Robert, Scand. J. Stat. 39, 798 (2012)). The points come from a l
 random numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property

@@ -1,7 +1,5 @@
 """Bridge sampling between posterior draws and a heavy-tailed distribution that is fitted to them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Importance sampling from a heavy-tailed distribution near the posterior."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy  # loads its modules when they are used
 

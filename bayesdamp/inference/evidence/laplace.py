@@ -1,7 +1,5 @@
 """Laplace's approximation of the evidence, truncated where a coefficient is zero."""
 
-from __future__ import annotations
-
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode, log_evidence_about
 from bayesdamp.inference.model.target import Target

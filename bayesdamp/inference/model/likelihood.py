@@ -15,7 +15,7 @@ import numpy as np
 
 from bayesdamp.inference.model.target import Target
 from bayesdamp.machine import at_once
-from bayesdamp.physics.trajectories import Trajectories
+from bayesdamp.physics.oscillator import Trajectories
 from bayesdamp.priors import log_prior_of
 
 NOISE_STEP = 1e-2

@@ -24,9 +24,8 @@ from numpy.typing import ArrayLike
 
 from bayesdamp.inference.noise import NOISES, NoiseModel
 from bayesdamp.physics.damping import TERMS
-from bayesdamp.physics.oscillator import Oscillator
+from bayesdamp.physics.oscillator import Oscillator, Trajectories
 from bayesdamp.physics.restoring import LAWS
-from bayesdamp.physics.trajectories import Trajectories
 from bayesdamp.priors import (
     SHARED_SIGMAS,
     LogNormal,

@@ -4,8 +4,6 @@ The fit gives the most probable parameters and the evidence of the model. It als
 least squares lead to the most probable motion.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field

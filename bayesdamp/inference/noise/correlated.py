@@ -1,7 +1,5 @@
 """Normal noise with exponentially decaying correlation."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Independent normal noise."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """Normal noise, rounded to the recording step."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Independent heavy-tailed noise."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The affine-invariant ensemble sampler emcee: two independent ensembles that run until there are enough draws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import emcee

@@ -1,7 +1,5 @@
 """Coulomb friction μ_c tanh(θ̇/ε) (equation 3 of the paper whose claims bayesdamp tests)."""
 
-from __future__ import annotations
-
 import math
 
 from bayesdamp.physics.damping import DampingTerm

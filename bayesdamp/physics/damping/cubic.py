@@ -1,7 +1,5 @@
 """Cubic damping μ₃ θ̇³, as in the rolling of ships (J. F. Dalzell, J. Ship Res. 22, 178 (1978))."""
 
-from __future__ import annotations
-
 from bayesdamp.physics.damping import DampingTerm
 from bayesdamp.types import Symbol
 

@@ -1,7 +1,5 @@
 """Quadratic damping μ_q θ̇|θ̇|, as by air drag (equation 4 of the paper whose claims bayesdamp tests)."""
 
-from __future__ import annotations
-
 import math
 
 from bayesdamp.physics.damping import DampingTerm

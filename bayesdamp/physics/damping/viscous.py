@@ -1,7 +1,5 @@
 """Viscous damping 2ζθ̇ (equation 2 of the paper whose claims bayesdamp tests)."""
 
-from __future__ import annotations
-
 from bayesdamp.physics.damping import DampingTerm
 from bayesdamp.types import Symbol
 

@@ -5,8 +5,6 @@ time derivative) at both, plus a correction k u³(1 − u)³, where u is the fra
 curvature in the middle of the step is right.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

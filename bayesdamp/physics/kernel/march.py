@@ -18,8 +18,6 @@ Mechanical Systems, 2004, section 7.3). A body that comes to rest sticks if the 
 static friction at this time. It then stays at rest: later changes of g and h do not release it.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -11,8 +11,6 @@ four numbers: the derivatives of displacement, velocity and acceleration, and th
 output (the interpolation) in the step after the node.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """Duffing spring k(θ − θ_e) + β(θ − θ_e)³ with the equilibrium θ_e."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

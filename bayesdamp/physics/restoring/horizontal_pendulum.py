@@ -1,7 +1,5 @@
 """Horizontal pendulum k(θ − θ_s) − γ cos θ (with θ_s = 0 and γ = 1, equation 1 of the paper that bayesdamp tests)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

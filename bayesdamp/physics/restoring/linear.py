@@ -1,7 +1,5 @@
 """Linear spring k(θ − θ_e) with the equilibrium θ_e."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Gravity pendulum k sin(θ − θ_e) with the hanging position θ_e."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

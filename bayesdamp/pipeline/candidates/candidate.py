@@ -1,7 +1,5 @@
 """One candidate (a damping sum under a restoring law) on one record: what its tasks read from study and store."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 
@@ -16,8 +14,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.pipeline.answering import ANSWER, stored_fit
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.serial import join
-from bayesdamp.store.contents import AnswerContent, ModeContent
-from bayesdamp.store.results import Store
+from bayesdamp.store.results import AnswerContent, ModeContent, Store
 from bayesdamp.types import OK, InputError, Problem, Refusal, following
 
 

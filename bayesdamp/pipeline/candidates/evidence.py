@@ -3,8 +3,6 @@
 Nested sampling is called the referee here: by default it is computed only if the other methods disagree.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -20,7 +18,7 @@ from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.priors import odds
-from bayesdamp.store.contents import EvidenceContent
+from bayesdamp.store.results import EvidenceContent
 from bayesdamp.types import OK, Evidence, candidate_parts
 
 

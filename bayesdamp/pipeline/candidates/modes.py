@@ -1,7 +1,5 @@
 """Find the highest posterior mode of a candidate from all available starts, and check its fit."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from bayesdamp.inference.checks import check_fit
@@ -12,7 +10,7 @@ from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.records import NOT_APPLICABLE
 from bayesdamp.pipeline.tasks import Product, task_seed
 from bayesdamp.serial import split
-from bayesdamp.store.contents import EstimateContent, ModeContent
+from bayesdamp.store.results import EstimateContent, ModeContent
 from bayesdamp.types import Refusal
 
 

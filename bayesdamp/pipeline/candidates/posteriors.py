@@ -1,7 +1,5 @@
 """Sample the posterior of a candidate, and compute its summaries and damping ratios."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +11,8 @@ from bayesdamp.interface.posterior import Posterior, build_tree, draw
 from bayesdamp.pipeline.answering import stored_answer
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.tasks import Product
-from bayesdamp.store.contents import NO_DRAWS, PosteriorContent
 from bayesdamp.store.files import netcdf_bytes, write_bytes
+from bayesdamp.store.results import NO_DRAWS, PosteriorContent
 from bayesdamp.types import Ratio
 
 MOST_VALUES = 20_000

@@ -1,7 +1,5 @@
 """List the tasks of a candidate on a record with their keys, and compute them."""
 
-from __future__ import annotations
-
 from bayesdamp.estimators import ESTIMATORS, run as run_estimator
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
@@ -16,8 +14,7 @@ from bayesdamp.pipeline.candidates.posteriors import compute_posterior
 from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.serial import split
 from bayesdamp.sources import import_closure
-from bayesdamp.store.contents import EstimateContent
-from bayesdamp.store.results import TaskName
+from bayesdamp.store.results import EstimateContent, TaskName
 from bayesdamp.types import OK, Refusal, following
 
 

@@ -4,8 +4,6 @@ The zero of a velocity or acceleration sensor is estimated from the fact that ov
 of these quantities is zero.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -15,13 +13,12 @@ import scipy  # loads its modules when they are used
 from bayesdamp.plugins import nearest
 from bayesdamp.records.cleaning.clock import clock_times, robust_step
 from bayesdamp.records.cleaning.window import free_decay, no_free_decay
-from bayesdamp.records.files.names import unit_and_quantity
+from bayesdamp.records.files.contents import unit_and_quantity
 from bayesdamp.records.oscillation.anomalies import is_clipped, is_rectified, is_tone_burst
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.records.oscillation.spectrum import coarse_periods
+from bayesdamp.records.oscillation.noise import coarse_periods
 from bayesdamp.records.record import RawRecord, unwrap
-from bayesdamp.types import InputError, Refusal, Signal
-from bayesdamp.units import UNITS
+from bayesdamp.types import UNITS, InputError, Refusal, Signal
 
 OFFSET_SIGMAS = 3.0
 """The zero offset of a sensor is significant, and is subtracted, if it exceeds this many of its standard errors

@@ -4,8 +4,6 @@ In a burst, several samples get nearly the same time stamp, because they are sta
 when they are taken.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from bayesdamp.records.record import RawRecord

@@ -4,8 +4,6 @@ A swing is the half cycle from one turning point to the next. A stretch is a ser
 the noise, and without a jump of the amplitude. No damping law is assumed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -14,7 +12,7 @@ from typing import Literal
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.records.oscillation.turning import TurningPoints, local_median, true_runs
+from bayesdamp.records.oscillation.features import TurningPoints, local_median, true_runs
 from bayesdamp.types import InputError
 
 Reason = Literal["period", "amplitude", "midline", "shape"]

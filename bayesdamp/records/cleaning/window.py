@@ -1,7 +1,5 @@
 """Find where a free decay begins and ends in a record: after the release, and before the body is at rest."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -19,11 +17,9 @@ from bayesdamp.records.cleaning.swings import (
     find_stretches,
     information,
 )
-from bayesdamp.records.oscillation.features import without_gap_edges
+from bayesdamp.records.oscillation.features import TurningPoints, resample, turning_points, without_gap_edges
 from bayesdamp.records.oscillation.modes import few_samples, find_excited, find_other_motion
-from bayesdamp.records.oscillation.noise import roughness
-from bayesdamp.records.oscillation.spectrum import LEAST_SHARE, coarse_periods, samples_a_cycle
-from bayesdamp.records.oscillation.turning import TurningPoints, resample, turning_points
+from bayesdamp.records.oscillation.noise import LEAST_SHARE, coarse_periods, roughness, samples_a_cycle
 from bayesdamp.types import FreeDecay, InputError
 
 # Unless a comment says otherwise, these thresholds were set on simulated and measured records.

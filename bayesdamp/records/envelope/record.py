@@ -3,8 +3,6 @@
 The amplitude (rad or m) and the frequency are determined too, for damping terms that depend on them (`scale_of`).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,8 +13,7 @@ import numpy as np
 from bayesdamp.physics.amplitude import Scale, scales_needed
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.records.read import ColumnName, read_record
-from bayesdamp.types import InputError
-from bayesdamp.units import DECIBELS, UNITS
+from bayesdamp.types import DECIBELS, UNITS, InputError
 
 POWER = ("W", "mW", "uW", "nW", "pW", "V^2", "V2", "m^2", "m2")
 """Units of power, which is proportional to the square of the amplitude."""

@@ -1,17 +1,20 @@
-"""Define what a reader returns for a file (columns of numbers and facts), the reader interface, and size limits."""
+"""Define what a reader returns for a file (columns of numbers, and facts), and interpret the names of both.
 
-from __future__ import annotations
+Names state runs, units, quantities, times and sampling rates. Units are written in many ways: `Angle(deg)`,
+`Time [ms]`, `acceleration / (m/s²)`, `phi_deg`."""
 
+import math
+import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from bayesdamp.types import Fact, InputError
-from bayesdamp.units import UNITS
+from bayesdamp.types import UNITS, Fact, InputError
 
 LARGEST_FILE = 2**31
 """Largest size of a file in bytes, also after unpacking; larger files are refused (conventional)."""
@@ -131,7 +134,7 @@ class Reader(Protocol):
         ...
 
     def read(self, path: Path) -> Contents:
-        """Return the contents of the file. May raise any exception for a damaged file; `opening` reports it."""
+        """Return the contents of the file. May raise any exception for a damaged file; `records.read` reports it."""
         ...
 
 
@@ -161,3 +164,481 @@ def archive_names(path: Path) -> list[str] | None:
             return archive.namelist()
     except (zipfile.BadZipFile, NotImplementedError, OSError):
         return None
+
+
+DAY = 86400.0
+"""Seconds in a day."""
+SECONDS = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden"), 1.0),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microsecond", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosecond", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("ps", "psec", "picosecond", "picoseconds"), 1e-12),
+    **dict.fromkeys(("min", "mins", "minute", "minutes", "minuten"), 60.0),
+    **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "std", "stunde", "stunden"), 3600.0),
+    **dict.fromkeys(("d", "day", "days", "tag", "tage"), DAY),
+}
+"""Seconds in a unit of time, for each way of writing the unit."""
+_JOINED = re.compile(
+    r"(?:time|stamp|elapsed|(?<![^\W_])t)[.-]?(sec|[mµμun]s|[mun]sec|millis|micros|nanos)$"
+    r"|(?:time|elapsed|zeit) (min|h)$",
+    re.IGNORECASE,
+)
+"""Pattern of names of columns of times that end in the unit: without a separator, as ArduPilot's `TimeUS`, or after a
+blank for units that count only after a word for time, as `Time min`."""
+TIMES = re.compile(
+    r"^t(\d*|[\s_.-]\w)$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value",
+    re.IGNORECASE,
+)
+"""Pattern of names of columns that contain times."""
+_ONLY_OF_TIMES = {text for text, seconds in SECONDS.items() if seconds > 60.0 or seconds < 1e-9}
+"""Texts that count as units of time only after a name of times: elsewhere `d`, `h`, `ps` may be a depth, height or
+power."""
+_AMBIGUOUS_UNITS = ("in", "v", "V", "g", "au", "foot")
+"""Texts that do not count as units after "_", because they may be words of the name."""
+_TWO_LETTER_UNITS = ("mm", "cm", "um", "mV", "ms", "us")
+"""Units of two letters that are not words, so that they count as units after a blank."""
+_QUANTITIES = {
+    **dict.fromkeys(("velocity", "velocities", "vel", "speed", "gyro", "gyroscope"), "velocity"),
+    **dict.fromkeys(("acceleration", "accelerations", "accel", "acc", "accelerometer"), "acceleration"),
+}
+_PER = (
+    ("acceleration", re.compile(r"(/s2|/s/s|/\(s2\)|s-2|/sec2)$")),
+    ("velocity", re.compile(r"(/s|s-1|/sec)$")),
+)
+_RUN = r"(?:run|trial|take|test|rep|repeat|repetition|lauf|versuch|messung|durchgang|essai|prova|ensayo)"
+_RUN_BEHIND = re.compile(
+    rf"^(.+?)[\s,;:_-]*[(\[]?(?<![A-Za-z]){_RUN}\s*[#_:.-]?\s*(\d+)[)\]]?\s*$", re.IGNORECASE
+)
+_RUN_BEFORE = re.compile(rf"^{_RUN}\s*[#_.-]?\s*(\d+)\s*[:,;._\s-]\s*(.+)$", re.IGNORECASE)
+_RUN_LATEST = re.compile(r"^(latest)\s*:\s*(.+)$", re.IGNORECASE)
+"""Pattern of column names such as `Latest: Angle`, with which Vernier's Logger Pro marks the run that has no number
+yet."""
+_RUN_ALONE = re.compile(rf"^{_RUN}?\s*[#_.-]?\s*(\d+)$", re.IGNORECASE)
+_SECONDS_ALONE = re.compile(r"^(elapsed[\s_]*)?seconds([\s_]*elapsed)?$", re.IGNORECASE)
+_INDEX = re.compile(
+    r"^(unnamed: 0|index|idx|sample|samples|no|nr|n|i|row|frame|frames|count|counter|#|id)$", re.I
+)
+_BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]{1,12})\s*[)\]}]\s*$")
+MOST_NAMES, LIST_WIDTH = 12, 110
+"""Largest number of names in a list in a message, and largest number of characters of this list; the message says how
+many more there are (conventional)."""
+MOST_FACTS, LONGEST_FACT = 60, 200
+"""Largest number of facts (named numbers and texts in a file's header) that are stored, and largest number of
+characters of each; further facts and characters are dropped (conventional)."""
+_PAIR = re.compile(r"\s*([^\W\d][^:=\t;]{0,60}?)\s*(?:[:=]\s*[\t;]?|[\t;])\s*(\S.*?)\s*")
+_NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
+_THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:(?:,\d{3}){2,}(?:\.\d*)?|(?:,\d{3})+\.\d*)(?![\d.,])")
+_AMBIGUOUS_COMMA = re.compile(r"[1-9]\d{0,2},\d{3}(?![\d.,eE])")
+"""Pattern of a number, such as `1,234`, whose comma may be a decimal mark or separate thousands."""
+_HERTZ = {
+    **{"khz": 1e3, "ks/s": 1e3, "mhz": 1e6},
+    **dict.fromkeys(
+        ("", "hz", "1/s", "s/s", "sa/s", "sps", "samples/s", "samples/sec", "samples per second"), 1.0
+    ),
+}
+"""Hz in a unit of sampling rates, for each way of writing the unit."""
+_RATES = re.compile(
+    r"(samp|sample|sampling|samples|acquisition|scan|frame|data|outputdata|daq|adc|log|logging|update|sensor)"
+    r"(rate|frequency|freq|persecond|persec|spersecond)|rate|fs|fps|sr|srate|odr|fsamp|fsample"
+    r"|(abtast|mess|sample|sampling)(rate|frequenz)"
+)
+_STEPS = re.compile(
+    r"(sample|sampling|time|horizontal|log|logging|scan|x|wf)?(interval|step|increment)|(sample|sampling)(time|period)"
+    r"|dt|deltat|deltax|tstep|tinc|xinc|abtast(intervall|zeit|periode)|zeitschritt"
+)
+_UNDERSCORED = re.compile(r"(..+)(?<!per)_([mun]?s(?:ec)?)", re.IGNORECASE)
+"""Pattern of a fact's name that ends in a unit of time, such as `dt_ms`, but not `f_s`."""
+_MATLAB_STEP = "Ts"
+"""MATLAB's name of a sampling interval; `ts` is more often a time stamp."""
+
+
+def _normalise_unit(text: str) -> str:
+    """Return the text of a unit in a form for comparison: `m/s²`, `m / s^2` and `M/S2` all give `m/s2`."""
+    return re.sub(r"[\s*^·.{}]", "", text.lower().replace("²", "2").replace("⁻", "-").replace("¹", "1"))
+
+
+_WRITTEN = {_normalise_unit(text): unit for unit in UNITS.values() for text in (unit.name, *unit.written)}
+"""The unit for each way of writing it: small letters without blanks, dots and superscripts (`_normalise_unit`)."""
+
+
+def _normalise_time_unit(text: str) -> str:
+    return text.lower().replace("(s)", "s").strip(" .")
+
+
+def _unit_candidates(name: str) -> list[str]:
+    """Return the parts of a column's name that may be a unit; empty if there are none.
+
+    These are all texts in brackets; without brackets, the end of the name after "/", " in " or "_"; without these, a
+    last word or a whole name that is a known unit.
+    """
+    inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
+    if inside:
+        return ["".join(groups).strip() for groups in inside]
+    behind = re.search(r"(?:^[^/\s]+/|\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
+    if behind:
+        unsure = behind[0][0] == "_" and behind[1] in _AMBIGUOUS_UNITS
+        return [] if unsure else [behind[1].strip("()[]{}")]
+    last = re.search(r"(?:^|\s)([^\W\d_]+)\s*$", name)
+    if last and (_normalise_time_unit(last[1]) in SECONDS or _normalise_unit(last[1]) in _WRITTEN):
+        # A unit that nothing marks: `Angle degrees`, `adc`.
+        word, alone = last[1], last[1] == name.strip()
+        if (len(word) > 2 and word not in _AMBIGUOUS_UNITS and word != "min") or (
+            word in _TWO_LETTER_UNITS and not alone
+        ):
+            return [word]
+    return []
+
+
+def seconds_in(name: str) -> float | None:
+    """Return the seconds in the unit that the name of a column of times states: 0.001 for `Time [ms]`.
+
+    Return None if it states none or several.
+    """
+    units = [unit for unit in map(_normalise_time_unit, _unit_candidates(name)) if unit in SECONDS]
+    if not units and (joined := _JOINED.search(name.strip())):
+        units = [(joined[1] or joined[2]).lower()]
+    seconds = set[float]()
+    for unit in units:
+        if unit in _ONLY_OF_TIMES and name.strip().lower() not in ("hours", "days", "stunden", "tage"):
+            rest = re.sub(r"[\s_/(\[{]+(in\s+)?$", "", name[: name.lower().rindex(unit.removesuffix("s"))])
+            if not TIMES.search(rest.rpartition(".")[2].strip()):
+                continue
+        seconds.add(SECONDS[unit])
+    return seconds.pop() if len(seconds) == 1 else None
+
+
+def seconds_written(unit: str) -> float | None:
+    """Return the seconds in a unit of time: 3600 for `h`, 0.001 for `ms since 2024-01-01`; None for other units."""
+    return SECONDS.get(_normalise_time_unit(re.sub(r"\s+since\s.*$", "", unit.strip(" ()[]"))))
+
+
+def may_be_unit(cell: str, name: str) -> bool:
+    """Return whether the cell below a column's name is empty, "-", or a unit that this column may have."""
+    text = cell.strip("()[] ")
+    if _normalise_time_unit(text) in SECONDS:
+        return _normalise_time_unit(text) not in _ONLY_OF_TIMES or bool(TIMES.search(name))
+    return text in ("", "-") or unit_written(text) is not None
+
+
+def unit_and_quantity(name: str) -> tuple[str, str] | None:
+    """Return the unit and the quantity that a column's name states, as `unit_written`: for `deg/s`, deg and velocity.
+
+    Return None unless the name contains exactly one known unit. For a unit without a known scale (V, counts), words of
+    the name may state the quantity.
+    """
+    units = {unit for unit in map(unit_written, _unit_candidates(name)) if unit is not None}
+    if len(units) != 1:
+        return None
+    unit, quantity = units.pop()
+    return unit, quantity if UNITS[unit].physical else _quantity_of(name) or quantity
+
+
+def _quantity_of(name: str) -> str | None:
+    """Return "velocity" or "acceleration" if words of a name state exactly one of them; else None."""
+    words = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower())
+    quantities = {_QUANTITIES[word] for word in words if word in _QUANTITIES}
+    return quantities.pop() if len(quantities) == 1 else None
+
+
+def unit_written(text: str) -> tuple[str, str] | None:
+    """Return the unit (a name in UNITS) and the quantity for the text of a unit: for `deg/s`, deg and velocity.
+
+    The quantity of a displacement is "angle". A unit of velocity or acceleration with a name, such as rpm, is returned
+    itself. Return None if the unit is not known.
+    """
+    text = _normalise_unit(text)
+    if text in _WRITTEN:
+        return _WRITTEN[text].name, _WRITTEN[text].quantity or "angle"
+    for quantity, per in _PER:
+        unit = _WRITTEN.get(text[: at.start()]) if (at := per.search(text)) else None
+        if unit is not None and unit.quantity is None:
+            return unit.name, quantity
+    return None
+
+
+def unit_by_name(unit: str | None, quantity: str | None) -> tuple[str | None, str | None]:
+    """Convert a unit that a user gives to its name in `UNITS`, and return it with the quantity.
+
+    Parameters
+    ----------
+    unit
+        Unit in any way of writing: `°`, `degrees`, or `deg/s`, which also states the quantity.
+    quantity
+        Quantity that the user gives; it has priority over that of the unit.
+
+    Returns
+    -------
+    tuple
+        Unit (unchanged if unknown) and quantity, each None if not stated. A unit of displacement states no quantity.
+    """
+    if unit is None or unit in UNITS or (written := unit_written(unit)) is None:
+        return unit, quantity
+    name, what = written
+    return name, quantity or (what if what != "angle" else None)
+
+
+def split_run(column: Column) -> tuple[str, str]:
+    """Return a column's name without the mark of its run, and the label of the run: `angle Run 2` gives `angle`, `2`.
+
+    The label is the column's `run`, else that in its name, else that in its group (`Run 2`). If there is a run, the
+    returned name is also without the group. Without a run, the name is unchanged and the label is "".
+    """
+    bare = column.name.removeprefix(f"{column.group}.") if column.group else column.name
+    if column.run:
+        bare = bare.removeprefix(f"{column.run}.")  # a list in which each element is a run
+    for pattern, run, rest in ((_RUN_BEHIND, 2, 1), (_RUN_BEFORE, 1, 2)):
+        at = pattern.match(bare)
+        if at is not None:
+            return at[rest].strip(), column.run or str(int(at[run][:9]))
+    latest = _RUN_LATEST.match(bare)
+    if latest is not None:
+        return latest[2].strip(), column.run or "latest"
+    alone = _RUN_ALONE.match(column.group)
+    if column.run or (alone and not column.group.isdigit()):
+        return bare, column.run or str(int(alone[1][:9]) if alone else "")
+    return column.name, ""
+
+
+def seconds_of_unit(column: Column) -> float | None:
+    """Return the seconds in the unit of a column of times, from its name or its unit; None if no unit is stated."""
+    seconds = seconds_in(split_run(column)[0]) or seconds_written(column.unit)
+    return 1.0 if seconds is None and _SECONDS_ALONE.match(column.name) else seconds
+
+
+def unit_of_column(column: Column) -> tuple[str, str]:
+    """Return the unit and the quantity of a column, such as deg and velocity; each is "" if the file states none.
+
+    The unit is a name in UNITS; one that is not in UNITS is returned as it is written, if shorter than 20 characters.
+    """
+    name = split_run(column)[0]
+    named = _quantity_of(name) or column.quantity
+    if column.unit:
+        written = unit_written(column.unit.strip("()[]"))
+        if written is None:
+            return (column.unit if len(column.unit) < 20 else ""), named
+        unit, quantity = written
+        return unit, (quantity if UNITS[unit].quantity or quantity != "angle" else named or quantity)
+    known = unit_and_quantity(name)
+    if known is not None:
+        return known
+    behind = _BRACKETS.search(name)
+    return (behind[1].strip() if behind and not behind[1].strip().isdigit() else ""), named
+
+
+def names_time(column: Column) -> bool:
+    """Return whether a column's name or unit says that it contains times, or its cells are times of day."""
+    bare = re.sub(r"[(\[{].*?[)\]}]", "", split_run(column)[0]).rpartition(".")[2].strip()
+    return bool(TIMES.search(bare)) or column.clock or seconds_of_unit(column) is not None
+
+
+def names_index(column: Column) -> bool:
+    """Return whether a column's name says that it numbers the samples."""
+    return bool(_INDEX.match(split_run(column)[0].rpartition(".")[2].strip()))
+
+
+def selector(columns: Sequence[Column], column: Column) -> str | int:
+    """Return how a user selects a column: by its name or, if it has no unique name, by its number from 1.
+
+    columns: all columns of the file. In messages, `repr` of the result quotes a name.
+    """
+    if column.name and sum(c.name == column.name for c in columns) == 1:
+        return column.name
+    return next(i for i, c in enumerate(columns, start=1) if c is column)
+
+
+def list_names(columns: Sequence[Column]) -> str:
+    """Return the names of the columns in one line for a message, shortened if there are many."""
+    if not any(column.name for column in columns):
+        return f"1 to {len(columns)} (they have no names)" if len(columns) > 1 else "1 (it has no name)"
+    names = [repr(c.name) if c.name else str(i) for i, c in enumerate(columns, start=1)]
+    shown: list[str] = []
+    for name in names:
+        if len(shown) == MOST_NAMES or len(", ".join([*shown, name])) > LIST_WIDTH:
+            return f"{', '.join(shown)} and {len(names) - len(shown)} more"
+        shown.append(name)
+    return ", ".join(shown)
+
+
+def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
+    """Return the columns that a user selects.
+
+    Parameters
+    ----------
+    columns
+        All columns of the file.
+    wanted
+        A name, or a number from 1 (digits are a number unless a column has exactly this name). The name may be written
+        in upper or lower case, with or without the unit. In a file with several runs, a name without run selects one
+        column of each run.
+
+    Raises
+    ------
+    InputError
+        If there is no such column (the message suggests a similar name), or if several have exactly this name.
+    """
+    name = str(wanted).strip()
+    exact = [column for column in columns if name and column.name == name]
+    if len(exact) == 1:
+        return exact
+    if exact:
+        raise InputError(f"{len(exact)} columns are named {name!r}; give the column's number")
+    if name.isdigit():
+        if len(name) < 9 and 1 <= int(name) <= len(columns):
+            return [columns[int(name) - 1]]
+        raise InputError(f"there is no column {name[:20]}; the file has {len(columns)} columns")
+    forms = []  # forms of each name: as it is, with its unit, without run, and without run and unit
+    for column in columns:
+        bare = split_run(column)[0]
+        without_unit = re.sub(r"\s*[(\[{][^()\[\]{}]*[)\]}]\s*$", "", bare).strip() or bare
+        if column.name:
+            forms.append((column, (column.name, column.label, bare, without_unit)))
+    for i in range(4):
+        same = [column for column, names in forms if names[i].casefold() == name.casefold()]
+        if same and len({split_run(column)[1] for column in same}) == len(same):
+            return same
+    valid = list(dict.fromkeys(column.name for column, _ in forms))
+    bare = [text for _, names in forms for text in names[2:]]
+    close = get_close_matches(name, [*valid, *bare], n=1, cutoff=0.6)
+    if close:
+        raise InputError(f"unknown column {name[:60]!r}; did you mean {close[0]!r}?")
+    what = (
+        f"valid are {', '.join(valid)}"
+        if 0 < len(valid) <= MOST_NAMES
+        else f"columns are {list_names(columns)}"
+    )
+    raise InputError(f"unknown column {name[:60]!r}; {what}")
+
+
+def select_runs(text: str, labels: Sequence[str]) -> list[str]:
+    """Return the labels of the runs that a user selects.
+
+    Parameters
+    ----------
+    text
+        The selection, such as `1,3-5`, of labels and ranges of numbers.
+    labels
+        Labels of all runs of the file.
+
+    Returns
+    -------
+    list of str
+        The labels in the order of the selection, each once.
+
+    Raises
+    ------
+    InputError
+        If a part of the text is not a label or a range, or selects no run.
+    """
+    wanted: list[str] = []
+    for part in [piece.strip() for piece in text.split(",") if piece.strip()] or [""]:
+        at = re.fullmatch(r"(\d{1,6})(?:\s*-\s*(\d{1,6}))?", part)
+        numbers = range(int(at[1]), int(at[2] or at[1]) + 1) if at else ()
+        selected = [label for label in labels if label == part or (label.isdigit() and int(label) in numbers)]
+        if not selected:
+            more = f" and {len(labels) - MOST_NAMES} more" if len(labels) > MOST_NAMES else ""
+            choice = f"give numbers such as 1,3-5; there are runs {', '.join(labels[:MOST_NAMES])}{more}"
+            choice = choice if labels else "there are none to choose from"
+            raise InputError(f"no runs {text[:40]!r}; {choice}", arguments=["runs"])
+        wanted += selected
+    return list(dict.fromkeys(wanted))
+
+
+def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
+    """Return the facts in the lines above a table, as texts by name.
+
+    A line with a fact is `key: value`, `key = value`, `key,value,unit`, `key,value,value` with the same value for each
+    channel, or a line of names followed by a line of as many values.
+    """
+    facts: dict[str, Fact] = {}
+    before: list[str] = []
+    for line in lines:
+        line = line.strip().lstrip("#%;/ ").strip().rstrip(",;\t")
+        cells = [cell.strip().strip('"') for cell in re.split(r"[,;\t]", line)]
+        numbers = sum(bool(_NUMBER.fullmatch(cell)) for cell in cells)
+        pair = _PAIR.fullmatch(line)
+        named = bool(cells[0]) and not re.search("[:=]", cells[0]) and not _NUMBER.fullmatch(cells[0])
+        if named and 0 < numbers == len(cells) - 1 and len(set(cells[1:])) == 1:
+            facts[cells[0]] = cells[1]
+        elif len(before) == len(cells) > 1 and numbers and not any(map(_NUMBER.fullmatch, before)):
+            facts |= dict(zip(before, cells, strict=True))
+        elif re.search(r"\bunits?$", cells[0], re.IGNORECASE) and len(set(filter(None, cells[1:]))) == 1:
+            facts[cells[0]] = max(cells[1:]).rpartition(":")[2]
+        elif pair and not (len(cells) > 2 and numbers > 1):
+            facts[pair[1].strip('"')] = pair[2].strip('"')
+        elif 2 <= len(cells) <= 3 and numbers == 1 and _NUMBER.fullmatch(cells[1]):
+            facts[cells[0]] = " ".join(cells[1:])
+        before = cells
+    return trim_facts(facts)
+
+
+def trim_facts(facts: Mapping[str, object]) -> dict[str, Fact]:
+    """Return the first MOST_FACTS facts that are numbers or texts, each cut to LONGEST_FACT characters."""
+    trimmed: dict[str, Fact] = {}
+    for name, value in facts.items():
+        text = " ".join(str(name).split())[:LONGEST_FACT]
+        if not text or len(trimmed) >= MOST_FACTS:
+            continue
+        if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+            trimmed[text] = float(value)
+        elif isinstance(value, str) and value.strip():
+            trimmed[text] = " ".join(value.split())[:LONGEST_FACT]
+    return trimmed
+
+
+def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
+    """Return the sampling rate that the facts of a file state.
+
+    Parameters
+    ----------
+    facts
+        Facts (named numbers and texts in the file's header), such as `Sample rate`, in Hz if it has no unit, or `Sample
+        interval (ms)`, in s if it has no unit.
+
+    Returns
+    -------
+    tuple or None
+        The rate in Hz and the name of the fact; None if no fact states a rate or interval, or if several state
+        different ones. A fact with an unknown unit, or a number whose comma is ambiguous, does not count.
+    """
+    rates: dict[float, str] = {}
+    for name, value in facts.items():
+        bare, unit = _split_unit(name)
+        is_rate = bool(_RATES.fullmatch(bare))
+        if not (is_rate or _STEPS.fullmatch(bare) or re.split(r"[./]", name)[-1] == _MATLAB_STEP):
+            continue
+        number = value
+        if isinstance(value, str):
+            thousands = _THOUSANDS.match(value)
+            start = thousands or (None if _AMBIGUOUS_COMMA.match(value) else _NUMBER.match(value))
+            if start is None:
+                continue
+            number = float(start[0].replace(",", "" if thousands else "."))
+            unit = re.split("[,;]", value[start.end() :])[0].strip(" ()[]").lower() or unit
+        number = float(number) * (_HERTZ.get(unit, 0.0) if is_rate else SECONDS.get(unit or "s", 0.0))
+        if number > 1e-300 and math.isfinite(rate := number if is_rate else 1 / number):
+            rates.setdefault(float(f"{rate:.9g}"), name)
+    return next(iter(rates.items())) if len(rates) == 1 else None
+
+
+def _split_unit(name: str) -> tuple[str, str]:
+    """Split a fact's name: `Sample interval (ms)` and `Horizontal.sample_interval_ms` give `sampleinterval`, `ms`.
+
+    Return the part after the last dot or slash before the unit (not at its end, as in `freq. (Hz)`), reduced to its
+    letters in lower case, and the unit at the end, in lower case; "" if there is no unit.
+    """
+    at = re.search(r"[(\[]([^)\]]*)[)\]]\s*$", name)
+    last = re.split(r"[./](?=.*\w)", name[: at.start()] if at else name)[-1]
+    unit = at[1].strip().lower() if at else ""
+    if at is None and (behind := _UNDERSCORED.fullmatch(last)):
+        last, unit = behind[1], behind[2].lower()
+    bare = re.sub(r"[^a-z]", "", last.lower())
+    ending = None if unit else re.fullmatch(r"(.+?)(?:in)?(khz|hz)", bare)
+    return (ending[1], ending[2]) if ending else (bare, unit)
+
+
+def stated_unit(facts: Mapping[str, Fact]) -> str:
+    """Return the unit of the values that the facts state; "" if they state none or several."""
+    wanted = ("unit", "units", "yunit", "yunits", "verticalunits", "angleunit")
+    units = {str(value) for name, value in facts.items() if _split_unit(name)[0] in wanted}
+    return units.pop() if len(units) == 1 else ""

@@ -1,14 +1,11 @@
 """Convert nested data (variables, structs, cells, groups, lists) to columns and facts named by their paths."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents
-from bayesdamp.records.files.names import sampling_rate, stated_unit, trim_facts
+from bayesdamp.records.files.contents import Column, Contents, sampling_rate, stated_unit, trim_facts
 from bayesdamp.types import Fact, InputError
 
 WIDEST_MATRIX = 64

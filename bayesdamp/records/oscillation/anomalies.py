@@ -1,15 +1,12 @@
 """Detect records that are not free decays: clipped peaks, lost sign, rising amplitude, tone burst."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np
 
-from bayesdamp.records.oscillation.features import Features
+from bayesdamp.records.oscillation.features import Features, true_runs
 from bayesdamp.records.oscillation.modes import relative_rise
-from bayesdamp.records.oscillation.spectrum import coarse_period
-from bayesdamp.records.oscillation.turning import true_runs
+from bayesdamp.records.oscillation.noise import coarse_period
 from bayesdamp.types import Signal
 
 MIN_RISE = 0.02

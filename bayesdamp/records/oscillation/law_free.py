@@ -21,8 +21,7 @@ import scipy  # loads its modules when they are used
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.records.oscillation.features import features, once_per_record
-from bayesdamp.records.oscillation.noise import group_by_size
-from bayesdamp.records.oscillation.spectrum import block_means
+from bayesdamp.records.oscillation.noise import block_means, group_by_size
 from bayesdamp.types import DERIVATIVES, NORMAL_95, LawFreeDamping, Refusal, Signal
 
 SHORTEST_WINDOW, LONGEST_WINDOW, WINDOW_FRACTION = 2.0, 8.0, 0.05

@@ -1,7 +1,5 @@
 """Fit a record as a sum of damped sinusoids, and decide whether it is the free decay of one oscillator."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,10 +8,8 @@ from typing import Literal
 import numpy as np
 
 from bayesdamp.numerics.levenberg_marquardt import Expansion, Step, levenberg_marquardt
-from bayesdamp.records.oscillation.features import reason_not_oscillating
-from bayesdamp.records.oscillation.noise import roughness
-from bayesdamp.records.oscillation.spectrum import LEAST_SHARE, block_means, coarse_period
-from bayesdamp.records.oscillation.turning import zigzag
+from bayesdamp.records.oscillation.features import reason_not_oscillating, zigzag
+from bayesdamp.records.oscillation.noise import LEAST_SHARE, block_means, coarse_period, roughness
 
 LEAST_AVERAGED = 1500
 """Smallest number of samples that averaging leaves: in records with at least twice as many, neighbouring samples are

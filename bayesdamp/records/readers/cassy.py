@@ -1,15 +1,20 @@
 """Read CASSY Lab 2 files of LD Didactic, which are XML, plain or in a ZIP archive."""
 
-from __future__ import annotations
-
 import zipfile
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
-from bayesdamp.records.files.contents import Column, Contents, Reader, archive_names, refuse_archive
-from bayesdamp.records.files.names import seconds_written, trim_facts
+from bayesdamp.records.files.contents import (
+    Column,
+    Contents,
+    Reader,
+    archive_names,
+    refuse_archive,
+    seconds_written,
+    trim_facts,
+)
 from bayesdamp.records.readers.text import LARGEST_TEXT, make_column
 from bayesdamp.types import Fact, InputError
 

@@ -1,7 +1,5 @@
 """Read all sheets of Excel workbooks with openpyxl."""
 
-from __future__ import annotations
-
 import datetime
 from dataclasses import replace
 from pathlib import Path

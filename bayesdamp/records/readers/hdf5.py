@@ -1,15 +1,12 @@
 """Read HDF5 files, including MATLAB 7.3, with h5py."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Contents, Reader, refuse_large
-from bayesdamp.records.files.names import trim_facts
+from bayesdamp.records.files.contents import Contents, Reader, refuse_large, trim_facts
 from bayesdamp.records.files.tree import DEEPEST_LEVEL, Walk, join_path, to_plain, unit_and_rate
 from bayesdamp.types import InputError
 

@@ -1,7 +1,5 @@
 """Read JSON files: lists of numbers by name, or a list of samples."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

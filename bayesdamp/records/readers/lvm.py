@@ -1,14 +1,11 @@
 """Read LabVIEW measurement files (.lvm), which are text."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.names import trim_facts
+from bayesdamp.records.files.contents import Column, Contents, Reader, trim_facts
 from bayesdamp.records.readers.text import make_column, parse_number, read_text
 from bayesdamp.types import InputError
 

@@ -1,7 +1,5 @@
 """Read MATLAB files of version 4 to 7, including structs and cells, with SciPy."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

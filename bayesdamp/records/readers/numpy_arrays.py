@@ -1,7 +1,5 @@
 """Read NumPy's .npy and .npz files, without unpickling anything."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,14 +1,11 @@
 """Read Parquet tables with pyarrow."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents, Reader, refuse_large
-from bayesdamp.records.files.names import trim_facts
+from bayesdamp.records.files.contents import Column, Contents, Reader, refuse_large, trim_facts
 from bayesdamp.records.files.tree import to_seconds, unit_and_rate
 from bayesdamp.types import InputError
 

@@ -1,15 +1,12 @@
 """Read National Instruments TDMS files with npTDMS."""
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents, Reader, refuse_large
-from bayesdamp.records.files.names import trim_facts
+from bayesdamp.records.files.contents import Column, Contents, Reader, refuse_large, trim_facts
 from bayesdamp.records.files.tree import to_plain, to_seconds, unit_and_rate
 
 

@@ -4,8 +4,6 @@ Encoding, separator, decimal mark and header are detected from the text. Times o
 oscilloscopes are supported.
 """
 
-from __future__ import annotations
-
 import codecs
 import csv
 import datetime
@@ -18,8 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.names import DAY, header_facts, may_be_unit, trim_facts, unit_and_quantity
+from bayesdamp.records.files.contents import (
+    DAY,
+    Column,
+    Contents,
+    Reader,
+    header_facts,
+    may_be_unit,
+    trim_facts,
+    unit_and_quantity,
+)
 from bayesdamp.types import Fact, InputError
 
 LARGEST_TEXT = 2**29

@@ -1,7 +1,5 @@
 """Read the Universal File Format, data set 58 (functions at nodal degrees of freedom), with pyuff."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.records.files.contents import Column, Contents, Reader
-from bayesdamp.records.files.names import trim_facts
+from bayesdamp.records.files.contents import Column, Contents, Reader, trim_facts
 from bayesdamp.types import Fact, InputError
 
 _SETS = re.compile(rb"(?:^|[\r\n])    -1[ \t]*\r?\n[ \t]{0,5}(\d{1,5})(b?)(?=[ \t\r\n])")

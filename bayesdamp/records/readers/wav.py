@@ -1,7 +1,5 @@
 """Read WAV sound files with SciPy."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

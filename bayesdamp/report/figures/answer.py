@@ -1,7 +1,5 @@
 """Draw the figures of an answer: of one oscillation, of several records together, and of an envelope."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from itertools import cycle

@@ -1,7 +1,5 @@
 """Draw estimates against the posterior, errors against noise, sampling and length, and results of single methods."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

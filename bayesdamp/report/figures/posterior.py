@@ -1,7 +1,5 @@
 """Draw posteriors: marginals and pairs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

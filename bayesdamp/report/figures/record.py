@@ -1,7 +1,5 @@
 """Draw a record: with the fits of models, or with the parts that are used."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Compare a record's answer with the study's chains, evidence and residuals, and with the truth."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -23,10 +21,10 @@ from bayesdamp.report.results.run import (
     rows_of,
     truth,
 )
-from bayesdamp.store.contents import ModeContent, PosteriorContent
+from bayesdamp.store.results import ModeContent, PosteriorContent
 from bayesdamp.types import OK, P_LIMIT, FitStatus, Status, candidate_parts, fitting_of, status_of
-from bayesdamp.verdict.agreement import Agreement, agreement, worst_agreement
 from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.specimen import Agreement, agreement, worst_agreement
 from bayesdamp.verdict.thresholds import AGREEMENT_SDS
 
 WINDOW_SPREAD = 3.0

@@ -3,8 +3,6 @@
 Their errors are also compared along series of signals that differ in noise, sampling or length only.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter
@@ -25,7 +23,7 @@ from bayesdamp.report.results.run import (
     summary_rows,
     truth,
 )
-from bayesdamp.store.tables import TABLES
+from bayesdamp.store.files import TABLES
 from bayesdamp.types import OK
 
 Frame = Any

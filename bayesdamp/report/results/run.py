@@ -16,22 +16,21 @@ from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
-from bayesdamp.store.contents import AnswerContent
-from bayesdamp.store.files import SCHEMA, read_description
-from bayesdamp.store.results import Store, TaskName, TaskResult
-from bayesdamp.store.tables import POPULATION, TABLES, read_table
+from bayesdamp.store.files import POPULATION, SCHEMA, TABLES, read_description, read_table
+from bayesdamp.store.results import AnswerContent, Store, TaskName, TaskResult
 from bayesdamp.types import (
     OK,
     InputError,
     Provenance,
     Status,
+    Unit,
     candidate_name,
     candidate_parts,
     reason_of,
     status_of,
     sum_probabilities,
+    unit_named,
 )
-from bayesdamp.units import Unit, unit_named
 from bayesdamp.verdict.parts import number
 from bayesdamp.verdict.types import VERDICT_JSON, Verdict, load_verdicts
 from bayesdamp.verdict.units import in_unit, picture_in_unit

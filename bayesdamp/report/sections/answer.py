@@ -1,7 +1,5 @@
 """Show the answer on each record."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
@@ -14,9 +12,8 @@ from bayesdamp.report.figures import answer as figures
 from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
 from bayesdamp.report.results.run import ANCHOR, RecordAnswer, RunFolder, answer_of, no_verdict_sentence
 from bayesdamp.report.sections import Section, by_signal, collapsible, fill, paragraph
-from bayesdamp.store.contents import ComparedCandidate
-from bayesdamp.types import OK
-from bayesdamp.units import level_unit
+from bayesdamp.store.results import ComparedCandidate
+from bayesdamp.types import OK, level_unit
 from bayesdamp.verdict.parts import Coefficient, Grade, decay_table, modes_table, ratios_table
 from bayesdamp.verdict.words import energy_sentences, noise_sentence
 

@@ -1,7 +1,5 @@
 """Show whether intervals are calibrated, from a run of `bayesdamp calibrate`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -18,7 +16,7 @@ from bayesdamp.report import words
 from bayesdamp.report.drawing import FAINT, LOOKS, MUTED, WIDTH
 from bayesdamp.report.results.run import Row, RunFolder, rows_of
 from bayesdamp.report.sections import Section, heading, paragraph, stack
-from bayesdamp.store.tables import read_table
+from bayesdamp.store.files import read_table
 from bayesdamp.types import OK
 
 EXPLAINED = (

@@ -1,7 +1,5 @@
 """Show the errors and times of all estimators on simulated records."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

@@ -1,7 +1,5 @@
 """Show the result of each estimator."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -16,7 +14,7 @@ from bayesdamp.report.figures.estimators import estimate_panels, force
 from bayesdamp.report.results.estimators import estimates_of, true_models
 from bayesdamp.report.results.run import Row, RunFolder, coefficients, models_by_rank, rows_of, truth
 from bayesdamp.report.sections import SignalSection, by_model, is_drawn, stack
-from bayesdamp.store.contents import EstimateContent
+from bayesdamp.store.results import EstimateContent
 from bayesdamp.types import OK
 
 Details = Mapping[str, Any]

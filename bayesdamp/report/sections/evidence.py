@@ -1,7 +1,5 @@
 """Show the evidence of each damping model, and how it depends on the prior odds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Show the quality of the fits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from markupsafe import Markup

@@ -1,7 +1,5 @@
 """Show the answers on all records together: specimens, damping curves, and a table."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

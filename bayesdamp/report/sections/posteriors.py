@@ -1,7 +1,5 @@
 """Show the posteriors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -15,7 +13,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import marginals, pairs
 from bayesdamp.report.results.run import Row, RunFolder, coefficients, models_by_rank, rows_of, truth
 from bayesdamp.report.sections import SignalSection, by_model, collapsible, is_drawn, repeat_column
-from bayesdamp.store.contents import PosteriorContent
+from bayesdamp.store.results import PosteriorContent
 from bayesdamp.types import OK
 
 TABLE = (

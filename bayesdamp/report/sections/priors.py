@@ -1,7 +1,5 @@
 """Show the priors."""
 
-from __future__ import annotations
-
 from markupsafe import Markup
 
 from bayesdamp.formatting import Table

@@ -1,7 +1,5 @@
 """Show how the report was made."""
 
-from __future__ import annotations
-
 from bayesdamp.formatting import Table
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import Section, collapsible, stack

@@ -1,7 +1,5 @@
 """Show each record with its fits."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 
@@ -13,7 +11,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures.record import ModelFit, draw_raw_record, record
 from bayesdamp.report.results.run import Row, RunFolder, answer_of, models_not_pruned, only_answered, rows_of
 from bayesdamp.report.sections import SignalSection, bullets, is_drawn, paragraph, stack
-from bayesdamp.store.contents import RecordContent
+from bayesdamp.store.results import RecordContent
 from bayesdamp.types import OK
 
 WHOLE = (

@@ -1,7 +1,5 @@
 """Show whether model probabilities are calibrated, from a run of `bayesdamp calibrate --models`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Show the settings of the study."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 

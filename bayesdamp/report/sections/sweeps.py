@@ -1,7 +1,5 @@
 """Show the errors of the estimators against noise, sampling and length."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from bayesdamp import formatting as fmt

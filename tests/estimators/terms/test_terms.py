@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.estimators import ESTIMATORS, names_for_all, run
-from bayesdamp.estimators._protocol import reason_not_applicable, table
+from bayesdamp.estimators.shared import reason_not_applicable, table
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.types import Problem, Signal, System
 from tests.estimators.truths import NETS

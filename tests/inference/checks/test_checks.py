@@ -12,8 +12,7 @@ from bayesdamp.inference import checks
 from bayesdamp.inference.checks import check_fit, laplace_draws
 from bayesdamp.inference.mode import Mode, find_mode
 from bayesdamp.inference.model.target import Target
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.trajectories import simulate
+from bayesdamp.physics.oscillator import Oscillator, simulate
 from bayesdamp.types import FitCheck, Refusal
 from tests.inference.problems import linear_target
 

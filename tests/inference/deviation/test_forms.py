@@ -11,9 +11,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.deviation.draws import Quantity, candidate_probabilities
-from bayesdamp.inference.deviation.exponent import exponent_quantiles
 from bayesdamp.inference.deviation.findings import compute_findings
 from bayesdamp.inference.deviation.quick import compare_signal
+from bayesdamp.inference.deviation.slices import exponent_quantiles
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.types import Signal
 from tests.inference.deviation.decays import A, W, decay

@@ -9,8 +9,7 @@ from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.data import prepare_data
 from bayesdamp.inference.deviation.model_comparison import compare_candidates
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.trajectories import simulate
+from bayesdamp.physics.oscillator import Oscillator, simulate
 from bayesdamp.records.cleaning.clean import recording_step
 from bayesdamp.types import Signal
 

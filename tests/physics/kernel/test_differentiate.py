@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayesdamp.physics.kernel.differentiate import SLOPES, NoSlopeError, derivative_source, difference_source
+from bayesdamp.physics.kernel.build import SLOPES, NoSlopeError, derivative_source, difference_source
 
 TIMES = np.linspace(0.0, 6.0, 161)
 

@@ -9,8 +9,7 @@ import pytest
 
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import ALL, NONE, QUANTITIES
-from bayesdamp.physics.oscillator import Oscillator
-from bayesdamp.physics.trajectories import simulate
+from bayesdamp.physics.oscillator import Oscillator, simulate
 from tests.physics.independent import LAWS, trajectory, with_coulomb
 from tests.physics.kernel.test_march import G, H, central_difference
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from bayesdamp.interface.first_words import first_words
-from bayesdamp.interface.no_free_decay import no_free_decay
+from bayesdamp.interface.first_words import first_words, no_free_decay
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.cleaning.window import free_decay
-from bayesdamp.records.oscillation.spectrum import coarse_periods
+from bayesdamp.records.oscillation.noise import coarse_periods
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 from tests.records.hands import Rig, W

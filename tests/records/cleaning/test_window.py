@@ -10,7 +10,7 @@ import pytest
 from bayesdamp.records.cleaning import window as window_module
 from bayesdamp.records.cleaning.clean import recording_step
 from bayesdamp.records.cleaning.window import DecayWindow, free_decay
-from bayesdamp.records.oscillation.spectrum import coarse_periods
+from bayesdamp.records.oscillation.noise import coarse_periods
 from tests.records.hands import Record, W, driven, held_then_released, kicked, released_twice, rig, sticking
 
 SEEDS = range(100, 106)

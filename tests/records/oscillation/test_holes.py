@@ -9,7 +9,7 @@ from bayesdamp.interface.first_words import first_words
 from bayesdamp.records.cleaning.window import free_decay
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.modes import find_other_motion
-from bayesdamp.records.oscillation.spectrum import coarse_periods
+from bayesdamp.records.oscillation.noise import coarse_periods
 from bayesdamp.types import Signal
 
 FREQUENCY, RATE, START, NOISE = 1.3, 0.05, 0.4, 0.002

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesdamp.records.oscillation.spectrum import coarse_period, samples_a_cycle
+from bayesdamp.records.oscillation.noise import coarse_period, samples_a_cycle
 
 
 def record(rows: int, cycles: float, noise: float) -> tuple[np.ndarray, np.ndarray]:

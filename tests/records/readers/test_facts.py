@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.records.files.names import sampling_rate
+from bayesdamp.records.files.contents import sampling_rate
 from bayesdamp.records.read import read_record
 from bayesdamp.types import InputError
 from tests.records.tables import write_table

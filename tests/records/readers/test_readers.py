@@ -12,8 +12,7 @@ import pytest
 from scipy.io import savemat
 
 from bayesdamp.records.files import contents
-from bayesdamp.records.opening import read_contents
-from bayesdamp.records.read import read_record, read_records
+from bayesdamp.records.read import read_contents, read_record, read_records
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 from tests.records.readers.written import FORMATS, RATE, Z, cassy, excel, matlab_73, parquet, tdms, uff

@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 import pytest
 
-from bayesdamp.records.findings import Kind, findings
 from bayesdamp.records.read import read_record
+from bayesdamp.records.record import Kind, findings
 from bayesdamp.types import InputError
 from tests.records.tables import T, Y, write_table
 
