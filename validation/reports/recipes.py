@@ -6,8 +6,8 @@ ENGINE = tuple(
     f"bayesdamp/{part}"
     for part in (
         "inference", "interface/answer.py", "interface/envelopes.py", "interface/fit.py",
-        "interface/model.py", "interface/no_free_decay.py", "interface/posterior.py",
-        "numerics", "physics", "pipeline", "records", "verdict", "priors.py", "types.py", "units.py",
+        "interface/model.py", "interface/first_words.py", "interface/posterior.py",
+        "numerics", "physics", "pipeline", "records", "verdict", "priors.py", "types.py",
     )
 )  # fmt: skip
 """Paths of the code that computes answers, posteriors and evidence; sources of almost every report."""
