@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from bayesdamp.store.tables import TABLES, read_table, write_table
 
+from bayesdamp.store.files import TABLES, read_table, write_table
 from validation.reports.contradictions import (
     INTERVAL,
     contradictions,
