@@ -77,7 +77,7 @@ def shipped_folder() -> Path:
 
 
 def study_file(given: Path) -> Path:
-    """Return the path of a study: the given one if it exists, else that of the package's study of this name.
+    """Return the given path if it exists, otherwise the path of the study with this name in the package.
 
     A path with a folder or a suffix is returned as it is if there is no such study. Raises InputError for another
     unknown name.

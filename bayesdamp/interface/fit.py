@@ -205,7 +205,7 @@ class Fit(Result, Storable):
 
     @property
     def priors(self) -> Mapping[str, Prior]:
-        """The prior of each inferred parameter by name, including default priors; empty without a fit."""
+        """The prior of each inferred parameter by name, including default priors; empty if nothing was fitted."""
         if self.law is not None:
             return self.law.state.priors
         return {} if self.target is None else self.target.priors

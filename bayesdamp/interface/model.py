@@ -123,7 +123,7 @@ class Density(ResultView):
         return data_frame(rows.values(), ["value", "unit", "prior"], index=rows)
 
     def vector(self, values: Mapping[str, float] | None = None) -> Vector:
-        """Convert values by name to a vector x, (d,). Parameters without a value have that of the best fit.
+        """Convert values by name to a vector x, (d,). Parameters that are not given have their value in the best fit.
 
         Raises
         ------

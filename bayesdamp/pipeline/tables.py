@@ -57,7 +57,7 @@ def write_verdicts(study: Study, store: Store) -> None:
     A verdict is on a record, or on a specimen with several records. verdict.json has an object for each verdict, in
     rad, m or the sensor's unit. verdicts.csv has a row for each verdict, and damping_curves.csv the law-free damping
     curve of each record, both in the unit of the record's file. If the study has several specimens, also write
-    population.csv, from the verdict on each of them; else remove a file of this name.
+    population.csv, from the verdict on each of them; otherwise remove a file of this name.
     """
     (store.folder / "population.csv").unlink(missing_ok=True)
     verdicts: list[tuple[Verdict, Unit]] = []

@@ -43,7 +43,7 @@ class Interval:
 class IntervalAt:
     """A value at an amplitude of the record, with the ends `low` and `high` of its 95 % interval.
 
-    unit: that of the amplitude, not of the value.
+    unit: unit of the amplitude, not of the value.
     """
 
     amplitude: float

@@ -191,7 +191,7 @@ class Verdict(CheckedMethods):
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """Return the probability of every damping, by name, that of the named one first; forms outside the sums too."""
+        """Return the probabilities of all compared dampings and other forms, by name; the named damping is first."""
         return {self.damping: self.probability, **{r.damping: r.probability for r in self.rivals}}
 
     def summary(self) -> pd.DataFrame:

@@ -239,7 +239,7 @@ class Sindy(Estimator[SindyOptions]):
     selected whose integrated prediction of the record has the smallest extended Bayesian information criterion
     (prediction test: Mangan, Kutz, Brunton and Proctor, Proceedings of the Royal Society A 473, 2017, 20170009;
     criterion: Chen and Chen, Biometrika 95, 2008, 759). The estimate comes from the best solution that has exactly the
-    damping terms of the model. If another solution is selected, the outcome says so.
+    damping terms of the model. If another solution is selected, `outcome` is a sentence that names the differences.
     """
 
     options = SindyOptions
@@ -249,7 +249,7 @@ class Sindy(Estimator[SindyOptions]):
     ) -> Estimate:
         """Return the coefficients of a sparse regression of the acceleration (Brunton, Proctor and Kutz 2016).
 
-        The outcome says if the selected solution has other terms.
+        If the regression selects other terms than those of the model, `outcome` is a sentence that names them.
         """
         optional_package("pysindy")
         features = checked_features(signal)

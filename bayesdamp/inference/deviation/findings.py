@@ -289,8 +289,8 @@ def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None)
 def _equilibria(result: CandidateResult, law: np.ndarray) -> np.ndarray:
     """Return the equilibria in rad or m, (n,), for n draws of the parameters of a candidate's restoring law, (n, r).
 
-    They are the draws' rest angles if the law has one, because a record of velocity or acceleration does not determine
-    it; else the equilibria near that of the mode.
+    If the law has a rest angle, they are the draws' rest angles, because a record of velocity or acceleration does not
+    determine the equilibrium. Otherwise they are the equilibria near the mode's equilibrium.
     """
     name = result.candidate.restoring
     names = LAWS.get(name).parameters

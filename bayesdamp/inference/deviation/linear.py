@@ -243,11 +243,11 @@ class LinearModel:
 
 @dataclass(frozen=True)
 class DampingLikelihood:
-    """The likelihood of the scores x, (k,), of the damping's parameters, with all other unknowns integrated out.
+    """The likelihood of the damping's parameters, with all other unknowns integrated out.
 
-    Scores are parameters transformed to standard normal priors. The logarithm of the likelihood (in nats) at each of c
-    grid points (sizes and correlation lengths of the deviations from the laws) is log + slopeᵀ x − xᵀ information x /
-    2, with arrays of shape (c,), (c, k) and (c, k, k). It does not contain the prior of x.
+    The parameters are expressed as k scores x, which have standard normal priors. The logarithm of the likelihood (in
+    nats) at each of c grid points (sizes and correlation lengths of the deviations from the laws) is log + slopeᵀ x −
+    xᵀ information x / 2, with arrays of shape (c,), (c, k) and (c, k, k). It does not contain the prior of x.
     """
 
     log: np.ndarray
@@ -774,9 +774,9 @@ class _ScaledPriors:
 
 
 def damping_likelihood(posteriors: Normals, places: np.ndarray, log_prior: np.ndarray) -> DampingLikelihood:
-    """Compute the likelihood of the standard normal scores of the damping's parameters.
+    """Compute the likelihood of the damping's parameters at each grid point.
 
-    All other unknowns are integrated out.
+    The parameters are expressed as standard normal scores, and all other unknowns are integrated out.
 
     Parameters
     ----------

@@ -464,9 +464,9 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
 def power_solver(comparison: ModelComparison, p: float) -> Solver:
     """Return a solver with the terms of the best candidate's solver and a power |v|^p, under the best restoring law.
 
-    The exponent remains a parameter of the solver; p only decides a width: for p < 1 the width of the velocity range in
-    which forces are smoothed at v = 0 is at most `ROUNDED` of the peak velocity, else it is that of the candidate's
-    solver.
+    The exponent remains a parameter of the solver. p only decides the width of the velocity range in which forces are
+    smoothed at v = 0: for p < 1 it is at most `ROUNDED` of the peak velocity, otherwise it is the width in the
+    candidate's solver.
     """
     plain = comparison.solvers[comparison.best.candidate.restoring]
     narrow = min(plain.epsilon, ROUNDED * comparison.reference.peak_velocity)

@@ -454,7 +454,7 @@ def _window_of(levels: Levels, begin: int, end: int, floor: NoiseFloor | None, b
 def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> EnvelopeWindow:
     """Return the window from start to stop (both included), in s of the record's times.
 
-    t, y: times in s and levels in dB, (n,). For a start or stop that is None, that of the automatic search is used
+    t, y: times in s and levels in dB, (n,). If start or stop is None, its value comes from the automatic search
     (`find_window`). The noise floor is always from this search; it is None if no decay is found. Raises Refusal if too
     few readings are between start and stop, or if one of them is None and no decay is found.
     """
