@@ -417,7 +417,7 @@ class Case:
 
     @classmethod
     def with_noise(cls, signal: types.Signal, model: Model) -> Case:
-        """Return the case of a record and a model, as `of`. Raises Refusal if the record has no noise too."""
+        """Return the case of a record and a model, as `of`, but also raise Refusal if the record has no noise."""
         case = cls.of(signal, model)
         if not has_noise(signal, case.features):
             raise Refusal(NO_POSTERIOR)

@@ -137,7 +137,7 @@ def _candidates(study: Study, store: Store) -> Iterator[tuple[StudyCandidate, Ro
     """Iterate over all candidates on all records.
 
     Yields the candidate, the columns that name it (signal, repeat, model, restoring), and its posterior from the
-    sampled answer (None without one).
+    sampled answer (None if there is none).
     """
     for spec, repeat in study.records:
         record = StudyRecord(study, spec, repeat, store)

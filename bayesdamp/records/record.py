@@ -68,7 +68,7 @@ class RawRecord:
     quantity
         "angle", "velocity", "acceleration", or "" if the file does not state it.
     columns
-        Columns of the times (None without times) and of the values, by name or number from 1.
+        Columns of the times (None if there are no times) and of the values, by name or number from 1.
     choice
         Sentence on the choice among the file's columns; "" if there was no choice.
     """

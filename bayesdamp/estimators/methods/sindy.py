@@ -392,8 +392,8 @@ def score_models(
     n: number of samples. s²: mean square error of the prediction. k: number of terms in the solution, of p in the
     library. Solutions that are not sound have the score ∞ and come first in the result; the others keep the order of
     `path`. columns (n, p), target (n,): both sides of the regression, from whose norms the typical sizes of the
-    coefficients follow. floor: smallest
-    root mean square error of a prediction that is distinguished from zero, in the unit of the record.
+    coefficients follow. floor: smallest root mean square error of a prediction that is distinguished from zero, in the
+    unit of the record.
     """
     unit = np.linalg.norm(target) / np.linalg.norm(columns, axis=0)
     sound = [model for model in path if model.sound]

@@ -117,7 +117,7 @@ class Findings:
         Drift of the midline over the record, as a fraction of the first amplitude, from the residual of the most
         probable candidate or rival; 0 where it is not significant.
     frequency_at : Quantity, optional
-        Frequency in Hz at the last amplitude of `ratios`; None without such an amplitude, or where no orbit has it.
+        Frequency in Hz at the last amplitude of `ratios`; None if `ratios` is empty, or if no orbit has this amplitude.
     over_law : tuple of Quantity
         Damping with deviations divided by that of its law, at the amplitudes of `ratios` (see `ratio_over_law`); empty
         under exact laws.

@@ -138,10 +138,10 @@ def grid_of(
 
 
 def _with_none(sizes: np.ndarray, mean: float, step: int) -> np.ndarray:
-    """Return sizes, indices of lengths and log prior probabilities of one deviation: none, and all sizes and lengths.
+    """Return the grid of one deviation: n sizes, indices of their lengths, and log prior probabilities, (3, n).
 
-    No deviation has probability `PROBABILITY_EXACT`. Given a deviation, the size has an exponential prior with this
-    mean, and every `step`-th of `LENGTHS` is equally probable. The result has the shape (3, n).
+    The first grid point is "no deviation", with probability `PROBABILITY_EXACT`. At the others, the size has an
+    exponential prior with the given mean, and every `step`-th of `LENGTHS` is equally probable.
     """
     edges = np.concatenate([[0.0], np.sqrt(sizes[1:] * sizes[:-1]), [np.inf]])
     lengths = np.arange(len(LENGTHS))[::step]

@@ -318,8 +318,8 @@ class ModelComparison:
     ) -> dict[str, Linearisation]:
         """Linearise the largest sum about its mode, under each law whose log evidence is not `FAR` below the best.
 
-        largest: linearisations from which the modes are sought, by restoring law. The result has the same keys, without
-        laws that are too far below. solvers: by restoring law.
+        largest, solvers: linearisations from which the modes are sought, and solvers, by restoring law. The keys of the
+        result are the laws that are not too far below.
         """
         logs = {
             law: linear_posterior(at.model, at.grid(coarse=True), self.variance, self.samples).log_evidence

@@ -91,7 +91,7 @@ def make_record(
     """Make an envelope record from times and readings.
 
     Readings that have the same time as the one before are left out. Amplitudes and powers of zero are left out too, and
-    of small negative ones the absolute value is used. The record's notes say how many readings this concerns.
+    small negative ones are replaced by their absolute values. The record's notes give the number of these readings.
 
     Parameters
     ----------

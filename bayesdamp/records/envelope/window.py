@@ -109,7 +109,8 @@ class NoiseFloor:
 
     power: mean power of the floor; decay: mean power of the decay that remains in the readings from which the floor was
     measured; semivariance: half of the mean squared difference of powers that are `LAG_IN_DECAY_TIMES` decay times
-    apart, NaN if there are too few readings; error: relative standard error of semivariance / power², NaN without it.
+    apart, NaN if there are too few readings; error: relative standard error of semivariance / power², NaN if
+    semivariance is NaN.
     """
 
     power: float

@@ -77,8 +77,8 @@ def sampling_sentence(comparison: Agreement) -> str:
 def sampling_checks(run: RunFolder, signal: str) -> list[Check]:
     """Return a check that compares the answer from sequential Monte Carlo with that from linear approximations.
 
-    This check only informs and never fails. The list is empty without sampling, or if the record is not a free decay or
-    no law describes it.
+    This check only informs and never fails. The list is empty if nothing was sampled, or if the record is not a free
+    decay or no law describes it.
     """
     first, last = (answer_of(run, signal, kinds) for kinds in (("answer",), ("sampled",)))
     if first is None or last is None or first.verdict.grade is Grade.NO_FREE_DECAY or last.verdict.law_free:
