@@ -162,7 +162,7 @@ def _typeset(text: str) -> str:
 
 
 def percentage(fraction: float) -> str:
-    """Return a fraction in per cent with two significant digits, from 10 % on as an integer; without the sign %."""
+    """Return a fraction in per cent, without the sign %: two significant digits, or an integer from 10 % on."""
     return f"{100 * fraction:.0f}" if 100 * fraction >= 9.95 else digits(100 * fraction, n=2)
 
 
@@ -213,8 +213,7 @@ class Table:
     """A table of text cells, which can be shown as HTML, plain text or on the terminal.
 
     headers, lines: cells of the header, and of each row. caption: text above the table. left: indices of the columns
-    that contain text (aligned to the left); the others contain numbers. notes:
-    sentences below the table.
+    that contain text (aligned to the left); the others contain numbers. notes: sentences below the table.
     """
 
     headers: Sequence[str] = ()

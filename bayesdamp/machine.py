@@ -22,7 +22,7 @@ END_SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if h
 def cache_folder() -> Path:
     """Return the folder for results that are computed once for a machine, such as kernels; it may not exist yet.
 
-    It is the environment variable `BAYESDAMP_CACHE`, else the system's cache folder for programs.
+    The environment variable `BAYESDAMP_CACHE` gives its path; by default it is the system's cache folder for programs.
     """
     from platformdirs import user_cache_dir
 

@@ -117,8 +117,8 @@ class Registry(Generic[T]):
     def add(self, name: str, plugin: T, source: str | None = None) -> None:
         """Add a user's plug-in.
 
-        source: its source code; by default that of the module of its class, or the name of the class if it has no file.
-        Raises InputError if a plug-in with this name ships with bayesdamp.
+        source: its source code. By default this is the source of the module of its class, or the name of the class if
+        it has no file. Raises InputError if a plug-in with this name ships with bayesdamp.
         """
         if name in self._modules:
             raise InputError(f"a {self.kind} {name!r} ships with bayesdamp; give yours another name")
@@ -137,7 +137,7 @@ class Registry(Generic[T]):
         self._sources.pop(name, None)
 
     def get(self, name: str, where: str = "") -> T:
-        """Return the plug-in with a name, importing it if necessary; that of an installed package is then added.
+        """Return the plug-in with a name; import it, or add it from an installed package, if necessary.
 
         Raises InputError, with a similar valid name, if there is none; its message begins with `where`.
         """
@@ -240,7 +240,7 @@ def _register(plugin: Any, module: PluginModule) -> None:
         raise InputError(f"a {registry.kind} {name!r} ships with bayesdamp; give yours another name", where)
     if name in registry.added():
         raise InputError(
-            f"another plug-in is a {registry.kind} {name!r} too; give one of them another name", where
+            f"two plug-ins add the {registry.kind} {name!r}; give one of them another name", where
         )
     registry.add(name, plugin, module.source)
 

@@ -41,8 +41,8 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
         Value that consists of dataclasses, pydantic models, mappings, sequences, arrays and types of JSON. Floats that
         are not finite stay floats.
     arrays
-        Each array is stored in this mapping under its path, such as `signal/t`, and replaced by None; without the
-        mapping, arrays become lists.
+        Each array is stored in this mapping under its path, such as `signal/t`, and replaced by None. If no mapping is
+        given, arrays become lists.
     path
         Path of the value.
 
@@ -118,8 +118,9 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
 def _member(kind: Any, value: object) -> Any:
     """Return the type in a union `kind` that `value`, in JSON form, was stored from.
 
-    NoneType for None; the union itself if all its members are pydantic models; the only member besides None; else the
-    first that fits a list (tuple, array) or an object (mapping, dataclass). Any if none fits, as for numbers and texts.
+    For None it is NoneType. If all members of the union are pydantic models, it is the union itself. If the union has
+    only one member besides None, it is this member. Otherwise it is the first member that fits a list (tuple, array) or
+    an object (mapping, dataclass), or Any if none fits, as for numbers and texts.
     """
     kinds = [k for k in get_args(kind) if k is not NoneType]
     if value is None and NoneType in get_args(kind):

@@ -392,12 +392,12 @@ class Evidence:
 
 
 def candidate_name(damping: str, restoring: str = "") -> str:
-    """Return the name of a candidate, such as `viscous+coulomb@pendulum`; without a restoring law, the damping sum."""
+    """Return the name of a candidate: `viscous+coulomb@pendulum`, or `viscous+coulomb` if it has no restoring law."""
     return f"{damping}{LAW_MARK}{restoring}" if restoring else damping
 
 
 def candidate_parts(name: str) -> tuple[str, str]:
-    """Return damping sum and restoring law, in this order, from the name of a candidate; the law is "" without `@`."""
+    """Return damping sum and restoring law, in this order, from the name of a candidate; without `@` the law is ""."""
     damping, _, restoring = name.partition(LAW_MARK)
     return damping, restoring
 

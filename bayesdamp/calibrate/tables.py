@@ -69,7 +69,7 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
     records: number of tested records. without: number of further records, without an interval. value: for "ranks" the
     largest difference (with its sign) of their distribution function from the uniform one; for "coverage" the fraction
     of intervals that contain the truth. low, high: range that contains this fraction with 99 % probability if the
-    intervals are right. p: two-sided p value, nan without records. The verdict is "wrong" if p_holm is below
+    intervals are right. p: two-sided p value, nan if there are no records. The verdict is "wrong" if p_holm is below
     `FALSE_ALARM`, "not tested" if it is nan, else "passes".
     """
     rows, classical = list[Row](), list[Row]()

@@ -63,7 +63,7 @@ class Runs:
     Attributes
     ----------
     paper
-        Folder of a run of the study `paper` (the paper's records, without noise); None without such a run.
+        Folder of a run of the study `paper` (the paper's records, without noise); None if there is no such run.
     noise
         Folders of runs of the studies `noise`, `noise_coulomb` and `noise_quadratic` (the same records with noise).
     """
@@ -73,7 +73,7 @@ class Runs:
 
     @cached_property
     def compared(self) -> EstimatorComparison | None:
-        """The errors and times of estimators on the paper's records without noise; None without a run."""
+        """The errors and times of estimators on the paper's records without noise; None if there is no run."""
         return compare_estimators(RunFolder(self.paper)) if self.paper else None
 
     @cached_property

@@ -148,7 +148,7 @@ class FileRecord:
 
     @property
     def label(self) -> str:
-        """The run and the channel of the record, such as "run 2, phi"; without those that the file does not name."""
+        """The run and the channel of the record, such as "run 2, phi", as far as the file names them."""
         run = f"run {self.raw.run}" if self.raw.run else ""
         return ", ".join(filter(None, (run, self.raw.channel)))
 

@@ -77,7 +77,7 @@ def shipped_folder() -> Path:
 
 
 def study_file(given: Path) -> Path:
-    """Return the path of a study: the given one if it exists, else that of the package's study of this name.
+    """Return the given path if it exists, otherwise the path of the study with this name in the package.
 
     A path with a folder or a suffix is returned as it is if there is no such study. Raises InputError for another
     unknown name.
@@ -266,8 +266,8 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
 def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> tuple[SignalSpec, ...]:
     """Return the signals of a study: its tables [[signal]], completed by [system], and repeated for each [[sweep]].
 
-    raw: all tables of the study file. folder: that of the study file. laws: the restoring laws of [models], which apply
-    to every signal without its own. Raises StudyError if a table is wrong or a name is repeated.
+    raw: all tables of the study file. folder: folder of the study file. laws: the restoring laws of [models], which
+    apply to every signal without its own. Raises StudyError if a table is wrong or a name is repeated.
     """
 
     def tables_of(name: str) -> list[dict[str, Any]]:

@@ -267,8 +267,7 @@ def damping_order() -> list[str]:
 def _read_recording(entry: SignalTable, folder: Path, key: str) -> Recording:
     """Return the record of a signal that is read from a file; the file itself is not read.
 
-    `folder` is that of the study; `key` is the key of the signal, for messages. Raises StudyError if the file does not
-    exist.
+    folder: folder of the study. key: key of the signal, for messages. Raises StudyError if the file does not exist.
     """
     assert entry.file is not None
     path = folder / at_home(Path(entry.file))

@@ -206,11 +206,12 @@ class PluginsTable(StudySection):
 
 
 class EstimatorsTable(StudySection):
-    """[estimators]: which estimators of damping coefficients run; without the tables of options of single estimators.
+    """[estimators]: which estimators of damping coefficients run.
 
-    use: names of estimators and of their variants; "all" becomes those of all. stages: "initial" (the estimate of the
-    method itself), "refined" (a least-squares fit of the motion that starts from this estimate). repeats: for a name,
-    the largest number of repeats of a signal on which this estimator runs.
+    The tables with options of single estimators are not included. use: names of estimators and of their variants; "all"
+    becomes the names of all estimators. stages: "initial" (the estimate of the method itself), "refined" (a
+    least-squares fit of the motion that starts from this estimate). repeats: for a name, the largest number of repeats
+    of a signal on which this estimator runs.
     """
 
     use: Annotated[Names, BeforeValidator(lambda use: names_for_all() if use == "all" else use)] = Field(
@@ -430,7 +431,7 @@ class Estimators(EstimatorsTable):
     variants: Mapping[str, str]
 
     def method(self, name: str) -> str:
-        """Return the estimator that a name in `use` stands for: that behind a variant, else the name itself."""
+        """Return the estimator for a name in `use`: for a variant its estimator, otherwise the name itself."""
         return self.variants.get(name, name)
 
     def on(self, repeat: int) -> tuple[str, ...]:

@@ -25,7 +25,7 @@ def values_of(expression: Any, v: np.ndarray) -> np.ndarray:
 
 
 def without_the_negligible(expression: Any, v: np.ndarray, share: float) -> Any:
-    """Return the expression without products whose rms over v (n,) is at most `share` times that of the sum."""
+    """Return the expression without products whose rms over v (n,) is at most `share` times the rms of the sum."""
     whole, *sizes = (
         np.sqrt(np.mean(values_of(part, v) ** 2)) for part in (expression, *sympy.Add.make_args(expression))
     )

@@ -99,8 +99,9 @@ def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> 
 
     The result is empty if all are known.
 
-    theta (n,): displacements. force (n,): estimate of F_rest(θ) there, in θ̈ + F_rest(θ) + damping = 0 (per unit of
-    inertia, in rad/s² or m/s²), without its known part, the `offset` of the law's `LinearForm`.
+    theta (n,): displacements. force (n,): estimate of F_rest(θ) at these displacements, per unit of inertia, in rad/s²
+    or m/s²; the equation of motion is θ̈ + F_rest(θ) + damping = 0. The known part of F_rest, which is the `offset` of
+    the law's `LinearForm`, is not included.
     """
     form = oscillator(problem).law.linear_form(theta, known_restoring(problem))
     if form.columns.shape[1] == 0:
@@ -115,10 +116,11 @@ def damping_values(problem: Problem, library: list[CandidateTerm], x: np.ndarray
 
 
 def compare_selection(library: list[CandidateTerm], selected: np.ndarray, model: np.ndarray) -> str:
-    """Return OK if a sparse regression selects all damping terms of the model and no term outside it, else a sentence.
+    """Return OK if a sparse regression selects the model's terms, otherwise a sentence that names the differences.
 
-    The sentence names the terms that are missing or superfluous. selected (p,): whether each term of the library is
-    selected. model (p,): whether the model allows each term; a function of θ that it allows may be left out.
+    The selection must contain all damping terms of the model and no term outside it. selected (p,): whether each term
+    of the library is selected. model (p,): whether the model allows each term; a function of θ that it allows may be
+    left out.
     """
     names = [candidate.name for candidate in library]
     of_damping = np.array([candidate.damping is not None for candidate in library])

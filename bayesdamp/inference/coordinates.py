@@ -247,8 +247,8 @@ class NoiseMap:
     def scores(self, level: np.ndarray) -> np.ndarray:
         """Convert level scores to standard normal scores, (..., d) each.
 
-        Level scores differ from the scores only in two noise parameters, so that their posterior is nearly normal.
-        Beyond `LARGEST_LEVEL` the map is continued linearly.
+        Level scores replace the scores of two noise parameters by numbers whose posterior is nearly normal; all other
+        level scores are equal to the scores (see the class). Beyond `LARGEST_LEVEL` the map is continued linearly.
         """
         if self.table is None:
             return level
@@ -260,7 +260,8 @@ class NoiseMap:
     def level(self, scores: np.ndarray) -> np.ndarray:
         """Convert standard normal scores to level scores, (..., d) each, by Newton's method.
 
-        Level scores differ from the scores only in two noise parameters, so that their posterior is nearly normal.
+        Level scores replace the scores of two noise parameters by numbers whose posterior is nearly normal; all other
+        level scores are equal to the scores (see the class).
         """
         if self.table is None:
             return scores
@@ -278,7 +279,8 @@ class NoiseMap:
         """Return the derivatives of standard normal scores by level scores, (..., d, d).
 
         level: the level scores, (..., d). Element [..., i, j] is the derivative of score i by level score j. Level
-        scores differ from the scores only in two noise parameters, so that their posterior is nearly normal.
+        scores replace the scores of two noise parameters by numbers whose posterior is nearly normal; all other level
+        scores are equal to the scores (see the class).
         """
         slope = np.zeros((*level.shape, level.shape[-1])) + np.eye(level.shape[-1])
         if self.table is not None:
@@ -290,7 +292,8 @@ class NoiseMap:
     def log_volume(self, level: np.ndarray) -> np.ndarray:
         """Return the log determinant of the derivatives of scores by level scores, (...), at level scores (..., d).
 
-        It is the change of a log density by the map (see `NoiseMap`), and 0 for the identity.
+        It is the log density of level scores minus the log density of the same point in standard normal scores (see
+        `NoiseMap`), and 0 for the identity.
         """
         if self.table is None:
             return np.zeros(level.shape[:-1])
@@ -465,7 +468,8 @@ class Shear:
     def log_volume(self, straight: np.ndarray) -> np.ndarray:
         """Return the log determinant of the derivatives of standard normal scores by straight scores, (...).
 
-        It is the change of a log density by the map (see `Shear`). straight: the straight scores, (..., d).
+        It is the log density of straight scores minus the log density of the same point in standard normal scores (see
+        `Shear`). straight: the straight scores, (..., d).
         """
         return self.noise.log_volume(self.level(straight))
 

@@ -83,7 +83,7 @@ class Motions:
 
     @cached_property
     def frequency(self) -> np.ndarray:
-        """The natural frequency ω_n of each draw in rad/s; nan without a stable equilibrium."""
+        """The natural frequency ω_n of each draw in rad/s; nan if it has no stable equilibrium."""
         with np.errstate(invalid="ignore"):
             return np.sqrt(self.osc.law.slope(self._rest, self._numbers))
 
@@ -92,7 +92,7 @@ class Motions:
         """The damping ratio of each draw at the equilibrium; None if F′_damp is 0 for all draws, as for dry friction.
 
         It is F′_damp/(2ω_n), where F′_damp is the derivative of the damping force, per unit of inertia, by the velocity
-        at zero velocity, in 1/s. Terms that jump there (`DampingTerm.switches`) are left out. It is nan without a
+        at zero velocity, in 1/s. Terms that jump there (`DampingTerm.switches`) are left out. It is nan if there is no
         stable equilibrium.
         """
         smooth = [t for t in self.osc.terms if not t.switches]

@@ -40,7 +40,7 @@ def rhat(draws: np.ndarray) -> float:
 
 
 def ess_bulk(draws: np.ndarray) -> float:
-    """Return the bulk effective sample size of draws, (chain, draw): that of their normalised ranks.
+    """Return the bulk effective sample size of draws, (chain, draw), computed from their normalised ranks.
 
     See section 4.2 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if there are too few draws or one is not
     finite.

@@ -290,7 +290,7 @@ def restore_mode(target: Target, stored: StoredMode) -> Mode:
 
 
 def log_evidence_about(mode: Mode) -> float:
-    """Return the log evidence at a mode, in nats: that of the mode's linear model if it has one, else Laplace's.
+    """Return the log evidence at a mode in nats, from its linear model if it has one, otherwise by Laplace's method.
 
     For Laplace's approximation, the log likelihood is expanded to second order at the mode, and integrated with
     reflected scores (half-normal priors) ≥ 0; the evidence is averaged over the values of the common prior scale of

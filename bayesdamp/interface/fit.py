@@ -98,7 +98,7 @@ class StoredFit:
     """The content of a file that stores a fit.
 
     noise: the chosen noise model. outcome, notes, priors, known: as in `Fit`. mode: the result if laws hold exactly,
-    else None. law: the result if laws may hold approximately, else None. Both are None without a fit.
+    else None. law: the result if laws may hold approximately, else None. Both are None if nothing was fitted.
     """
 
     signal: Signal
@@ -129,16 +129,16 @@ class Fit(Result, Storable):
     noise
         The noise model that was specified, or chosen for the record.
     values, units
-        Values of the inferred parameters in natural units, and their units, by name; empty without a fit.
+        Values of the inferred parameters in natural units, and their units, by name; empty if nothing was fitted.
     sd, intervals
         Standard deviation of each parameter and its 95 % interval (low, high), by name. Under exact laws they are from
         the normal approximation of the posterior in z, otherwise from draws of the linear approximation.
     known
         Values of the parameters that were not inferred, by name.
     fitted, residuals
-        Trajectory, and record minus trajectory, in `signal.y_unit`, each of shape (n,); empty without a fit. If laws
-        may hold approximately, the trajectory includes the deviations of the best motion; it is NaN at samples that are
-        not used (after the amplitude has fallen below 5 % of its first value).
+        Trajectory, and record minus trajectory, in `signal.y_unit`, each of shape (n,); empty if nothing was fitted. If
+        laws may hold approximately, the trajectory includes the deviations of the best motion; it is NaN at samples
+        that are not used (after the amplitude has fallen below 5 % of its first value).
     log_posterior
         Log prior plus log likelihood of the values in nats, as a density in natural units, not normalised; NaN if laws
         may hold approximately.
@@ -147,7 +147,7 @@ class Fit(Result, Storable):
     notes
         Sentences on the choice of the noise model and of the width of friction.
     mode
-        The posterior mode, from which samplers start; None without a fit, or if laws may hold approximately.
+        The posterior mode, from which samplers start; None if nothing was fitted, or if laws may hold approximately.
     sd_noise, sd_law
         If laws may hold approximately: the part of the standard deviation that is due to the noise, and the rest, by
         name (the two add in quadrature); otherwise empty.
@@ -189,7 +189,7 @@ class Fit(Result, Storable):
 
     @property
     def target(self) -> Target | None:
-        """The posterior from whose mode samplers start; None without a fit, or if laws may hold approximately."""
+        """The posterior from whose mode samplers start; None if there is no fit, or if laws may hold approximately."""
         return None if self.mode is None else self.mode.likelihood.target
 
     @property
@@ -205,7 +205,7 @@ class Fit(Result, Storable):
 
     @property
     def priors(self) -> Mapping[str, Prior]:
-        """The prior of each inferred parameter by name, including default priors; empty without a fit."""
+        """The prior of each inferred parameter by name, including default priors; empty if nothing was fitted."""
         if self.law is not None:
             return self.law.state.priors
         return {} if self.target is None else self.target.priors

@@ -123,7 +123,7 @@ class Density(ResultView):
         return data_frame(rows.values(), ["value", "unit", "prior"], index=rows)
 
     def vector(self, values: Mapping[str, float] | None = None) -> Vector:
-        """Convert values by name to a vector x, (d,). Parameters without a value have that of the best fit.
+        """Convert values by name to a vector x, (d,). Parameters that are not given have their value in the best fit.
 
         Raises
         ------
@@ -417,7 +417,7 @@ class Case:
 
     @classmethod
     def with_noise(cls, signal: types.Signal, model: Model) -> Case:
-        """Return the case of a record and a model, as `of`. Raises Refusal if the record has no noise too."""
+        """Return the case of a record and a model, as `of`, but also raise Refusal if the record has no noise."""
         case = cls.of(signal, model)
         if not has_noise(signal, case.features):
             raise Refusal(NO_POSTERIOR)

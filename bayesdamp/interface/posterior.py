@@ -166,7 +166,7 @@ class Posterior(Result, types.Posterior):
         return joint_log_density([self.fit.priors[n] for n in self.names], self.draws, scales)
 
     def summary(self, derived: bool = True) -> pd.DataFrame:
-        """Return a table with a row for each parameter and each derived quantity; empty without draws.
+        """Return a table with a row for each parameter and each derived quantity; empty if there are no draws.
 
         Derived quantities that do not exist for some draws are left out. The columns are mean, sd, quantiles, the
         shortest 95 % interval, effective sample sizes, R-hat and unit; if laws may hold approximately, also the parts

@@ -49,7 +49,7 @@ Expand = Callable[[np.ndarray], Expansion]
 class Step(NamedTuple):
     """One trial step of a Levenberg–Marquardt search.
 
-    x: start point, (d,). move: end point minus x, (d,), where the end point is that of the `Retract` function, moved
+    x: start point, (d,). move: end point minus x, (d,). The end point is the result of the `Retract` function, moved
     into the bounds. at: expansion of the function at x. gain: increase of the function; −inf if its value or its
     information is not finite at the end point. expected: the first-order increase, gradient times the step before
     `Retract` and bounds. damping: λ of the step (`levenberg_marquardt`).

@@ -153,9 +153,9 @@ class Oscillator:
     def rough_frequency(self, p: Parameters, near: float = 0.0, reach: float = SEARCH_REACH) -> float:
         """Return ω_n in rad/s with an error of about 0.1 %, with less work than `natural_frequency`.
 
-        It is that of the stable equilibrium nearest to `near`. The slope of the force is its difference quotient over
-        the grid step that contains the equilibrium. p: only the parameters of the restoring law are used. Raises
-        ValueError if no stable equilibrium is within `reach` of `near` (rad or m).
+        It is the frequency at the stable equilibrium nearest to `near`. The slope of the force is its difference
+        quotient over the grid step that contains the equilibrium. p: only the parameters of the restoring law are used.
+        Raises ValueError if no stable equilibrium is within `reach` of `near` (rad or m).
         """
         force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))
         ends = bracket(force, near, reach, SEARCH_POINTS)
@@ -191,10 +191,10 @@ def check_restoring(restoring: str, known: Mapping[str, float]) -> None:
 def reference_of(system: System, features: FeatureValues) -> Reference:
     """Return the reference amplitude (rad or m) and angular frequency (rad/s), with which the widths of priors scale.
 
-    Each is the value that `system` states. Else, if all parameters of the restoring law are known, the frequency is ω_n
-    at the equilibrium θ_e; and if theta0 is known too, the amplitude is |θ₀ − θ_e|, unless this is 0. Else it is that
-    of the record (the amplitude at its first sample, the mean frequency), rounded to two digits. features: features of
-    the record.
+    Each is the value that `system` states, if it states one. Otherwise, if all parameters of the restoring law are
+    known, the frequency is ω_n at the equilibrium θ_e; and if theta0 is known too, the amplitude is |θ₀ − θ_e|, unless
+    this is 0. In all other cases they are measured on the record (the amplitude at its first sample, the mean
+    frequency) and rounded to two digits. features: features of the record.
 
     Raises
     ------

@@ -48,7 +48,7 @@ def meaning_of(parameter: str) -> str:
 
 
 def parameter_unit(name: str, restoring: str, unit: str = "rad", quantity: str = "angle") -> str:
-    """Return the unit of a parameter of an oscillator or its noise; that of the displacement for an unknown name.
+    """Return the unit of a parameter of an oscillator or its noise; for an unknown name, the unit of the displacement.
 
     Parameters
     ----------

@@ -139,9 +139,10 @@ def stored_fit(record: StudyRecord, damping: str, restoring: str) -> FitState:
 def rank_candidates(record: StudyRecord, nats: float | None) -> list[tuple[str, str]]:
     """Return the candidates, (damping, restoring), of the first answer on a record, by their log evidence, best first.
 
-    Those at least `nats` below the largest one are left out, unless `nats` is None. The evidence is that with
-    deviations from the laws if the study's samplers allow them and any candidate has it, else that under exact laws.
-    Candidates without it are left out. The candidate with the largest log evidence with deviations is always returned.
+    Those at least `nats` below the largest one are left out, unless `nats` is None. If the study's samplers allow
+    deviations from the laws, and any candidate has an evidence with deviations, these evidences are used, otherwise
+    those under exact laws. Candidates without this evidence are left out. The candidate with the largest log evidence
+    with deviations is always returned.
 
     The list is empty if there is no answer, or no candidate could be fitted.
     """

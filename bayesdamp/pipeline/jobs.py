@@ -92,8 +92,8 @@ def is_within(job: Job, depth: Depth) -> bool:
 def count_parallel_jobs(jobs: list[Job], depth: Depth) -> int:
     """Return how many jobs of a run can use a process of their own at the same time.
 
-    In a whole run it is the number of candidates or that of records, whichever is larger; otherwise that of records,
-    because one process answers a record with several threads.
+    In a whole run it is the number of candidates or the number of records, whichever is larger. Otherwise it is the
+    number of records, because one process answers a record with several threads.
     """
     records = len({(job.signal, job.repeat) for job in jobs})
     return max(records, sum(job.model is not None for job in jobs)) if depth is Depth.WHOLE else records

@@ -46,10 +46,10 @@ class Candidate(ResultView):
 
     record: name of the signal. repeat: number of the repeat, from 0. damping, restoring: the damping sum and the
     restoring law. values, sd: the inferred parameters at the posterior mode, by name and in their units, and their
-    standard deviations; empty without a mode. log_posterior: log posterior density (nats, not normalised) at the mode,
-    in the coordinates of the search (standard normal scores); nan without a mode. estimates: the estimates of each
-    stage, by estimator. posteriors: the posterior by each sampler; its log likelihoods are nan if the file of its
-    draws is missing. evidence: the log evidence by each method. outcome: "ok", also if no mode was searched, or the
+    standard deviations; empty if there is no mode. log_posterior: log posterior density (nats, not normalised) at the
+    mode, in the coordinates of the search (standard normal scores); nan if there is no mode. estimates: the estimates
+    of each stage, by estimator. posteriors: the posterior by each sampler; its log likelihoods are nan if the file of
+    its draws is missing. evidence: the log evidence by each method. outcome: "ok", also if no mode was searched, or the
     reason why there is no mode.
     """
 

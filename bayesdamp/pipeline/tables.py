@@ -57,7 +57,7 @@ def write_verdicts(study: Study, store: Store) -> None:
     A verdict is on a record, or on a specimen with several records. verdict.json has an object for each verdict, in
     rad, m or the sensor's unit. verdicts.csv has a row for each verdict, and damping_curves.csv the law-free damping
     curve of each record, both in the unit of the record's file. If the study has several specimens, also write
-    population.csv, from the verdict on each of them; else remove a file of this name.
+    population.csv, from the verdict on each of them; otherwise remove a file of this name.
     """
     (store.folder / "population.csv").unlink(missing_ok=True)
     verdicts: list[tuple[Verdict, Unit]] = []
@@ -137,7 +137,7 @@ def _candidates(study: Study, store: Store) -> Iterator[tuple[StudyCandidate, Ro
     """Iterate over all candidates on all records.
 
     Yields the candidate, the columns that name it (signal, repeat, model, restoring), and its posterior from the
-    sampled answer (None without one).
+    sampled answer (None if there is none).
     """
     for spec, repeat in study.records:
         record = StudyRecord(study, spec, repeat, store)

@@ -219,7 +219,7 @@ def choose_columns(
     rate: float | None = None,
     runs: str | None = None,
 ) -> list[RecordColumns]:
-    """Return the columns of each record in a file: those that the user gives, else an automatic choice.
+    """Return the columns of each record in a file, as the user gives them; otherwise choose them automatically.
 
     Parameters
     ----------
@@ -420,7 +420,7 @@ def _is_sample_numbers(y: np.ndarray) -> bool:
 
 
 def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
-    """Return the record, which must have times or a sampling rate; without both, add the rate that its column states.
+    """Return the record; if it has neither times nor a sampling rate, add the rate that its column states.
 
     Raises InputError if the column states no rate. content: contents of the file, of which the message names columns.
     """
@@ -545,7 +545,7 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
 def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
     """Return the candidates without those that equal another one up to a factor and an offset (correlation ≈ 1).
 
-    Of two equal ones with the same unit the one with the larger oscillation is kept, else the first one.
+    If two such candidates have the same unit, the one with the larger oscillation is kept, otherwise the first one.
     """
     independent: list[_Candidate] = []
     for candidate in candidates:
@@ -568,9 +568,10 @@ def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
 
 
 def _contains_gravity(column: Column) -> bool:
-    """Return whether a column may be an acceleration whose absolute mean is that of gravity within `_ABOUT_G` (25 %).
+    """Return whether a column may be an acceleration whose mean equals gravity in size within `_ABOUT_G` (25 %).
 
-    It may be one if the file states this, or states neither a unit nor a quantity; without a unit it is read in m/s².
+    It may be an acceleration if the file says so, or states neither a unit nor a quantity. If it has no unit, m/s² is
+    assumed.
     """
     gravity, (unit, quantity) = UNITS["g"].factor, unit_of_column(column)
     y = column.values[np.isfinite(column.values)]

@@ -237,7 +237,7 @@ def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[li
 
 
 def reader_of(path: Path) -> Reader:
-    """Return the first reader whose `claims` accepts the start of a file; that of text tables is asked last.
+    """Return the first reader whose `claims` accepts the start of a file; the reader of text tables is tried last.
 
     Raises InputError if none does or the file is empty, OSError if it cannot be opened.
     """
@@ -407,7 +407,8 @@ def read_records(
 def _record(content: Contents, chosen: RecordColumns, time_unit: str | None) -> RawRecord:
     """Return the record in the chosen columns of a file. Raises InputError if its times or values cannot be used.
 
-    content: contents of the file. time_unit: unit of the times that the user gives; None for that of the file.
+    content: contents of the file. time_unit: unit of the times that the user gives; None if the unit that the file
+    states is used.
     """
     value, time = chosen.value, chosen.time
     value_name = selector(content.columns, value)

@@ -68,7 +68,7 @@ class RawRecord:
     quantity
         "angle", "velocity", "acceleration", or "" if the file does not state it.
     columns
-        Columns of the times (None without times) and of the values, by name or number from 1.
+        Columns of the times (None if there are no times) and of the values, by name or number from 1.
     choice
         Sentence on the choice among the file's columns; "" if there was no choice.
     """
@@ -92,7 +92,7 @@ class RawRecord:
 
 
 def choose_unit(unit: str | None, quantity: str | None, stated: str, what: str) -> tuple[str, str]:
-    """Return unit and quantity of a record: those that the user gives, else those of the file, else an angle in rad.
+    """Return unit and quantity of a record as the user or else the file states them; by default an angle in rad.
 
     unit, quantity: given by the user, None if not given. stated, what: unit and quantity that the file states, "" if it
     states none. If the given unit belongs to only one quantity, as g to acceleration, this quantity is used instead of
@@ -104,11 +104,11 @@ def choose_unit(unit: str | None, quantity: str | None, stated: str, what: str) 
 
 
 def unit_or_guess(raw: RawRecord, unit: str | None, quantity: str | None) -> tuple[str, str]:
-    """Return the unit and the quantity of a record's values: those given, else those of the file, else a guess.
+    """Return the unit and the quantity of a record's values; guess the unit if it is neither given nor stated.
 
-    They are those of `choose_unit`, which guesses an angle in rad. But if no unit is given, the file states none, and
-    half the range of an angle exceeds π, the unit is "deg" if the column's name allows an angle (or is empty) and half
-    the range is at most 360, else "counts" (of a sensor).
+    The result is that of `choose_unit`, which guesses rad. But the guess is different for an angle if half the range of
+    the values exceeds π: "deg" if the column's name allows an angle (or is empty) and half the range is at most 360,
+    otherwise "counts" (of a sensor).
     """
     resolved, what = choose_unit(unit, quantity, raw.unit, raw.quantity)
     if unit is not None or raw.unit or what != "angle" or half_swing(raw) <= HALF_TURN:

@@ -77,7 +77,8 @@ def colour(model: str) -> str:
 def dash(model: str) -> str:
     """Return Matplotlib's line style, such as "--", for a model; as `colour`, it depends on its damping sum alone.
 
-    It is that of `_MODELS` (solid, dashed or dash-dotted), and dotted for any other sum, so several sums share a style.
+    The style is solid, dashed or dash-dotted for the sums in `_MODELS`, and dotted for all others, so several sums
+    share it.
     """
     return _look(model)[1]
 

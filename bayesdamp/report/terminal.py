@@ -54,8 +54,9 @@ class VerdictPrinter:
     def __call__(self, verdict: Verdict) -> None:
         """Print a record's first verdict in full. For a later one, from sampling, print whether it confirms the first.
 
-        If it does, only its sentence follows, else the whole verdict. A later verdict is not printed if neither of the
-        two has a damping law, if the record is not a free decay, or if it is an envelope.
+        If it confirms the first verdict, only its sentence is printed after that, otherwise the whole verdict. A later
+        verdict is not printed if neither of the two has a damping law, if the record is not a free decay, or if it is
+        an envelope.
         """
         unit = self._units.get(verdict.record)
         converted = in_unit(verdict, unit_named(unit)) if unit else verdict

@@ -200,8 +200,8 @@ class Store:
     def key(self, task_name: str, of: tuple[object, ...], compute: Callable[[], str]) -> str:
         """Return the key of a task, which `compute` returns and which depends on the objects `of`.
 
-        This is the key under which the task should be stored, not that of a stored result. The key is cached: `compute`
-        is called only once for the same task and the same objects.
+        This is the key under which the task should be stored; a stored result may have another one. The key is cached:
+        `compute` is called only once for the same task and the same objects.
         """
         identity = (task_name, *map(id, of))
         if identity not in self._keys:
@@ -249,7 +249,7 @@ class Store:
             return None
 
     def write(self, result: TaskResult) -> None:
-        """Store a result, or replace that of the same task, in one step.
+        """Store a result in one step; it replaces a stored result of the same task.
 
         Other processes see the old file or the new one, never a part of it. Raises OSError if it cannot be written.
         """

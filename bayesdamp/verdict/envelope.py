@@ -203,7 +203,10 @@ def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple
     results: list[Coefficient] = []
 
     def add(name: str, unit: str, values: Callable[[RateDraws], np.ndarray]) -> None:
-        """Add a parameter. values: function that returns its draws; without those of exact laws, all are used."""
+        """Add a parameter, which `values` computes from draws of the rates.
+
+        If there are no draws under exact laws, all draws are used in their place.
+        """
         whole, exact = map(values, draws)
         results.append(Coefficient(name, *astuple(estimate_of(whole, exact if exact.size else whole, unit))))
 

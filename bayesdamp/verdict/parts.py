@@ -43,7 +43,7 @@ class Interval:
 class IntervalAt:
     """A value at an amplitude of the record, with the ends `low` and `high` of its 95 % interval.
 
-    unit: that of the amplitude, not of the value.
+    unit: unit of the amplitude, not of the value.
     """
 
     amplitude: float
@@ -183,9 +183,8 @@ class Oscillation:
     """One of the damped sinusoids in a record that is not a free decay of one oscillator.
 
     frequency: in Hz. damping_ratio: a fraction, with its 95 % interval low to high; negative where the sinusoid grows,
-    NaN if the motion is `EXCITED`. first, last:
-    displacement amplitudes at the ends of the record, in `unit`; the least and the largest one if the motion is
-    `EXCITED`.
+    NaN if the motion is `EXCITED`. first, last: displacement amplitudes at the ends of the record, in `unit`; the least
+    and the largest one if the motion is `EXCITED`.
     """
 
     frequency: float

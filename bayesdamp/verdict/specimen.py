@@ -40,7 +40,8 @@ class PooledMean:
 
     mean, sd: posterior mean and standard deviation of the mean. spread, spread_low, spread_high: posterior median of
     the standard deviation between records, with its 95 % interval. low, high: 95 % interval of the measured value of
-    one more record, whose standard error is the median of those of the records. All are in the unit of the number.
+    one more record, whose standard error is the median of the records' standard errors. All are in the unit of the
+    number.
     """
 
     mean: float
@@ -205,10 +206,10 @@ def common_verdict(
     """Return a specimen's verdict with the fields that do not depend on the kind of its records (motions or envelopes).
 
     One damping is named without reservation (`decided`) if its probability, the grade and possible twins allow it, as
-    in `decide`; a twin is possible if it is possible in each record. The grade is that of the worst record; the
-    deviation is that with the largest upper limit of all records, and the unexplained residual is the largest one. The
-    energy fractions and the noise are medians over the records, the ends of the energy intervals the least and the
-    largest ones.
+    in `decide`; a twin is possible if it is possible in each record. The grade is the worst one of all records, the
+    deviation is the one with the largest upper limit, and the unexplained residual is the largest one. The energy
+    fractions and the noise are medians over the records, the ends of the energy intervals the least and the largest
+    ones.
 
     Parameters
     ----------
@@ -358,11 +359,12 @@ def _ratios(
     sensor: float,
     seed: int,
 ) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
-    """Return the specimen's damping ratios at the amplitudes in `reaching`, in `unit`, and those of one more record.
+    """Return the damping ratios of the specimen and of one more record, at the amplitudes in `reaching`, in `unit`.
 
     The damping ratio by the law is drawn from the joint posterior; the deviation from the law is pooled over the
-    records. Both are those of the records that reach the amplitude, whose numbers are the values of `reaching`; of all
-    records if none does. The relative error `sensor` of the sensor is added only if laws may hold approximately.
+    records. At each amplitude, the values of `reaching` are the indices of the records that reach it, and only these
+    records are used, or all records if none reaches it. The relative error `sensor` of the sensor is added only if laws
+    may hold approximately.
     """
     approximate = all("over" in r.curve for r in records)
     specimen_rows, following_rows = [], []
@@ -443,7 +445,8 @@ def _compare(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> li
 def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> RatioAgreement:
     """Compare the damping ratios at all amplitudes, and return the comparison that agrees worst.
 
-    It has the largest of moved/`AGREEMENT_SDS` and |ln wider|/ln `WIDTHS_AGREE` (see `RatioAgreement`).
+    It is the comparison with the largest value of max(moved / `AGREEMENT_SDS`, |ln wider| / ln `WIDTHS_AGREE`), see
+    `RatioAgreement`.
 
     Parameters
     ----------
@@ -451,7 +454,8 @@ def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]
         The verdict that is checked.
     ratios
         The other damping ratios: the value and both ends of its 95 % interval (dimensionless), in the order of the
-        verdict's amplitudes. At least one; if there are fewer than amplitudes, the other amplitudes are not compared.
+        verdict's amplitudes. At least one is needed. If there are fewer ratios than amplitudes, the last amplitudes are
+        not compared.
     """
     return max(
         _compare(first, ratios),

@@ -104,11 +104,11 @@ class Verdict(CheckedMethods):
         Each term's share of the dissipated energy, and upper limits for absent forms, as fractions.
     deviation, restoring_deviation
         Energy-weighted mean of the relative deviation from the damping law, and from the restoring law, as fractions
-        with 95 % intervals; None if laws were assumed to hold exactly; for an envelope
-        the root mean square over the decay.
+        with 95 % intervals; None if laws were assumed to hold exactly. For an envelope: the root mean square over the
+        decay.
     over_law
-        The damping divided by that of its law, at the amplitude where it surely deviates most; None where it surely
-        deviates by more than `thresholds.DEVIATES` at no amplitude.
+        The damping divided by the damping of its law, at the amplitude where it surely deviates most; None if there is
+        no amplitude where it surely deviates by more than `thresholds.DEVIATES`.
     unexplained_pct, noise_pct
         Rms of the unexplained residual, and of the noise of a sample, in % of the first amplitude.
     midline_drift_pct
@@ -191,7 +191,7 @@ class Verdict(CheckedMethods):
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """Return the probability of every damping, by name, that of the named one first; forms outside the sums too."""
+        """Return the probabilities of all compared dampings and other forms, by name; the named damping is first."""
         return {self.damping: self.probability, **{r.damping: r.probability for r in self.rivals}}
 
     def summary(self) -> pd.DataFrame:

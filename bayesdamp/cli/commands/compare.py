@@ -109,7 +109,7 @@ def compare(
     if out is not None:
         check_folder(out, "")
     if quick and exact:
-        raise InputError("--quick leaves out what --exact adds; give only one of them")
+        raise InputError("--quick and --exact cannot be combined; give only one of them")
     if deviation == "none" and sensor is not None:
         raise InputError("--sensor: does not apply with --deviation none; remove it")
     sums = [name.strip() for given in damping or () for name in given.split(",")]

@@ -54,7 +54,7 @@ def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
 
 
 def restoring_defaults(restoring: str) -> dict[str, float]:
-    """Return the `RESTORING_DEFAULTS` that a restoring law has; none for an unknown law."""
+    """Return the default parameters of a restoring law (see `RESTORING_DEFAULTS`); {} for an unknown law."""
     needed = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
     return {name: RESTORING_DEFAULTS[name] for name in needed if name in RESTORING_DEFAULTS}
 
@@ -100,8 +100,8 @@ def simulate_with_defaults(
 ) -> tuple[Signal, float]:
     """Simulate a record with the options of the command. Return it, and the sd of its noise in rad.
 
-    Without damping, `DAMPING_DEFAULTS` are used; other missing values are those of `RESTORING_DEFAULTS`, else those of
-    `bayesdamp.simulate`.
+    If no damping is given, `DAMPING_DEFAULTS` are used. Other missing values come from `RESTORING_DEFAULTS`, or else
+    are the defaults of `bayesdamp.simulate`.
 
     Parameters
     ----------

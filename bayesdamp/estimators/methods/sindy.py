@@ -239,7 +239,7 @@ class Sindy(Estimator[SindyOptions]):
     selected whose integrated prediction of the record has the smallest extended Bayesian information criterion
     (prediction test: Mangan, Kutz, Brunton and Proctor, Proceedings of the Royal Society A 473, 2017, 20170009;
     criterion: Chen and Chen, Biometrika 95, 2008, 759). The estimate comes from the best solution that has exactly the
-    damping terms of the model. If another solution is selected, the outcome says so.
+    damping terms of the model. If another solution is selected, `outcome` is a sentence that names the differences.
     """
 
     options = SindyOptions
@@ -249,7 +249,7 @@ class Sindy(Estimator[SindyOptions]):
     ) -> Estimate:
         """Return the coefficients of a sparse regression of the acceleration (Brunton, Proctor and Kutz 2016).
 
-        The outcome says if the selected solution has other terms.
+        If the regression selects other terms than those of the model, `outcome` is a sentence that names them.
         """
         optional_package("pysindy")
         features = checked_features(signal)
@@ -392,8 +392,8 @@ def score_models(
     n: number of samples. s²: mean square error of the prediction. k: number of terms in the solution, of p in the
     library. Solutions that are not sound have the score ∞ and come first in the result; the others keep the order of
     `path`. columns (n, p), target (n,): both sides of the regression, from whose norms the typical sizes of the
-    coefficients follow. floor: smallest
-    root mean square error of a prediction that is distinguished from zero, in the unit of the record.
+    coefficients follow. floor: smallest root mean square error of a prediction that is distinguished from zero, in the
+    unit of the record.
     """
     unit = np.linalg.norm(target) / np.linalg.norm(columns, axis=0)
     sound = [model for model in path if model.sound]

@@ -76,7 +76,8 @@ class WeakSindy(Estimator[WeakSindyOptions]):
     ) -> Estimate:
         """Return the coefficients of a sparse regression of the weak form (Messenger and Bortz 2021).
 
-        Damping coefficients have standard errors. The outcome says if the regression selects other terms.
+        Damping coefficients have standard errors. If the regression selects other terms than those of the model,
+        `outcome` is a sentence that names them.
         """
         features = checked_features(signal)
         sigma, osc, known = noise_level(signal), oscillator(problem), known_restoring(problem)

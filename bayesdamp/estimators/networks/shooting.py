@@ -107,9 +107,10 @@ class Shooting(ScaledRecord):
         return _runge_kutta(lambda state: self._rate(x, state), starts, self.nodes)
 
     def _rate(self, x: Tensor, state: Tensor) -> Tensor:
-        """Return the derivatives (n, 2) of `state` (n, 2), angle in A and velocity in Aω, by time in units of 1/ω.
+        """Return the time derivatives of the states, (n, 2), per unit of ωt.
 
-        A, ω: the record's amplitude and angular frequency. x: the unknowns, (k,), or one row for each state, (n, k).
+        state: angle in units of A and velocity in units of Aω, (n, 2). A, ω: the record's amplitude and angular
+        frequency. x: the unknowns, (k,), or one row for each state, (n, k).
         """
         angle, velocity = state.unbind(-1)
         values = x[..., self.count : self.physical] * self.free_units

@@ -92,12 +92,12 @@ class Averaged:
     Attributes
     ----------
     t : ndarray, shape (3b,)
-        Ends of the blocks, in s of the compressed oscillation that is solved in place of the record and decays through
-        the same amplitudes in fewer cycles; each is repeated for the three values of y.
+        Ends of the blocks in s, each repeated for the three values of y. They are times of the compressed oscillation,
+        which is solved in place of the record and decays through the same amplitudes in fewer cycles.
     y : ndarray, shape (3b,)
-        Amplitude, phase (minus that of `track`) and midline of each block in turn, times the factors of `track`, which
-        give all values the record's unit and independent noise of the same sd; an `AveragedSolver` gives motions in
-        this form.
+        Amplitude, phase and midline of each block in turn; the phase is relative to the phase of `track`. They are
+        multiplied by the factors of `track`, so that all have the record's unit and independent noise of the same sd.
+        An `AveragedSolver` returns motions in the same form.
     track : Track
         Times and phases, in the record and in the compressed oscillation, at which each block is measured.
     noise : float

@@ -217,7 +217,8 @@ def search(
 
     Each fit begins with the first cycles and goes on to longer and longer parts of the record. A start contains values
     of inferred parameters by name; inferred parameters that it does not contain start at the value 0. With several
-    starts, the fits end early and the best one is refined by `refit`. None if every fit fails, or the refinement.
+    starts, the fits end early and the best one is refined by `refit`. None if every fit fails, or if the refinement
+    fails.
     """
     best: LeastSquaresFit | None = None
     active = active_of(parameters, solver)

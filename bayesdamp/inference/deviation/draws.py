@@ -535,9 +535,9 @@ def log_ratio_over_law(
 
 
 def _energies(result: CandidateResult, knots: int) -> np.ndarray:
-    """Return weights, (k,), of k equidistant times in proportion to the squared amplitude there; their sum is 1.
+    """Return the squared amplitudes at k equidistant times, divided by their sum, (k,).
 
-    With fewer than two half cycles they are equal.
+    They are all equal if the motion has fewer than two half cycles.
     """
     at, sizes = turning_amplitudes(result.motion)
     times = np.linspace(0, 1, knots) * result.data.end

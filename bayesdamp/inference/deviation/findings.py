@@ -117,7 +117,7 @@ class Findings:
         Drift of the midline over the record, as a fraction of the first amplitude, from the residual of the most
         probable candidate or rival; 0 where it is not significant.
     frequency_at : Quantity, optional
-        Frequency in Hz at the last amplitude of `ratios`; None without such an amplitude, or where no orbit has it.
+        Frequency in Hz at the last amplitude of `ratios`; None if `ratios` is empty, or if no orbit has this amplitude.
     over_law : tuple of Quantity
         Damping with deviations divided by that of its law, at the amplitudes of `ratios` (see `ratio_over_law`); empty
         under exact laws.
@@ -289,8 +289,8 @@ def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None)
 def _equilibria(result: CandidateResult, law: np.ndarray) -> np.ndarray:
     """Return the equilibria in rad or m, (n,), for n draws of the parameters of a candidate's restoring law, (n, r).
 
-    They are the draws' rest angles if the law has one, because a record of velocity or acceleration does not determine
-    it; else the equilibria near that of the mode.
+    If the law has a rest angle, they are the draws' rest angles, because a record of velocity or acceleration does not
+    determine the equilibrium. Otherwise they are the equilibria near the mode's equilibrium.
     """
     name = result.candidate.restoring
     names = LAWS.get(name).parameters

@@ -138,10 +138,10 @@ def grid_of(
 
 
 def _with_none(sizes: np.ndarray, mean: float, step: int) -> np.ndarray:
-    """Return sizes, indices of lengths and log prior probabilities of one deviation: none, and all sizes and lengths.
+    """Return the grid of one deviation: n sizes, indices of their lengths, and log prior probabilities, (3, n).
 
-    No deviation has probability `PROBABILITY_EXACT`. Given a deviation, the size has an exponential prior with this
-    mean, and every `step`-th of `LENGTHS` is equally probable. The result has the shape (3, n).
+    The first grid point is "no deviation", with probability `PROBABILITY_EXACT`. At the others, the size has an
+    exponential prior with the given mean, and every `step`-th of `LENGTHS` is equally probable.
     """
     edges = np.concatenate([[0.0], np.sqrt(sizes[1:] * sizes[:-1]), [np.inf]])
     lengths = np.arange(len(LENGTHS))[::step]
@@ -243,11 +243,11 @@ class LinearModel:
 
 @dataclass(frozen=True)
 class DampingLikelihood:
-    """The likelihood of the scores x, (k,), of the damping's parameters, with all other unknowns integrated out.
+    """The likelihood of the damping's parameters, with all other unknowns integrated out.
 
-    Scores are parameters transformed to standard normal priors. The logarithm of the likelihood (in nats) at each of c
-    grid points (sizes and correlation lengths of the deviations from the laws) is log + slopeᵀ x − xᵀ information x /
-    2, with arrays of shape (c,), (c, k) and (c, k, k). It does not contain the prior of x.
+    The parameters are expressed as k scores x, which have standard normal priors. The logarithm of the likelihood (in
+    nats) at each of c grid points (sizes and correlation lengths of the deviations from the laws) is log + slopeᵀ x −
+    xᵀ information x / 2, with arrays of shape (c,), (c, k) and (c, k, k). It does not contain the prior of x.
     """
 
     log: np.ndarray
@@ -774,9 +774,9 @@ class _ScaledPriors:
 
 
 def damping_likelihood(posteriors: Normals, places: np.ndarray, log_prior: np.ndarray) -> DampingLikelihood:
-    """Compute the likelihood of the standard normal scores of the damping's parameters.
+    """Compute the likelihood of the damping's parameters at each grid point.
 
-    All other unknowns are integrated out.
+    The parameters are expressed as standard normal scores, and all other unknowns are integrated out.
 
     Parameters
     ----------

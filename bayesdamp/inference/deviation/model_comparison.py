@@ -123,7 +123,7 @@ class CandidateResult:
 
     @property
     def posterior(self) -> LinearPosterior:
-        """Return the posterior of the linear model about the mode: with deviations if possible, else without."""
+        """Return the posterior of the linear model about the mode, with deviations if possible, otherwise without."""
         return self.exact_posterior if self.approximate_posterior is None else self.approximate_posterior
 
     @property
@@ -142,8 +142,8 @@ class CandidateResult:
     def log_evidence(self) -> float:
         """Return the log evidence in nats.
 
-        It is from sampling, with the motion of each draw solved, if `sampled` has draws that can be trusted; else it is
-        that of the linear model in `posterior`.
+        If the draws in `sampled` can be trusted, it is computed from them, with the motion of each draw. Otherwise it
+        is the log evidence of the linear model in `posterior`.
         """
         if self.sampled is not None and self.sampled.trusted:
             return self.sampled.log_evidence
@@ -159,7 +159,7 @@ class CandidateResult:
 
     @property
     def motion(self) -> Motion:
-        """Return the motion at the mode: with deviations if there is a linearisation, else the fit under exact laws."""
+        """Return the motion at the mode, with deviations if there is a `linearisation`, otherwise under exact laws."""
         return self.fit.motion if self.linearisation is None else self.linearisation.motion
 
     @property
@@ -318,8 +318,8 @@ class ModelComparison:
     ) -> dict[str, Linearisation]:
         """Linearise the largest sum about its mode, under each law whose log evidence is not `FAR` below the best.
 
-        largest: linearisations from which the modes are sought, by restoring law. The result has the same keys, without
-        laws that are too far below. solvers: by restoring law.
+        largest, solvers: linearisations from which the modes are sought, and solvers, by restoring law. The keys of the
+        result are the laws that are not too far below.
         """
         logs = {
             law: linear_posterior(at.model, at.grid(coarse=True), self.variance, self.samples).log_evidence
@@ -586,7 +586,8 @@ class _CandidateFits:
     def _scales(self, law: str) -> dict[str, float]:
         """Return, by name, the fixed references in the terms' forces: equilibrium, amplitude and peak velocity.
 
-        If a term needs the equilibrium, it is that of a fit with viscous damping; else it is the record's midline.
+        If a term needs the equilibrium, it comes from a fit with viscous damping; otherwise the record's midline is
+        used.
         """
         data, rest, known = self.data, self.data.rest, self.known_under(law)
         if "rest" in self.solvers[law].further:
@@ -719,9 +720,9 @@ class _CandidateFits:
         -------
         tuple
             First a `Friction` for each fitted ε, the largest first: ε, its posterior probability, and the fitted
-            coefficients. It is empty if the best fit has no friction or no fit succeeds. Then the ε to use: the one
-            with the largest posterior density (per unit of ln ε), if the log density of the fitted ε that is nearest to
-            `self.epsilon` is more than `LEAD` nats smaller; else `self.epsilon`.
+            coefficients. It is empty if the best fit has no friction or no fit succeeds. Then the ε to use. It is
+            `self.epsilon`, unless another ε is clearly better: the ε with the largest posterior density (per unit of ln
+            ε) is used if its log density is more than `LEAD` nats above that of the fitted ε nearest to `self.epsilon`.
         """
         switching = [i for i, t in enumerate(self.terms) if TERMS.get(t).switches]
         if not self.fits:

@@ -224,15 +224,16 @@ class StraightParameters(Parameters):
         return scores
 
     def _law_scores(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores, (..., b), of the parameters that have straight coordinates (`at`).
+        """Return the standard normal scores of the parameters `at`, (..., b).
 
-        z: coordinates of all d inferred parameters, (..., d).
+        These are the parameters that have straight coordinates (see the class). z: coordinates of all d inferred
+        parameters, (..., d).
         """
         values = self._law_values(z[..., self.places])
         return np.stack([self.priors[name].score(values[..., i]) for i, name in enumerate(self.at)], axis=-1)
 
     def retract(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
-        """Return `new` unchanged, the end of a step from z: in these coordinates a step may be straight.
+        """Return `new`, the end of a straight step from z, unchanged: in these coordinates no curve is needed.
 
         In the base class, whose coordinates are scores, the step follows a curved ridge of the posterior.
         """

@@ -144,7 +144,7 @@ def _correct_averages(comparison: ModelComparison) -> ModelComparison:
 
 
 def averaging_of(comparison: ModelComparison) -> Averaging | None:
-    """Return the error that averaging over cycles causes in the best candidate's parameters; None without averaging.
+    """Return the error that averaging over cycles causes in the best candidate's parameters; None if not averaged.
 
     Motions are averaged for a record of very many cycles. The error is infinite if the motion cannot be solved. The
     result is None also if the comparison has no results.

@@ -451,9 +451,9 @@ def state_of(comparison: ModelComparison, result: CandidateResult) -> FitState:
 
 
 def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
-    """Restore a candidate on its record from its stored fit, without fitting.
+    """Rebuild the result of a candidate from its stored fit, without fitting it again.
 
-    signal: the whole record, as it was when it was fitted. restoring: name of the candidate's restoring law; the
+    signal: the complete record to which the candidate was fitted. restoring: name of the candidate's restoring law; the
     damping terms are in `state`. Raises Refusal if the motion is unbounded.
     """
     damping = tuple(t for t in state.terms if TERMS.get(t).parameter in state.priors)
@@ -465,9 +465,9 @@ def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
 
 
 def _rebuild(data: Data, candidate: MotionCandidate, state: FitState) -> Single:
-    """Restore a candidate on a record from its stored fit, linearised about the stored motion.
+    """Rebuild the result of a candidate from its stored fit, and linearise it about the stored motion.
 
-    Raises Refusal where the motion is unbounded, for example because the fit is of another record.
+    Raises Refusal if the motion is unbounded, for example because the fit belongs to another record.
     """
     knots = knots_of(data.end, data.cycles)
     if state.working is not None:

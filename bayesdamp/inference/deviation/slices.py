@@ -112,7 +112,7 @@ class SlicedProposal:
     place : int
         Index of a among the scores.
     product : tuple of int, optional
-        Indices of c and s; None without a parameter s.
+        Indices of c and s; None if there is no parameter s.
     size : int
         Index of the score to which the change of the force with a is proportional: that of c, or of s (in place of
         which w contains t).
@@ -164,8 +164,9 @@ class SlicedProposal:
         """Split draws w, (n, K), by slice.
 
         w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
-        Yield for each slice that has draws: the indices of its draws, the slice, the distance from its middle of the
-        sliced parameter (as standard normal score), (m,), and the other elements of these draws, (m, K − 1).
+        Yield for each slice that has draws: the indices of its draws, the slice, the distance of the sliced parameter
+        from the middle of the slice (in standard normal scores), (m,), and the other elements of these draws, (m, K −
+        1).
         """
         which = np.rint((w[:, self.place] - self.slices[0].middle) / self.width).astype(int)
         for i in np.unique(which):
@@ -464,9 +465,9 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
 def power_solver(comparison: ModelComparison, p: float) -> Solver:
     """Return a solver with the terms of the best candidate's solver and a power |v|^p, under the best restoring law.
 
-    The exponent remains a parameter of the solver; p only decides a width: for p < 1 the width of the velocity range in
-    which forces are smoothed at v = 0 is at most `ROUNDED` of the peak velocity, else it is that of the candidate's
-    solver.
+    The exponent remains a parameter of the solver. p only decides the width of the velocity range in which forces are
+    smoothed at v = 0: for p < 1 it is at most `ROUNDED` of the peak velocity, otherwise it is the width in the
+    candidate's solver.
     """
     plain = comparison.solvers[comparison.best.candidate.restoring]
     narrow = min(plain.epsilon, ROUNDED * comparison.reference.peak_velocity)

@@ -151,9 +151,10 @@ class RunComparison:
     def missing(self, damping: str, restoring: str, limit: str = "") -> float:
         """Return the log evidence of a damping sum whose likelihood was not computed on this record.
 
-        It is the sum's own log evidence if there is one; else that of the sum `limit`, to which it reduces (see
-        `others`), under the same restoring law; else, or for a `limit` of "", `NO_EVIDENCE`. The result is in nats
-        relative to the best candidate, at least `NO_EVIDENCE`.
+        If the sum has its own log evidence, this is returned. Otherwise the log evidence of the sum `limit`, to which
+        the sum reduces (see `others`), is returned, under the same restoring law. If this does not exist either, or if
+        `limit` is "", the result is `NO_EVIDENCE`. The result is in nats relative to the best candidate, at least
+        `NO_EVIDENCE`.
         """
         place = self.log_evidence.get((limit, restoring), NO_EVIDENCE)
         return max(self.log_evidence.get((damping, restoring), place), NO_EVIDENCE)

@@ -68,8 +68,8 @@ class Curve:
         Level in dB, as in the record: mean of the readings in a block (see `Blocks.x`), and fit with the deviation from
         its law.
     fit_sd, scatter
-        Posterior standard deviation of the fit, and standard deviation of the noise of a block (that of the first of
-        the possible noises), in dB.
+        Posterior standard deviation of the fit, and standard deviation of the noise of a block (for the first of the
+        possible noises), in dB.
     """
 
     t: np.ndarray

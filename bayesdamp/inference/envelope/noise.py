@@ -59,8 +59,8 @@ class Noise:
     white
         Standard deviation of the white noise of a block.
     deviation
-        Standard deviation of the relative deviation of the decay rate from its law that was inferred together with the
-        noise; 0 if none was.
+        Standard deviation of the decay rate's relative deviation from its law, if this deviation was inferred together
+        with the noise; otherwise 0.
     slow, slow_time
         Fraction of the floor's fluctuating power that is slow, and the correlation time (s) of this slow part.
     constant, constant_sd

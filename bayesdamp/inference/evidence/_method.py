@@ -110,10 +110,10 @@ def disagreement(evidences: Sequence[Evidence]) -> str:
 def choose_evidence(evidences: Sequence[Evidence]) -> Evidence:
     """Return the log evidence to use for a model, from the results of one or more methods.
 
-    It is that of nested sampling if this was run and is reliable; otherwise the mean over the reliable methods,
-    weighted by inverse variance. If no method is reliable, it is the result with the smallest standard error; if no
-    result is finite, it is the first one. The outcome is not "ok" if no method is reliable, or if the averaged methods
-    disagree. The `method` of the result is `ADOPTED`; its `diagnostic` says where it is from.
+    If nested sampling was run and is reliable, its log evidence is used. Otherwise it is the mean over the reliable
+    methods, weighted by inverse variance. If no method is reliable, it is the result with the smallest standard error;
+    if no result is finite, it is the first one. The outcome is not "ok" if no method is reliable, or if the averaged
+    methods disagree. The `method` of the result is `ADOPTED`; its `diagnostic` says where it is from.
     """
     evidences = [
         e

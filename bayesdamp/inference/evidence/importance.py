@@ -113,10 +113,10 @@ class Importance(EvidenceMethod):
     def _proposal(target: Target, mode: Mode, shear: Shear) -> ReflectedT:
         """Return the first proposal distribution, in coordinates in which a curved ridge of the posterior is straight.
 
-        It is a Student t with the mean of the distribution of `truncated_about` and with its covariance as scale matrix
-        (a reflected Student t about the mode would have wrong correlations near a bound); or about the mode if this
-        covariance is singular. If the model allows for deviations from its laws, it is fitted to the draws in
-        `Mode.linear`.
+        It is a Student t. Its centre and scale matrix are the mean and the covariance of the distribution of
+        `truncated_about`, because a reflected Student t about the mode would have wrong correlations near a bound. If
+        this covariance is singular, the Student t is centred at the mode. If the model allows for deviations from its
+        laws, it is fitted to the draws in `Mode.linear` instead.
         """
         if mode.linear is not None:
             return fit_reflected_t(mode.linear.draws, target.reflected)

@@ -170,10 +170,10 @@ class Deviation(NoiseModel):
 
     @cached_property
     def _conditional(self) -> np.ndarray:
-        """Inverse Cholesky factors, (c, k, k), of the information about the deviations given the parameters.
+        """Inverse Cholesky factors of the posterior precision of the deviations at fixed parameters, (c, k, k).
 
-        There is one for each combination of hyperparameters. The deviations are measured by the standard normal numbers
-        that `maps` converts to g and h.
+        There is one for each of the c combinations of hyperparameters. The deviations are expressed as k numbers with
+        standard normal priors, which `maps` converts to g and h.
         """
         information = np.swapaxes(self.effects, 1, 2) @ self.effects + np.eye(self.effects.shape[1])
         return np.linalg.inv(np.linalg.cholesky(information))

@@ -21,8 +21,8 @@ class StudentT(IndependentNoise):
     def priors(self, features: Features) -> dict[str, Prior]:
         """Return, by name, lognormal priors of the scale noise_sd and of the degrees of freedom noise_dof.
 
-        That of noise_sd has the roughness of the record (sd of its noise over short windows) as median and sigma 1;
-        that of noise_dof has the median 6 and sigma 0.8.
+        The prior of noise_sd has sigma 1; its median is the roughness of the record (sd of its noise over short
+        windows). The prior of noise_dof has the median 6 and sigma 0.8.
         """
         return {**super().priors(features), "noise_dof": LogNormal(median=6.0, sigma=0.8)}
 

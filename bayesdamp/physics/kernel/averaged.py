@@ -141,10 +141,10 @@ class AveragedSolver(Solver):
     ) -> Motion | None:
         """Return the values of the blocks, and their derivatives, in a `Motion`; None if the trajectory diverges.
 
-        The values are amplitude, phase and midline of each block in turn, multiplied by the track's factors.
-        The arguments are those of `Solver.solve`, but `stop` is the number of values to return (three for each block;
-        None for all). The times
-        and states of the result are those of the compressed oscillation. None is also returned if an amplitude is zero.
+        The values are amplitude, phase and midline of each block in turn, multiplied by the track's factors. The
+        arguments are those of `Solver.solve`, but `stop` is the number of values to return (three for each block; None
+        for all). The times and states in the result belong to the compressed oscillation. None is also returned if an
+        amplitude is zero.
         """
         blocks = len(self.track.weights) if stop is None else -(-stop // NUMBERS)
         if blocks not in self._solvers:

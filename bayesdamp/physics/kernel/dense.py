@@ -27,10 +27,11 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @compiled
 def quintic(before, after, step, order):
-    """Return the coefficients of powers 0 to 6 of u of the solution's order-th time derivative (0 to 2) in one step.
+    """Return the coefficients of u⁰ to u⁶ in the order-th time derivative (0 to 2) of the solution within one step.
 
-    u: fraction of the step. before, after: value, slope and curvature (first and second time derivative) at the two
-    ends, then the factor k of the correction k u³(1 − u)³; that in `after` is not used. step: length of the step in s.
+    u: time from the start of the step, as a fraction of its length. before, after: value, slope and curvature (first
+    and second time derivative) at the start and at the end of the step, then the factor k of the correction k u³(1 −
+    u)³; the k in `after` is not used. step: length of the step in s.
     """
     slope, bend = step * before[1], step * step * before[2]
     d = after[0] - before[0] - slope - 0.5 * bend

@@ -93,9 +93,9 @@ def list_evidence(record: StudyRecord, model: str) -> list[Evidence]:
 def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
     """Return the stored evidence on a record: by method, a dictionary from the model to its evidence.
 
-    If more than one method besides Laplace's (which has no error estimate) has results, the last entry, `combined`, has
-    for each model the evidence from all of these: that of nested sampling if it is reliable, else a weighted mean
-    (`choose_evidence`).
+    If at least two methods have results, not counting Laplace's, which has no error estimate, the last entry is
+    `combined`. It has one evidence for each model: from nested sampling if this is reliable, otherwise the weighted
+    mean of these methods (`choose_evidence`).
     """
     methods = record.study.evidence.methods
     by_method: dict[str, dict[str, Evidence]] = {m: {} for m in methods}

@@ -325,9 +325,9 @@ def _largest_rise(decays: _Decays) -> float:
 
 
 def _next_release(t: np.ndarray, decays: _Decays, name: str) -> int:
-    """Return the index of the last sample before the next hit or release, or of the record's last sample without one.
+    """Return the index of the last sample before the next hit or release; if there is none, of the last sample of all.
 
-    It is used for a record whose start the user has given. t: times in s, (n,), from this start on. name: of the
+    It is used for a record whose start the user has given. t: times in s, (n,), from this start on. name: name of the
     record, for messages.
 
     Raises InputError if the body is at rest at the start and is struck or released only later.

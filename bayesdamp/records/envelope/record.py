@@ -91,7 +91,7 @@ def make_record(
     """Make an envelope record from times and readings.
 
     Readings that have the same time as the one before are left out. Amplitudes and powers of zero are left out too, and
-    of small negative ones the absolute value is used. The record's notes say how many readings this concerns.
+    small negative ones are replaced by their absolute values. The record's notes give the number of these readings.
 
     Parameters
     ----------
@@ -153,9 +153,9 @@ def make_record(
 def is_envelope(path: Path, value: ColumnName | None = None, unit: str | None = None) -> bool:
     """Return whether a file is recognised as an envelope: whether its unit is one of DECIBELS.
 
-    The unit is `unit` if given; else that in the column name `value` (a column number has no effect); else that in the
-    file's header: the last line with two successive letters in its first `HEAD_BYTES` bytes. The result is False for a
-    file that cannot be opened.
+    The unit is `unit` if that is given. Otherwise it is read from the column name `value` (a column number has no
+    effect), or else from the file's header: the last line with two successive letters in its first `HEAD_BYTES` bytes.
+    The result is False for a file that cannot be opened.
     """
     if unit is not None:
         return unit in DECIBELS
@@ -219,8 +219,8 @@ def read_envelope(
     rate
         Sampling rate in Hz; replaces the times and the rate of the file. Only one of `time` and `rate` can be given.
     unit
-        Unit of the readings; by default that in the column's name, else the text in brackets at its end, else "units".
-        Readings in DECIBELS are levels, in POWER powers, in any other unit amplitudes.
+        Unit of the readings; by default the unit in the column's name, or else the text in brackets at the end of the
+        name, or else "units". Readings in DECIBELS are levels, in POWER powers, in any other unit amplitudes.
     frequency
         Frequency of the oscillation in Hz; by default that in the header of the file (`% Frequency [Hz]: 1562325`).
 

@@ -109,7 +109,8 @@ class NoiseFloor:
 
     power: mean power of the floor; decay: mean power of the decay that remains in the readings from which the floor was
     measured; semivariance: half of the mean squared difference of powers that are `LAG_IN_DECAY_TIMES` decay times
-    apart, NaN if there are too few readings; error: relative standard error of semivariance / power², NaN without it.
+    apart, NaN if there are too few readings; error: relative standard error of semivariance / power², NaN if
+    semivariance is NaN.
     """
 
     power: float
@@ -454,7 +455,7 @@ def _window_of(levels: Levels, begin: int, end: int, floor: NoiseFloor | None, b
 def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> EnvelopeWindow:
     """Return the window from start to stop (both included), in s of the record's times.
 
-    t, y: times in s and levels in dB, (n,). For a start or stop that is None, that of the automatic search is used
+    t, y: times in s and levels in dB, (n,). If start or stop is None, its value comes from the automatic search
     (`find_window`). The noise floor is always from this search; it is None if no decay is found. Raises Refusal if too
     few readings are between start and stop, or if one of them is None and no decay is found.
     """

@@ -269,8 +269,8 @@ def _normalise_time_unit(text: str) -> str:
 def _unit_candidates(name: str) -> list[str]:
     """Return the parts of a column's name that may be a unit; empty if there are none.
 
-    These are all texts in brackets; without brackets, the end of the name after "/", " in " or "_"; without these, a
-    last word or a whole name that is a known unit.
+    These are all texts in brackets. If there are no brackets, it is the end of the name after "/", " in " or "_". If
+    there is none of these either, it is the last word or the whole name, if that is a known unit.
     """
     inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
     if inside:
@@ -381,8 +381,9 @@ def unit_by_name(unit: str | None, quantity: str | None) -> tuple[str | None, st
 def split_run(column: Column) -> tuple[str, str]:
     """Return a column's name without the mark of its run, and the label of the run: `angle Run 2` gives `angle`, `2`.
 
-    The label is the column's `run`, else that in its name, else that in its group (`Run 2`). If there is a run, the
-    returned name is also without the group. Without a run, the name is unchanged and the label is "".
+    The label is the column's `run`. If this is empty, it is read from the name, or else from the group (`Run 2`). If
+    there is a run, the returned name is also without the group. Without a run, the name is unchanged and the label is
+    "".
     """
     bare = column.name.removeprefix(f"{column.group}.") if column.group else column.name
     if column.run:

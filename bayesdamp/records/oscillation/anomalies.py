@@ -152,10 +152,10 @@ def is_rectified(y: np.ndarray) -> bool:
 
 
 def is_tone_burst(t: np.ndarray, y: np.ndarray, period: float) -> bool:
-    """Return whether the envelope of a record rises in the same way as it falls, as that of a tone burst does.
+    """Return whether the envelope of a record rises in the same way as it falls, as in a tone burst.
 
-    The envelope is that of the strongest frequency, averaged over a period. In a free decay the rise is shorter or has
-    another shape, because a hit, a release or a drive causes it.
+    The envelope belongs to the strongest frequency and is averaged over a period. In a free decay the rise is shorter
+    or has another shape, because a hit, a release or a drive causes it.
 
     Parameters
     ----------

@@ -309,7 +309,7 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
 def midpoints(values: np.ndarray) -> np.ndarray:
     """Return the midline (k,) at each of k ≥ 3 turning values; exact for a geometric decay (Aitken's formula).
 
-    At the first and the last one it is that of the neighbour.
+    The first and the last turning value get the midline of their neighbour.
     """
     before, here, after = values[:-2], values[1:-1], values[2:]
     second_difference = before + after - 2 * here

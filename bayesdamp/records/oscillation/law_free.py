@@ -334,7 +334,7 @@ def law_free(signal: Signal) -> LawFree:
 
     The amplitudes and phases of a recorded velocity or acceleration are converted to those of the displacement. Raises
     Refusal if the record does not oscillate or has too few cycles, or if an acceleration hardly changes with the
-    amplitude, as that of a pendulum beyond 110 degrees.
+    amplitude, as for a pendulum beyond 110 degrees.
     """
     windows = sinusoids(signal)
     # Add the most likely of several constant errors to those of the amplitudes: noise in a narrow band around the
@@ -397,11 +397,12 @@ def _smooth(
     at: np.ndarray,
     powers: Sequence[float] = POWERS,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Smooth `values` (k,) of the windows (log amplitudes or phases), averaged over powers and variances of the walk.
+    """Smooth the `values` (k,) of the windows, which are log amplitudes or phases.
 
     Return, at scaled times `at` (m,), the smoothed values, their slopes by scaled time, and the variances of these
-    slopes. powers: powers of the amplitude that may be a straight line in time; with (0.0,) the values themselves may
-    be one, as is needed for phases.
+    slopes. They are weighted means over `powers` and over variances of the random walk. powers: powers of the
+    amplitude, each of which is smoothed as a straight line in time plus an integrated random walk (`_smooth_power`).
+    Phases need (0.0,), for which the values themselves are smoothed.
     """
     fits = [_smooth_power(windows, values, p, at) for p in powers]
     logs, sizes, slopes, sds = (np.concatenate(parts) for parts in zip(*fits, strict=True))

@@ -295,8 +295,9 @@ def find_other_motion(
 
     First a single oscillation that grows or stays constant is tested, then two oscillations, then excitation throughout
     (`find_excited`). A second mode is accepted if two damped sinusoids explain nearly all of the record and one does
-    not, and if a single (also nonlinear) oscillator cannot move so: because the second frequency is not a harmonic, or
-    the amplitude rises, or it falls and then stays constant. The result is None for fewer than 20 (averaged) samples.
+    not, and if a single (also nonlinear) oscillator cannot move in this way: because the second frequency is not a
+    harmonic, or the amplitude rises, or it falls and then stays constant. The result is None for fewer than 20
+    (averaged) samples.
 
     Parameters
     ----------
@@ -305,9 +306,9 @@ def find_other_motion(
     period
         Approximate period of the oscillation, s.
     no_law_fits
-        Whether no law of one oscillator fits the record. Then a second mode is also accepted whose frequency is a
-        multiple of the first one's, or that soon decays; and one that is close to the first one although the amplitude
-        never rises, if they beat and both together explain the record to its noise.
+        Whether no law of one oscillator fits the record. If none does, more second modes are accepted: a mode whose
+        frequency is a multiple of the first one's, a mode that soon decays, and a mode close to the first one although
+        the amplitude never rises, if the two beat and together explain the record to its noise.
     """
     t, y = few_samples(np.asarray(t, float), np.asarray(y, float), period)
     if t.size < 20:

@@ -169,9 +169,9 @@ def parse_stamp(cell: str) -> tuple[int | None, float] | None:
     Returns
     -------
     tuple[int | None, float] | None
-        The day is counted from the year 1; it is None without a date, and for a date with slashes, whose order of day
-        and month is ambiguous. If the cell has a day and a time zone, both are in UTC; without a day the zone is
-        ignored. The result is None if the cell is not a valid time (`99:99`), or has neither a date nor seconds.
+        The day is counted from the year 1; it is None if there is no date, and for a date with slashes, whose order of
+        day and month is ambiguous. If the cell has a day and a time zone, both are in UTC; if it has no day, the zone
+        is ignored. The result is None if the cell is not a valid time (`99:99`), or has neither a date nor seconds.
     """
     date, rest = 0, cell  # 0 stands for no date
     if slashed := _SLASHED.match(cell):

@@ -86,7 +86,7 @@ def draw_answer(
     Parameters
     ----------
     axes
-        The four axes in this order; those of the residual may be None. They are switched off if `arrays` contains no
+        The four axes in this order; the axes of the residual may be None. They are switched off if `arrays` contains no
         fit.
     arrays
         The arrays of the answer, as `inference.deviation.findings.picture` returns them, already converted to `unit`.
@@ -144,9 +144,9 @@ def draw_answer(
 def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     """Draw the equivalent damping ratio in per cent against amplitude in `unit`; in `arrays` ratios are fractions.
 
-    The curves are that of the answer with its 95 % band, that of each damping sum fitted to the record, and the 95 %
-    band of the ratio measured without assuming a damping law, as far as `arrays` contains them. Without a curve of the
-    answer ("ratio"), the ratio measured without a law is drawn as a line with its band.
+    As far as `arrays` contains them, these are drawn: the answer's ratio with its 95 % band, the ratio of each damping
+    sum fitted to the record, and the 95 % band of the ratio measured without assuming a damping law. If the answer has
+    no ratio, the ratio measured without a law is drawn as a line with its band.
     """
     law_free = "ratio" not in arrays
     names = ("amplitude", "ratio", "low", "high")

@@ -116,7 +116,7 @@ def force(
     velocity
         Velocities, (n,), in `unit` per s.
     learnt, law
-        The learnt force and that of the law at these velocities, (n,), in `unit` per s².
+        The learnt force and the force of the law at these velocities, (n,), in `unit` per s².
     model
         Name of the model, which determines the colour.
     unit

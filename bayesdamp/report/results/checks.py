@@ -39,8 +39,8 @@ CLEAR_NATS = 3.0
 LARGEST_OTHER = 0.03
 """Largest fraction of the posterior probability that another maximum than the mode may have (conventional)."""
 MOSTLY_ONE = 1 / (1 + AGREEMENT_SDS**2)
-"""The mean of a model of this probability differs from the mean over all models by at most `AGREEMENT_SDS`: it is at
-most √((1 − p)/p) standard deviations of all models."""
+"""The mean of a model with this probability p differs from the mean over all models by at most `AGREEMENT_SDS`, because
+the difference is at most √((1 − p)/p) standard deviations of all models together."""
 ANSWER_SAMPLER = "smc"
 """The sampler of the answer itself, which therefore cannot check the answer."""
 UNLISTED_OUTCOMES = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
@@ -77,8 +77,8 @@ def sampling_sentence(comparison: Agreement) -> str:
 def sampling_checks(run: RunFolder, signal: str) -> list[Check]:
     """Return a check that compares the answer from sequential Monte Carlo with that from linear approximations.
 
-    This check only informs and never fails. The list is empty without sampling, or if the record is not a free decay or
-    no law describes it.
+    This check only informs and never fails. The list is empty if nothing was sampled, or if the record is not a free
+    decay or no law describes it.
     """
     first, last = (answer_of(run, signal, kinds) for kinds in (("answer",), ("sampled",)))
     if first is None or last is None or first.verdict.grade is Grade.NO_FREE_DECAY or last.verdict.law_free:
@@ -98,10 +98,10 @@ class RecordChecks:
     verdict
         The verdict on the record; None if there is none.
     model
-        The study's model with the damping and the restoring law of the answer; without an answer, the study's most
-        probable model. None if the study has no such model.
+        The study's model with the damping and the restoring law of the answer. If there is no answer, it is the study's
+        most probable model. None if the study has no such model.
     coefficient_names
-        Names of the damping coefficients of `model`; [] without a model.
+        Names of the damping coefficients of `model`; [] if there is no model.
     exact_only
         Whether the answer allows deviations from the laws, while the chains, evidence and fits assume exact laws.
     """
@@ -172,11 +172,11 @@ class RecordChecks:
         return by_sampler
 
     def _samples(self) -> Iterator[Check]:
-        """Yield a check of each sampler of `model`, and a failed one if the posterior has another large maximum.
+        """Yield a check of each sampler of `model`, and a failed check if the posterior has another large maximum.
 
-        The check of a sampler is a failed one with the sampler's outcome if this is neither `ok` nor among
-        `UNLISTED_OUTCOMES`; else it gives the largest R̂ and the smallest effective sample size. Another maximum is
-        large if it has more than `LARGEST_OTHER` of the posterior probability.
+        If a sampler's outcome is neither `ok` nor among `UNLISTED_OUTCOMES`, its check fails and contains the outcome.
+        Otherwise the check gives the largest R̂ and the smallest effective sample size. Another maximum is large if it
+        has more than `LARGEST_OTHER` of the posterior probability.
         """
         outcomes = {(r["sampler"], r["outcome"]) for r in self._rows(self.run.posteriors)}
         for sampler, outcome in sorted(outcomes):
@@ -203,8 +203,8 @@ class RecordChecks:
     def _ratios(self) -> Iterator[Check]:
         """Yield checks that compare the damping ratios from the draws of each sampler with the answer's.
 
-        The draws are those of `model`; of a sampler's ratio at each of the answer's amplitudes, the median and the 95 %
-        interval are compared. Samplers are left out if they failed, or have no ratio at some amplitude.
+        The draws are of `model`. Their median and 95 % interval are compared at each of the answer's amplitudes.
+        Samplers that failed, or have no ratio at some amplitude, are left out.
         """
         for sampler, rows in self._samplers().items():
             result = self.run.task_result("posterior", self.signal, self.repeat, self.model or "", sampler)
@@ -215,12 +215,13 @@ class RecordChecks:
                 yield self._check_ratios(_name(sampler), ratios)
 
     def _check_ratios(self, name: str, ratios: list[tuple[float, float, float]]) -> Check:
-        """Return the check of damping ratios from a sampler, each with the ends of its 95 % interval.
+        """Return a check that compares a sampler's damping ratios with those of the answer.
 
-        It fails if, at the amplitude with the worst agreement, the ratio differs by at least `AGREEMENT_SDS` standard
-        deviations of the answer, or its interval is at least `WIDTHS_AGREE` times as wide. It never fails if
-        `exact_only`, or if the answer, which is averaged over the models, gives the sampled one a probability below
-        `MOSTLY_ONE`.
+        ratios: value and both ends of the 95 % interval, at each amplitude of the answer. The check is made at the
+        amplitude with the worst agreement. It fails if the ratio differs by at least `AGREEMENT_SDS` standard
+        deviations of the answer, or if its interval is at least `WIDTHS_AGREE` times as wide. It never fails in two
+        cases: if `exact_only` is true, or if the sampled model has a probability below `MOSTLY_ONE` in the answer,
+        because the answer is averaged over all models.
         """
         v = self.verdict
         assert v is not None
@@ -258,7 +259,7 @@ class RecordChecks:
     def _truth(self) -> Iterator[Check]:
         """Yield a failed check for each true coefficient outside the answer's 95 % interval.
 
-        Without an answer, the interval is that of the first sampler.
+        If there is no answer, the interval of the first sampler is used.
         """
         limits = {c.name: (c.low, c.high) for c in self.verdict.coefficients} if self.verdict else {}
         if self.verdict is None:
@@ -276,7 +277,8 @@ class RecordChecks:
 
         They report evidence that failed or is unreliable, and each method's probability of the answer's damping (a
         failed check if the log odds by the method that counts differ from the answer's by more than `CLEAR_NATS`).
-        `ranked` is the result of `rank_models`. There are none if the study has no evidence besides that of the answer.
+        `ranked` is the result of `rank_models`. There are no such checks if the answer has the only evidence of the
+        study.
         """
         if ranked is None or ranked.method == ANSWER_SAMPLER:
             return

@@ -27,10 +27,10 @@ from bayesdamp.store.files import TABLES
 from bayesdamp.types import OK
 
 Frame = Any
-"""A data frame or a series of pandas; for its operations, type checkers infer wrong types."""
+"""A pandas data frame or series. It is not annotated as such, because type checkers infer wrong types for it."""
 
 STAGES = ("initial", "refined")
-"""The stages of an estimator: its own estimate, and the trajectory fit that starts there."""
+"""The stages of an estimator: its own estimate, and the trajectory fit that starts from this estimate."""
 CATEGORIES = {
     "classical": ("topological", "least_squares", "koopman"),
     "machine learning": ("sindy", "weak_sindy", "pinn", "neural_ode", "rnn", "symbolic_regression"),
@@ -336,8 +336,8 @@ def is_significantly_better(own: Mapping[int, float], other: Mapping[int, float]
 def rank_ranges(along: ErrorSeries, stage: str, level: int) -> dict[str, tuple[int, int]]:
     """Return the best and the worst rank of each method that the repeats allow, at one value of the factor.
 
-    Best rank: 1 + the number of methods that are significantly better. Worst rank: the number of methods minus that of
-    those that are significantly worse. Methods without an estimate at this value are left out.
+    Best rank: 1 + the number of methods that are significantly better. Worst rank: the number of methods minus the
+    number of methods that are significantly worse. Methods without an estimate at this value are left out.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ def repeat_column(repeats: Sequence[int]) -> dict[str, Callable[[Row], str]]:
 
 
 def bullets(texts: Iterable[str]) -> Markup:
-    """Return texts as a list with bullets, escaped; empty without texts."""
+    """Return texts as an escaped list with bullets; empty if there are no texts."""
     items = Markup("").join(Markup("<li>{}</li>").format(text) for text in texts)
     return items and Markup("<ul>{}</ul>").format(items)
 
@@ -99,7 +99,7 @@ class SignalSection(Section):
     lead: str | Markup = ""
     """Introduction, before the content of the signals."""
     draws_models = False
-    """Whether the section has figures of models, which `is_drawn` selects."""
+    """Whether the section has figures of models; `is_drawn` selects the models that they show."""
 
     @abstractmethod
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -120,9 +120,7 @@ class SignalSection(Section):
         return stack(self.lead and paragraph(self.lead), note, by_signal(run, self.part, signals))
 
 
-ONE_MODEL = (
-    "There are many signals: the figures show only the most probable model of each, the tables all models."
-)
+ONE_MODEL = "There are many signals: the figures show only the most probable model of each, the tables show all models."
 """Note in sections with figures of models, if there are more than `_MOST` signals."""
 
 

@@ -25,10 +25,10 @@ CAPTION = (
     "Upper left: the record and the fit of the damping model that the legend names (only their amplitudes, if the "
     "record was averaged over cycles). Upper right: the equivalent viscous damping ratio of this record against "
     "amplitude (thick black line) with its 95 % interval (grey band), the 95 % interval that is measured without "
-    "assuming a damping law (brown band), and each compared damping model fitted by itself "
-    f"(coloured lines). There {SHAPES}. A model whose line leaves both bands does not describe this record. Lower "
-    "left: the residual, which is the record minus the fit. It should look like noise; a wave in it is motion that "
-    "the fit does not explain. Lower right: the energy that each damping term of the fit dissipates in a cycle, "
+    "assuming a damping law (brown band), and each compared damping model fitted by itself (coloured lines). In this "
+    f"panel, {SHAPES}. A model whose line leaves both bands does not describe this record. Lower left: the residual, "
+    "which is the record minus the fit. It should look like noise; a wave in the residual is motion that the fit does "
+    "not explain. Lower right: the energy that each damping term of the fit dissipates in a cycle, "
     "divided by the mass or the moment of inertia."
 )
 UNMEASURED = (
@@ -37,9 +37,9 @@ UNMEASURED = (
 )
 MEASURED = (
     "Top: the record. Lower left: its equivalent viscous damping ratio against amplitude (black line) with the 95 % "
-    f"interval (grey band), both measured without assuming a damping law. There {SHAPES}. The law that fits best "
-    "contradicts this measurement and is not drawn. Lower right: the energy lost in a cycle, divided by the mass or "
-    "the moment of inertia, as computed from this ratio."
+    f"interval (grey band), both measured without assuming a damping law. In this panel, {SHAPES}. The law that "
+    "fits best contradicts this measurement and is not drawn. Lower right: the energy lost in a cycle, divided by "
+    "the mass or the moment of inertia, as computed from this ratio."
 )
 LEVELS = (
     "Left: the recorded level of the oscillation (grey), the start and the end of the part that is used (vertical "
@@ -55,7 +55,7 @@ RATIOS = (
     "Equivalent viscous damping ratio and Q = 1/(2 × damping ratio) at amplitudes of this record, with 95 % intervals "
     f"in brackets. {PARTS_OF_SD}"
 )
-"""`RATIOS` is the caption of the table of damping ratios; `PARTS_OF_SD` is also part of that of the coefficients."""
+"""`RATIOS` is the caption of the table of damping ratios. `PARTS_OF_SD` is also in the caption of the coefficients."""
 LEAST_SHOWN = 0.005
 """Smallest probability of a damping sum, or of a term, that is listed for an envelope."""
 
@@ -72,7 +72,7 @@ class AnswerSection(Section):
         return run.info.get("kind") is None
 
     def render(self, run: RunFolder) -> str:
-        """Return the verdict on each record; without records, a sentence that says so."""
+        """Return the verdict on each record, or a sentence that there are no results yet."""
         if not run.signals:
             text = "This folder does not contain any results yet. Run the study with bayesdamp study."
             return paragraph(text)

@@ -30,15 +30,15 @@ PRUNED = (
     "last column gives the reason for each method that was not run."
 )
 ADOPTED = (
-    'The "adopted evidence" is that of nested sampling if it was computed as a check, otherwise the mean of the other '
+    'The "adopted evidence" is from nested sampling if this was run as a check, otherwise it is the mean of the other '
     "methods, weighted by inverse variance. Nested sampling is computed if the study requires it, or if the other "
     "methods are unreliable or differ by more than three standard errors."
 )
 ANSWER = (
     "The answer uses the evidence from sequential Monte Carlo. This method takes the noise variance as known, "
     "which shifts the log evidence of all models by the same amount. If it averages a long record in short blocks, it "
-    "also penalises models that fit badly less than the other methods do. Therefore compare log Bayes factors within "
-    "one method only."
+    "also penalises a bad fit less than the other methods do. Therefore compare log Bayes factors within one method "
+    "only."
 )
 ODDS = (
     "Posterior probability of each damping model if each term after the first multiplies the model's prior "

@@ -29,7 +29,7 @@ COMMON = (
 POPULATION = (
     "Mean and spread (standard deviation) of each coefficient of {} damping over the {} specimens, with 95 % intervals "
     "in brackets, and the interval of one more specimen. The specimens' coefficients are assumed to have a normal "
-    "distribution. Few specimens hardly limit its spread."
+    "distribution. A small number of specimens hardly limits the spread of this distribution."
 )
 """Caption of the table of several specimens; the name of the damping and the number of specimens are inserted."""
 FEWEST_RECORDS = 3

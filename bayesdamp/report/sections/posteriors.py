@@ -20,9 +20,9 @@ TABLE = (
     "Parameters, and quantities derived from them: mean, standard deviation (sd) and 95 % interval of the posterior, "
     "with the diagnostics of the sampler. The draws are reliable if R̂ ≤ 1.01, the effective sample sizes (ESS) are at "
     "least 400, and no transition diverged; rows for which one of these fails are coloured. The equivalent damping "
-    "ratio, the decrement, the damping capacity and the energy lost in a cycle are at the reference amplitude, from "
-    "which the half-life starts: that of the record unless the study states another one. Rows without R̂ are from the "
-    "answer's sequential Monte Carlo."
+    "ratio, the decrement, the damping capacity and the energy lost in a cycle are given at the reference amplitude, "
+    "and the half-life starts at it. This is the amplitude of the record, unless the study states another one. Rows "
+    "without R̂ are from the answer's sequential Monte Carlo."
 )
 
 

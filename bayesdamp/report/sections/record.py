@@ -15,8 +15,8 @@ from bayesdamp.store.results import RecordContent
 from bayesdamp.types import OK
 
 WHOLE = (
-    "the whole record as it was read. Shaded, if only a part is used: that part and, in a lighter shade, other free "
-    "decays."
+    "the whole record as it was read. If only a part of it is used, this part is shaded; other free decays have a "
+    "lighter shade."
 )
 FITTED = (
     "the part that is used (grey; time counts from its start), and the fits of the most probable models at their "
@@ -65,8 +65,8 @@ class RecordSection(SignalSection):
         if width is not None and not math.isclose(width, content.known.get("epsilon", width), rel_tol=1e-3):
             size = f"{fmt.number(width, 3)} {unit.base}/s"
             notes.append(
-                f"The damping models are compared with ε = {size}, which is clearly more probable than 2 % of the peak "
-                "velocity."
+                f"The damping models are compared with ε = {size}. This width of the velocity range in which friction "
+                "changes its sign is clearly more probable than the default, 2 % of the peak velocity."
             )
         factor, name = unit.scale, unit.of(quantity)
         axis = f"{unit.quantity_name(quantity)} / {words.divisor(name)}"

@@ -60,7 +60,7 @@ class RecoveredSection(Section):
 def _tables(result: Mapping[str, Any]) -> list[Table]:
     """Return the confusion matrix of the models, and a table of how reliable their probabilities are.
 
-    `result` is that of the model recovery in run.json. The second table compares expected with observed fractions of
+    result: the result of the model recovery in run.json. The second table compares expected with observed fractions of
     correct answers, by the probability of the most probable model.
     """
     names = [words.model(m) for m in result["models"]]

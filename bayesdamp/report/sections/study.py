@@ -75,7 +75,7 @@ def _systems(run: RunFolder) -> list[str]:
 
 
 def _signals(run: RunFolder) -> Table | str:
-    """Return a table of the recorded quantity and the used samples of each signal; empty without signals."""
+    """Return a table of what was recorded in each signal, and how much of it was used; "" if there are no signals."""
 
     def samples(signal: str) -> tuple[str, str]:
         """Return the number of used samples and their duration in s as texts; dashes if no result is stored."""

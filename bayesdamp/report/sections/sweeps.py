@@ -32,9 +32,9 @@ class SweepsSection(Section):
             caption = (
                 f"Root mean square error of the coefficients of {model} damping, in % of the true values{over}, "
                 f"against the {along.factor} of simulated records; {others} are constant. Left: the methods' own "
-                "estimates; right: the trajectory fits that start there. Dashed: the Cramér–Rao bound, the smallest "
-                "standard error of an unbiased estimate. An error below it means that the method is biased, or that "
-                "it uses information from outside the record. The legend gives the number of repeats of each method. "
+                "estimates; right: the trajectory fits that start from them. Dashed: the Cramér–Rao bound, the "
+                "smallest standard error of an unbiased estimate. An error below it means that the method is biased, "
+                "or uses information from outside the record. The legend gives the number of repeats of each method. "
                 f"Errors below {fmt.number(LOWEST_ERROR, 2)} % are drawn at this value, and a noise of 0 at the left "
                 "edge."
             )
