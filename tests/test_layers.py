@@ -14,7 +14,7 @@ OUTSIDE = "validation"
 """The folder that evaluates the package as a user would: the package never imports it."""
 
 NEUTRAL = {
-    "types", "units", "plugins", "plain_text", "sources", "priors", "serial", "calls", "machine",
+    "types", "plugins", "plain_text", "sources", "priors", "serial", "calls", "machine",
     "numerics", "formatting",
 }  # fmt: skip
 REGISTRIES = {"estimators", "inference.samplers", "inference.noise", "inference.evidence"}

@@ -99,7 +99,7 @@ def keys(copy: Path) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("file", "changes"),
     [
-        ("report/sections.py", ()),
+        ("report/sections/__init__.py", ()),
         ("cli/app.py", ()),
         ("inference/samplers/emcee.py", ("/emcee",)),
         (
