@@ -37,6 +37,11 @@ MOST_ESCAPES = 100
 """A prior is rejected if records cannot be simulated with this many successive draws from it, because trajectories are
 unbounded, for example (conventional)."""
 Result = TypeVar("Result")
+RECORDS_PER_TASK = 16
+"""Number of records that one task simulates."""
+LIKELIHOOD = "log_likelihood"
+"""Name of the log likelihood among the ranked quantities: its rank at the true parameters can show an error that the
+rank of no parameter shows (Modrák et al., 2023)."""
 
 
 @dataclass(frozen=True)
@@ -227,13 +232,6 @@ def run_safely(compute: Callable[..., Result], *arguments: object) -> tuple[Resu
         return None, str(refusal)
     except Exception as fault:
         return None, outcome_of_failure(fault)
-
-
-RECORDS_PER_TASK = 16
-"""Number of records that one task simulates."""
-LIKELIHOOD = "log_likelihood"
-"""Name of the log likelihood among the ranked quantities: its rank at the true parameters can show an error that the
-rank of no parameter shows (Modrák et al., 2023)."""
 
 
 def compute_chunk(study: Study, model: str, first: int) -> Product:

@@ -1,4 +1,7 @@
-"""Claims of the paper on mechanisms (why the topological estimator fails, friction with tanh), errors and times."""
+"""Define the claims of the paper on mechanisms, errors and computing times, and the functions that judge them.
+
+The mechanisms are why the topological estimator fails, and the smoothing of Coulomb friction by tanh.
+"""
 
 import math
 from collections.abc import Mapping
@@ -44,6 +47,42 @@ CLAIMS: list[Claim] = []
 records, times. The decorator `claim` appends to it."""
 AS_PRINTED = {"variant": "as_printed"}
 """Options of the topological estimator for the formulas as the paper prints them."""
+HYBRID = 0.1
+"""Largest error, in per cent of the true coefficient, that the paper claims for hybrid methods: an estimator whose
+estimate is refined by a least-squares fit of the trajectory."""
+GENERATIONS = (20, 40)
+"""Smallest and largest number of generations in which the genetic algorithm converges, as the paper claims."""
+LEAST_ERRORS = 20
+"""Smallest number of errors whose root mean square is compared with the Cramér–Rao bound. Its relative standard error
+is then about 1/√(2·20) = 16 % (for Gaussian errors)."""
+PRINTED_ERRORS = {
+    "least_squares": "0.0004 / 0.006 / 0.001",
+    "koopman": "~0",
+    "sindy": "0.15 / 2.2 / 0.24",
+    "pinn": "0.15 / 0.41 / 0.06",
+    "neural_ode": "0.11 / 0.04 / 0.04",
+    "rnn": "0.01 / 0.07 / 0.01",
+    "symbolic_regression": "0.15 / 0.39 / 0.07",
+    "weak_sindy": "0.15 / 0.39 / 0.07",
+    "envelope": "0.03 / 0.04 / 0.03",
+    "genetic": "~0",
+}
+"""Relative errors of the estimated coefficient in per cent (viscous / Coulomb / quadratic record) by estimator, as
+printed in the paper's table 2. A single value applies to all three records."""
+PRINTED_TIMES = {
+    "least_squares": ("< 1 s", 0.0, 1.0),
+    "sindy": ("< 1 s", 0.0, 1.0),
+    "weak_sindy": ("1–2 s", 1.0, 2.0),
+    "envelope": ("2–5 s", 2.0, 5.0),
+    "rnn": ("30–60 s", 30.0, 60.0),
+    "neural_ode": ("1–2 min", 60.0, 120.0),
+    "pinn": ("1–2 min", 60.0, 120.0),
+    "genetic": ("2–5 min", 120.0, 300.0),
+    "koopman": ("2–3 min", 120.0, 180.0),
+    "symbolic_regression": ("5–10 min", 300.0, 600.0),
+}
+"""Computing times by estimator: as printed in the paper's table 3, and the lower and upper limit in s. The lower limit
+is 0 if the paper prints only an upper one."""
 
 
 def _listing(errors: dict[str, float], n: int = 2) -> str:
@@ -147,44 +186,6 @@ def _envelope_is_robust(runs: Runs) -> Judgement:
     smooth, exact = (initial_error("envelope", "coulomb", simulated=e, assumed=e) for e in (0.1, 0.0))
     measured = f"Initial error {_per_cent(smooth)} with ε = 0.1 and {_per_cent(exact)} with exact friction."
     return Judgement("holds" if max(smooth, exact) < 1 else "does not hold", measured)
-
-
-HYBRID = 0.1
-"""Largest error, in per cent of the true coefficient, that the paper claims for hybrid methods: an estimator whose
-estimate is refined by a least-squares fit of the trajectory."""
-GENERATIONS = (20, 40)
-"""Smallest and largest number of generations in which the genetic algorithm converges, as the paper claims."""
-LEAST_ERRORS = 20
-"""Smallest number of errors whose root mean square is compared with the Cramér–Rao bound. Its relative standard error
-is then about 1/√(2·20) = 16 % (for Gaussian errors)."""
-PRINTED_ERRORS = {
-    "least_squares": "0.0004 / 0.006 / 0.001",
-    "koopman": "~0",
-    "sindy": "0.15 / 2.2 / 0.24",
-    "pinn": "0.15 / 0.41 / 0.06",
-    "neural_ode": "0.11 / 0.04 / 0.04",
-    "rnn": "0.01 / 0.07 / 0.01",
-    "symbolic_regression": "0.15 / 0.39 / 0.07",
-    "weak_sindy": "0.15 / 0.39 / 0.07",
-    "envelope": "0.03 / 0.04 / 0.03",
-    "genetic": "~0",
-}
-"""Relative errors of the estimated coefficient in per cent (viscous / Coulomb / quadratic record) by estimator, as
-printed in the paper's table 2. A single value applies to all three records."""
-PRINTED_TIMES = {
-    "least_squares": ("< 1 s", 0.0, 1.0),
-    "sindy": ("< 1 s", 0.0, 1.0),
-    "weak_sindy": ("1–2 s", 1.0, 2.0),
-    "envelope": ("2–5 s", 2.0, 5.0),
-    "rnn": ("30–60 s", 30.0, 60.0),
-    "neural_ode": ("1–2 min", 60.0, 120.0),
-    "pinn": ("1–2 min", 60.0, 120.0),
-    "genetic": ("2–5 min", 120.0, 300.0),
-    "koopman": ("2–3 min", 120.0, 180.0),
-    "symbolic_regression": ("5–10 min", 300.0, 600.0),
-}
-"""Computing times by estimator: as printed in the paper's table 3, and the lower and upper limit in s. The lower limit
-is 0 if the paper prints only an upper one."""
 
 
 @claim(CLAIMS, "Hybrid methods (an estimate, then the trajectory fit) reach errors below 0.1 %.", "3.1, 5.2")

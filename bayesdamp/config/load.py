@@ -68,6 +68,22 @@ _TABLES = ("system", "signal", "sweep", "estimators", "models", *_SETTINGS, "plu
 _PUBLISHED = ("estimator", "signal", "error_pct", "time")
 """Columns of a CSV file of published results: the estimator, the signal, the error in per cent, the computing time."""
 _NO_STUDY = "give a study file (TOML), or a run's run.json"
+PRUNE_NATS = 20.0
+"""A candidate (a damping sum under a restoring law) is left out if its log evidence is at least this far below the
+largest, in nats: a relative probability of 2e-9. The evidence is that of the answer, by linear approximations."""
+SAMPLED_CANDIDATES = 2
+"""Number of candidates (damping sums under a restoring law) whose posterior is sampled, the most probable ones."""
+WARMUP, DRAWS = 100, 500
+"""Numbers of warm-up draws, which are discarded, and of draws of each of four chains. Draws in whitened coordinates are
+nearly independent; if they are not, the sampler adds draws."""
+LEAST_NOISE = 1e-3
+"""Standard deviation of the noise that is added to a record without noise, because a likelihood needs noise: a fraction
+of the amplitude, typical of a good encoder."""
+SPECIMEN = "specimen"
+"""Name of the specimen (the tested object) if all records are repeats on the same one."""
+RecordOptions = Mapping[str, Any]
+"""A record's file and how to read it, with the keys of [[signal]] in a study (None for no value), and a label if the
+file has several records. Without a unit, an envelope has the unit of its file, and a motion is in rad."""
 
 
 def shipped_folder() -> Path:
@@ -384,26 +400,6 @@ def _check_across_tables(study: Study) -> None:
             if spec.restoring != first.restoring or not same:
                 right = "repeats must have the same compare and restoring"
                 raise StudyError(key, f"{repeat} compare different models; {right}")
-
-
-PRUNE_NATS = 20.0
-"""A candidate (a damping sum under a restoring law) is left out if its log evidence is at least this far below the
-largest, in nats: a relative probability of 2e-9. The evidence is that of the answer, by linear approximations."""
-SAMPLED_CANDIDATES = 2
-"""Number of candidates (damping sums under a restoring law) whose posterior is sampled, the most probable ones."""
-WARMUP, DRAWS = 100, 500
-"""Numbers of warm-up draws, which are discarded, and of draws of each of four chains. Draws in whitened coordinates are
-nearly independent; if they are not, the sampler adds draws."""
-LEAST_NOISE = 1e-3
-"""Standard deviation of the noise that is added to a record without noise, because a likelihood needs noise: a fraction
-of the amplitude, typical of a good encoder."""
-SPECIMEN = "specimen"
-"""Name of the specimen (the tested object) if all records are repeats on the same one."""
-
-
-RecordOptions = Mapping[str, Any]
-"""A record's file and how to read it, with the keys of [[signal]] in a study (None for no value), and a label if the
-file has several records. Without a unit, an envelope has the unit of its file, and a motion is in rad."""
 
 
 def laws_for(unit: str) -> tuple[str, ...]:

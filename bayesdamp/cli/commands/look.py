@@ -36,6 +36,12 @@ MOST_COLUMNS, MOST_PLOTS, MOST_FACTS = 24, 4, 12
 terminal; the others are left out."""
 NARROWEST_PLOT = 10
 """Smallest width of a plot in characters, used if the terminal is narrower."""
+MOST_GAPS = 4
+"""Largest number of gaps in a record that are listed one by one; of more, only the number is given."""
+PLOT_ROWS = 10
+"""Height of a plot in characters."""
+_DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
+"""Bits of the Unicode braille patterns, by row and column of the dot."""
 
 
 @with_reading_options
@@ -83,14 +89,6 @@ def look(
             width = max(NARROWEST_PLOT, min(console.width, 100) - 2)
             console.print(plot(view.t, view.y, view.window, width))
     return 0
-
-
-MOST_GAPS = 4
-"""Largest number of gaps in a record that are listed one by one; of more, only the number is given."""
-PLOT_ROWS = 10
-"""Height of a plot in characters."""
-_DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
-"""Bits of the Unicode braille patterns, by row and column of the dot."""
 
 
 @dataclass(frozen=True)

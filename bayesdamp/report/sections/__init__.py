@@ -29,6 +29,10 @@ ENVIRONMENT.filters["symbols"] = symbols
 _MOST = 4
 """Number of signals whose content is visible without unfolding it, and of models of a signal that are drawn. The tables
 also contain the less probable models."""
+ONE_MODEL = "There are many signals: the figures show only the most probable model of each, the tables show all models."
+"""Note in sections with figures of models, if there are more than `_MOST` signals."""
+DRAWN_LIST = ".drawn"
+"""File in `figures/` that lists the figure files of the last report, one in each line."""
 
 
 def fill(template: str, **values: object) -> Markup:
@@ -120,10 +124,6 @@ class SignalSection(Section):
         return stack(self.lead and paragraph(self.lead), note, by_signal(run, self.part, signals))
 
 
-ONE_MODEL = "There are many signals: the figures show only the most probable model of each, the tables show all models."
-"""Note in sections with figures of models, if there are more than `_MOST` signals."""
-
-
 def is_drawn(run: RunFolder, place: int) -> bool:
     """Return whether the figures show the model at this place of the ranking (0: the most probable).
 
@@ -174,10 +174,6 @@ def by_model(models: Mapping[str, Sequence[object]]) -> Markup:
             first = Markup("<h4>{}</h4>\n{}").format(name, stack(*content))
             parts.append(collapsible(name, *content) if parts else first)
     return stack(*parts)
-
-
-DRAWN_LIST = ".drawn"
-"""File in `figures/` that lists the figure files of the last report, one in each line."""
 
 
 def render(folder: Path, pool: Executor | None = None) -> Path:
