@@ -1,8 +1,8 @@
-"""Define the data types that all parts of the package share: frozen dataclasses with hardly any methods; and units.
+"""Define the data types that all parts of the package share (frozen dataclasses with hardly any methods), and units.
 
-The last functions convert the outcome of a task, and whether a model fits, between values and the text in tables. There
-an outcome is `ok`, or a sentence that begins with the words of its status; a sentence that does not is a method's
-refusal. Only these functions write and interpret these words."""
+The functions below `Status` and `FitStatus` convert the outcome of a task, and whether a model fits, between values and
+the text in tables. There an outcome is `ok`, or a sentence that begins with the words of its status. A sentence that
+does not is a method's refusal. Only these functions write and interpret these words."""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""Provide the base class of estimators, and what several of them use.
+"""Define the base class of estimators, and functions that several of them use.
 
-This is smoothed motion with derivatives, starting values, and a search for minima."""
+These compute the motion with its derivatives from a smoothing spline, and starting values, and import optional
+packages.
+"""
 
 from __future__ import annotations
 

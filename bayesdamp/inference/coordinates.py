@@ -5,7 +5,8 @@ is normal ("level" scores); `Shear` straightens a curved ridge of the parameters
 `Whitening` subtracts the mean and divides by a Cholesky factor of the covariance (u).
 
 A reflected score is that of a parameter with a half-normal prior, which depends only on the score's absolute value; it
-is restricted to values ≥ 0. The boundary, where such a score is 0, is called a wall.
+is restricted to values ≥ 0. The boundary, where such a score is 0, is called a wall. `TruncatedNormal` is a normal
+distribution of scores with such walls.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
 """Define the classes and functions of `import bayesdamp`.
 
-Each module contains one public class, function or both, or helpers of several of them.
+Each module contains public classes and functions that belong together, or helpers of several of them.
 """

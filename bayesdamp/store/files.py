@@ -1,4 +1,7 @@
-"""Write files of bytes, JSON, arrays or tables in one step: a failed write leaves no partial file."""
+"""Write and read files of bytes, JSON, arrays or tables, and define the columns of the tables of a run.
+
+Each file is written in one step: a failed write leaves no partial file.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """Estimate damping by sparse identification of nonlinear dynamics (SINDy).
 
-Section 3.4, equation 16, of the paper that `bayesdamp.estimators` cites.
+Section 3.4, equation 16, of the paper that `bayesdamp.estimators` cites. Records with noise are differentiated by
+`OscillationSpline`, a smoothing spline that penalises amplitudes and phases which do not change linearly in time.
 """
 
 import warnings

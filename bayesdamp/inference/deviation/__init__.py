@@ -30,7 +30,7 @@ Modules
 2. Fit. `parameters`: priors and scores. `least_squares`: the fit under exact laws. `candidate`: linearisation about the
    mode.
 3. Compare. `linear`: posterior and evidence of a linear model. `model_comparison`: all candidates. `forms`: rivals, and
-   limits for other forms. `exponent`: the exponent of a power law.
+   limits for other forms. `slices`: the exponent of a power law.
 4. Sample. `sampling`: draws of the motions instead of the linear model, with the sampler of `tempered`, from
    the linear models of `slices` where a damping term has a parameter of its own.
 5. Findings. `draws`: damping ratio at an amplitude. `findings`: the numbers of a verdict and the arrays of a picture.

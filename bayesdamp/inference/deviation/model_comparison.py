@@ -221,7 +221,7 @@ class ModelComparison:
     forms : tuple of CandidateResult
         Results of the rivals, which have other forms of damping.
     exponents : tuple of float
-        Quantiles of the exponent of a power law, at the probabilities `exponent.LEVELS`; empty without a result of a
+        Quantiles of the exponent of a power law, at the probabilities `slices.LEVELS`; empty without a result of a
         power law alone.
     averaging : Averaging, optional
         Error of averaged motions, where the record is reduced to amplitudes and phases.

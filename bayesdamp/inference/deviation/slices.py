@@ -9,7 +9,7 @@ Letters in this module: c is the score of the coefficient of the term with the p
 parameter of this term that multiplies c, if there is one (see `SlicedProposal`), and t = s c / pivot, where the pivot
 is c at the mode; without s, t = c.
 
-The exponent p of a damping force c |v|^p is inferred from its slices: the posterior of p is interpolated between them.
+The exponent p of a damping force c |v|^p is inferred from such slices: the posterior of p is interpolated between them.
 A model that is linear in p would fail unless the record determines p well, because p and the log deviation of the
 damping, g, are nearly degenerate: a g that changes with the amplitude has the same effect as another p, and along this
 degeneracy the coefficient c follows a curve.
@@ -422,7 +422,7 @@ NEAR = 1.5
 at two amplitudes: the middle one times and divided by this factor."""
 DRAWS = 4000
 """Number of draws of the exponent from the posterior of the linear model about the mode, where one linear model is
-enough (`slices.ONE_SLICE_SD`)."""
+enough (`ONE_SLICE_SD`)."""
 MOST_ABOVE = 7.0
 """An interpolation of log evidences that exceeds the largest of them by more than this, in nats, is not used: next to a
 drop of thousands of nats it overshoots (conventional)."""
@@ -439,7 +439,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     The coefficient and all other unknowns are integrated out. The restoring law is that of the best candidate; an empty
     tuple is returned if this comparison has no result of a power law alone, or if no motion fits at the exponents
     around the most probable one. The prior of the exponent is uniform (from `LEAST_EXPONENT` to `MOST_EXPONENT`); if
-    one linear model is enough (`slices.ONE_SLICE_SD`), it has no effect.
+    one linear model is enough (`ONE_SLICE_SD`), it has no effect.
     """
     if not comparison.results:
         return ()

@@ -2,6 +2,10 @@
 
 A kernel is a module of functions that integrate an oscillator's equation of motion. Its source consists of the forces
 of the oscillator and their derivatives, followed by the template modules `tangents` and `march`.
+
+The source of the derivatives is generated from that of the forces by forward-mode automatic differentiation
+(A. Griewank and A. Walther, Evaluating Derivatives, 2008, ch. 3): each elementary function is evaluated once and used
+for the value and for all derivatives.
 """
 
 import ast
