@@ -136,6 +136,7 @@ def draw_answer(
     energy.set(xscale="log", yscale="log" if lost else "linear")
     if lost:  # the formulas that Matplotlib writes by default take 0.1 s
         energy.yaxis.set_major_formatter(lambda y, _: "10" + f"{math.log10(y):.0f}".translate(SUPERSCRIPTS))
+        energy.fmt_ydata = "{:.3g}".format  # what an interactive figure shows at the cursor
     label_with_plain_numbers(energy.xaxis)
     energy.set_xlim(a.min(), a.max())
     energy.legend(loc="best")
