@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 LEAST_SAMPLES = 10
 """Smallest number of samples of a signal."""
 _EMPTY = np.empty(0)
+Column = str | int
+"""A column of a file, by its name or its number from 1."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -265,10 +267,6 @@ def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> S
     decay = clean(raw, name=name, unit=unit, quantity=quantity, **window)
     whole, _ = clock_times(raw, window["clock"], name)
     return Signal.of(decay, whole_t=whole, whole_y=raw.y * UNITS[unit].factor - decay.provenance.offset)
-
-
-Column = str | int
-"""A column of a file, by its name or its number from 1."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

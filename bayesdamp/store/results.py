@@ -71,6 +71,9 @@ HEAD_MEMBER = "cell.json"
 _ZIP_HEADER = 30
 """Bytes before the name of the first member in a zip archive (format specification, local file header)."""
 _ELSEWHERE = "choose another folder with --out"
+NAN = float("nan")
+NO_DRAWS = np.empty((0, 0, 0)), np.empty((0, 0))
+"""Empty arrays of draws and log likelihoods."""
 
 
 def claim(folder: Path, tables: Iterable[str] = ()) -> None:
@@ -457,9 +460,6 @@ class EstimateContent(Content):
     stages: tuple[Estimate, ...] = ()
 
 
-NAN = float("nan")
-
-
 @dataclass(frozen=True)
 class ModeContent(FitCheck, Content):
     """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`) with the checks of its fit (`FitCheck`).
@@ -477,10 +477,6 @@ class ModeContent(FitCheck, Content):
     log_posterior: float = NAN
     shares: tuple[float, ...] = ()
     stored: Mapping[str, Any] = field(default_factory=dict)
-
-
-NO_DRAWS = np.empty((0, 0, 0)), np.empty((0, 0))
-"""Empty arrays of draws and log likelihoods."""
 
 
 @dataclass(frozen=True)

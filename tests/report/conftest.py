@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.store.files import TABLES, write_json, write_table
-from bayesdamp.store.results import ComparedCandidate, FeatureValues, Store, TaskResult
+from bayesdamp.store.results import ComparedCandidate, Store, TaskResult
+from bayesdamp.types import FeatureValues
 from bayesdamp.verdict.parts import (
     Bound,
     Coefficient,
