@@ -71,7 +71,7 @@ def compute_answer(record: StudyRecord, kind: str) -> Product:
         raise Refusal(NOT_APPLICABLE)
     missing = [t for t in _terms_of(study, spec) if TERMS.get(t).kernel is DampingTerm.kernel]
     if missing:
-        what = f"the damping term {missing[0]} has no `kernel`, the force in a form that can be compiled"
+        what = f"the damping {', '.join(missing)} has no `kernel`, the force in a form that can be compiled"
         raise Refusal(f"not compared: {what}; add it to the plug-in of the term")
 
     def known(law: str) -> Mapping[str, float]:

@@ -23,11 +23,12 @@ from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord, findings, refuse_questions
-from bayesdamp.store.results import FeatureValues, RecordContent, Store, TaskResult, sha256
+from bayesdamp.store.results import RecordContent, Store, TaskResult, sha256
 from bayesdamp.types import (
     FRICTION_WIDTH,
     OK,
     UNITS,
+    FeatureValues,
     InputError,
     Problem,
     Provenance,

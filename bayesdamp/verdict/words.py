@@ -434,6 +434,6 @@ def remarks(
             )
         else:
             effect = "; the equation of motion could not be solved to check this approximation"
-        text = f"Amplitude and phase were averaged over {v.averages.cycles:,.0f} cycles{effect}."
+        text = f"Amplitude and phase of {v.averages.cycles:,.0f} cycles were averaged over blocks of cycles{effect}."
         weighted.append((0.0 if small else 0.5, text))
     return tuple(text for _, text in sorted(weighted, key=lambda item: -item[0]))

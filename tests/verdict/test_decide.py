@@ -292,7 +292,7 @@ def test_amplitudes_that_are_equal_in_print_are_one() -> None:
 )
 def test_a_remark_states_how_far_averaging_moves_parameters(error: float, text: str) -> None:
     (remark,) = verdict_of(averages=Averages(2000.0, error)).remarks
-    assert remark.startswith("Amplitude and phase were averaged over 2,000 cycles")
+    assert remark.startswith("Amplitude and phase of 2,000 cycles were averaged over blocks of cycles")
     assert text in remark
 
 

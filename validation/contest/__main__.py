@@ -3,7 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
-from bayesdamp.types import Signal
+import numpy as np
+
+from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict.types import Verdict
 from validation.contest.page import page
 from validation.contest.peers import ROSTER
@@ -19,7 +21,10 @@ def row(record: Case, name: str) -> dict[str, Any]:
     """
 
     def answer(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
-        verdict = ROSTER[name](signal, amplitudes)
+        try:
+            verdict = ROSTER[name](signal, amplitudes)
+        except (ValueError, ArithmeticError, np.linalg.LinAlgError) as fault:
+            raise Refusal(str(fault)) from None
         pairs = zip(verdict.damping_ratio, amplitudes, strict=False)
         return replace(verdict, damping_ratio=tuple(replace(at, amplitude=a) for at, a in pairs))
 

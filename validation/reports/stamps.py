@@ -65,8 +65,9 @@ def _statements(text: str) -> list[str]:
     """
     tree = ast.parse(text)
     for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
-            node.body = [line for line in node.body if not (_is_text(line) or _is_import(line))]
+        for field, lines in ast.iter_fields(node):
+            if field in ("body", "orelse", "finalbody") and isinstance(lines, list):
+                setattr(node, field, [line for line in lines if not (_is_text(line) or _is_import(line))])
     return [ast.dump(line) for line in tree.body]
 
 

@@ -100,11 +100,12 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
     """
     rng = np.random.default_rng([seed, KINDS.index(kind), number])
     damping, restoring = in_turn(kind, number)
-    while True:
+    for _ in range(400):
         draw = draw_oscillator(rng, damping, restoring, float(rng.uniform(*SHARE)) if kind in TAKING else 0.0)
         own = np.random.default_rng(rng.integers(2**63))
         with suppress(NoMotionError):
             return _simulate(name_of(kind, seed, number, oversample), kind, draw, own, oversample)
+    raise RuntimeError(f"no draw of {kind} keeps the rules")
 
 
 def name_of(kind: str, seed: int, number: int, oversample: int = 1) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit, fit, nonnegative
@@ -323,7 +324,9 @@ def linearise(
     r = data.y - motion.y
     model = condense(columns, r + columns @ u, *at.parameters.masks)
     # Linear least squares of r by the columns, with the QR factor that `condense` has computed.
-    left = r - columns @ np.linalg.lstsq(model.root, model.target - model.root @ u, rcond=1e-12)[0]
+    # (By pivoted QR, because the singular value decomposition of some of these matrices does not converge.)
+    right = model.target - model.root @ u
+    left = r - columns @ scipy.linalg.lstsq(model.root, right, cond=1e-12, lapack_driver="gelsy")[0]
     return Linearisation(at, u, motion.without_tangents(), r, columns, model, left)
 
 

@@ -471,11 +471,12 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         what = f"its header names {most} columns, but its rows have {layout.columns}"
         warnings.append(f"{what}: the first {layout.columns} names are used.")
     units = [unit.strip("()[] -") for unit in layout.units] or [""] * layout.columns
-    # Tables side by side have the same names; a line above them that has a label for each table names them.
+    # Tables side by side have the same names; a line above them with a label over the first column of each names them.
     below = max((i for i, (_, names) in enumerate(head) if names), default=0)
     cells = split_cells(head[below - 1][0].lstrip("#% "), layout.separator) if below else []
     labels, names = [*cells, *layout.columns * [""]][: layout.columns], layout.names
-    if names[0] and sum(map(bool, labels)) == names.count(names[0]) > 1:
+    starts = [name == names[0] for name in names]
+    if names[0] and sum(starts) > 1 and list(map(bool, labels)) == starts:
         groups = list(accumulate(labels, lambda left, label: label or left))
         names = [f"{group}.{name}" if name else "" for group, name in zip(groups, names, strict=True)]
         head[below - 1] = (head[below - 1][0], layout.columns)
