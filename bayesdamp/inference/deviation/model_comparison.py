@@ -76,9 +76,8 @@ REACH = 20.0
 (`ModelComparison.expected_evidences`), is more than this many nats below the best (of 385 candidates on 22 simulated
 records this left out 135, none of which was closer than 18 nats)."""
 FAR = 2 * REACH
-"""A restoring law is left out if the log evidence of its sum of all terms, linearised about the fit, is more than this
-many nats below the best (of 60 laws on 15 simulated records, none that was within 20 nats of the best at its mode was
-more than 12 nats below it at its fit)."""
+"""A restoring law is left out if the log evidence of the sum of all terms, linearised about its fit, is more than this
+many nats below the best, before its mode is sought."""
 BEHIND = f"its log evidence is expected to be more than {REACH:g} nats below the best"
 """Reason, in `ModelComparison.refused`, why a candidate is not fitted: its log evidence is expected to be too small
 (`REACH`)."""
@@ -325,7 +324,8 @@ class ModelComparison:
             law: linear_posterior(at.model, at.grid(coarse=True), self.variance, self.samples).log_evidence
             for law, at in largest.items()
         }
-        near = [law for law, log in logs.items() if log >= max(logs.values()) - FAR]
+        near = [law for law, log in logs.items() if log > max(logs.values()) - FAR]
+
         modes = at_once(
             lambda law: linearise_at_mode(solvers[law], self.data, largest[law], self.variance), near
         )
