@@ -74,8 +74,6 @@ class Linearisation:
         The motion at u.
     residual : ndarray, shape (n,)
         Record minus motion, in the record's unit.
-    tangents : ndarray, shape (n, K)
-        Jacobian of the motion by the unknowns at u.
     model : LinearModel
         The sum of squared residuals of the linearised motion as a quadratic function of u.
     left : ndarray, shape (n,)
@@ -87,7 +85,6 @@ class Linearisation:
     u: np.ndarray
     motion: Motion
     residual: np.ndarray
-    tangents: np.ndarray
     model: LinearModel
     left: np.ndarray
 
@@ -292,6 +289,28 @@ def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | 
     return search_near(solver, data, at.parameters, at.parameters.named(at.z), [{}])
 
 
+def solve_at(
+    solver: Solver, at: LeastSquaresFit, u: np.ndarray, tolerance: float | None = None
+) -> tuple[Motion, np.ndarray] | None:
+    """Return a candidate's motion and its Jacobian by the K unknowns, (n, K); None if the motion is unbounded.
+
+    u: the unknowns at which they are computed, (K,). u contains the parameters as standard normal scores, then the
+    deviations from the laws, g (log damping) and h (relative frequency), at knots in time. A motion counts as unbounded
+    if it grows beyond all bounds or needs too many integration steps. at: only its parameters (priors, known values)
+    and its active terms are used. tolerance: error of an integration step as a fraction of the amplitude, by default
+    that of fits (3e-8).
+    """
+    d, n = at.z.size, solver.knots.size
+    z, g, h = np.split(u, [d, d + n])
+    motion = solver.solve(at.parameters.values(z), at.active, np.expm1(g), h, ALL, tolerance=tolerance)
+    if motion is None:
+        return None
+    scores = at.parameters.by_scores(motion.tangents, z)
+    columns = np.column_stack([scores, motion.tangents[:, len(solver.names) :]])
+    columns[:, d : d + n] *= np.exp(g)
+    return motion.without_tangents(), columns
+
+
 def exact_model(fit: LeastSquaresFit) -> LinearModel:
     """Return the linear model of a candidate's motion about its fit, without deviations from the laws.
 
@@ -312,25 +331,25 @@ def linearise(
     """
     n = solver.knots.size
     u = np.concatenate([at.z, np.zeros(2 * n)]) if u is None else u
-    z, g, h = np.split(u, [at.z.size, at.z.size + n])
+    g, h = np.split(u[at.z.size :], 2)
     if np.max(np.abs(g), initial=0.0) > MOST_G or np.max(np.abs(h), initial=0.0) > MOST_H:
         return None
-    motion = solver.solve(at.parameters.values(z), at.active, np.expm1(g), h, ALL)
-    if motion is None:
+    solution = solve_at(solver, at, u)
+    if solution is None:
         return None
-    scores = at.parameters.by_scores(motion.tangents, z)
-    deviations = motion.tangents[:, len(solver.names) :]
-    columns = np.column_stack([scores, deviations[:, :n] * np.exp(g), deviations[:, n:]])
+    motion, columns = solution
     r = data.y - motion.y
     model = condense(columns, r + columns @ u, *at.parameters.masks)
     # Linear least squares of r by the columns, with the QR factor that `condense` has computed.
     # (By pivoted QR, because the singular value decomposition of some of these matrices does not converge.)
     right = model.target - model.root @ u
     left = r - columns @ scipy.linalg.lstsq(model.root, right, cond=1e-12, lapack_driver="gelsy")[0]
-    return Linearisation(at, u, motion.without_tangents(), r, columns, model, left)
+    return Linearisation(at, u, motion, r, model, left)
 
 
-def linearise_at_mode(solver: Solver, data: Data, at: Linearisation, variance: float | None) -> Linearisation:
+def linearise_at_mode(
+    solver: Solver, data: Data, at: Linearisation, variance: float | None
+) -> Linearisation:
     """Linearise a candidate about the joint mode of its parameters and deviations, by Gauss–Newton steps.
 
     In each step the sizes (prior sds) and correlation lengths of the deviations are fixed at their most probable values

@@ -19,6 +19,7 @@ from bayesdamp.inference.deviation.candidate import (
     MotionCandidate,
     parameters_of,
     search_near,
+    solve_at,
     start_values,
 )
 from bayesdamp.inference.deviation.linear import condense, score_normals, with_priors
@@ -182,10 +183,11 @@ def bound_other_forms(
     """
     absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
     forms = [form for name in absent for form in _forms(comparison, result, name)]
-    more = _tangents(comparison, result, forms) if forms else None
-    if more is None:
+    base = columns_of(result)
+    more = _tangents(comparison, result, forms) if base is not None and forms else None
+    if base is None or more is None:
         return {}
-    columns, target = columns_of(result)
+    columns, target = base
     parameters, solver = result.fit.parameters, comparison.solvers[result.candidate.restoring]
     times, x, v = _nodes_and_middles(result)
     weight = v * (np.gradient(times) / (times[-1] - times[0]))
@@ -247,17 +249,19 @@ def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> I
             yield _Form(name, changed, known, not priors[parameter].reflected)
 
 
-def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray]:
+def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
     """Return Jacobian (n, K) and target (n,) of the linear least-squares problem about a candidate's mode.
 
     u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
     (relative frequency), at knots in time. Under exact laws it contains only the scores. The target is the record minus
     the constant part of the linearised motion, so that |Jacobian u − target|² is the sum of squared residuals. Both are
-    in the record's unit.
+    in the record's unit. None if the motion is unbounded.
     """
-    at = result.fit if result.linearisation is None else result.linearisation
-    u = result.fit.z if result.linearisation is None else result.linearisation.u
-    return at.tangents, at.residual + at.tangents @ u
+    fit, linearisation = result.fit, result.linearisation
+    if linearisation is None:
+        return fit.tangents, fit.residual + fit.tangents @ fit.z
+    solution = solve_at(result.solver, fit, linearisation.u)
+    return None if solution is None else (solution[1], linearisation.residual + solution[1] @ linearisation.u)
 
 
 def _nodes_and_middles(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

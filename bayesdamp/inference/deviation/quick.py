@@ -154,9 +154,10 @@ def averaging_of(comparison: ModelComparison) -> Averaging | None:
     result, cycles = comparison.best, comparison.data.cycles
     assert isinstance(result.solver, AveragedSolver)
     off = result.solver.defect_at(result.values, result.fit.active, *result.deviations)
-    if off is None:
+    base = columns_of(result)
+    if off is None or base is None:
         return Averaging(cycles, float("inf"))
-    posterior, pull = result.posterior, columns_of(result)[0].T @ off / result.variance
+    posterior, pull = result.posterior, base[0].T @ off / result.variance
     shifts = posterior.factors @ (pull @ posterior.factors)[:, :, None]
     rows = [i for i, name in enumerate(result.fit.parameters.free_names) if name not in START]
     shares = np.abs(posterior.weights @ shifts[:, rows, 0]) / posterior.sds(np.eye(pull.size)[rows])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.inference.deviation.candidate import MotionCandidate, active_of, linearise
+from bayesdamp.inference.deviation.candidate import MotionCandidate, active_of, linearise, solve_at
 from bayesdamp.inference.deviation.data import Data, prepare_data
 from bayesdamp.inference.deviation.draws import (
     CandidateDraws,
@@ -174,7 +174,10 @@ class Single:
         linearisation, posterior = result.linearisation, result.posterior
         if linearisation is None:
             raise Refusal(ESCAPED)
-        tangents = linearisation.tangents
+        solution = solve_at(solver, result.fit, linearisation.u, SEARCHED)
+        if solution is None:
+            raise Refusal(ESCAPED)
+        tangents = solution[1]
         # Integrate out the deviations, linearised about the mode, over the probable grid points.
         d, grid = linearisation.z.size, result.grid()
         basis, upper = np.linalg.qr(tangents[:, d:])
