@@ -348,8 +348,12 @@ def linearise(
 
 
 def linearise_at_mode(
-    solver: Solver, data: Data, at: Linearisation, variance: float | None
-) -> Linearisation:
+    solver: Solver,
+    data: Data,
+    fit: LeastSquaresFit,
+    variance: float | None,
+    start: Linearisation | None = None,
+) -> Linearisation | None:
     """Linearise a candidate about the joint mode of its parameters and deviations, by Gauss–Newton steps.
 
     In each step the sizes (prior sds) and correlation lengths of the deviations are fixed at their most probable values
@@ -363,12 +367,21 @@ def linearise_at_mode(
         Solver of the motions.
     data : Data
         The record.
-    at : Linearisation
-        The linearisation at which the steps start.
+    fit : LeastSquaresFit
+        The fit under exact laws.
     variance : float or None
         Variance of the noise, in the record's unit squared; if None, that of `Linearisation.variance` at each step.
+    start : Linearisation, optional
+        The linearisation at which the steps start; by default that at the fit without deviations.
+
+    Returns
+    -------
+    Linearisation or None
+        The linearisation; None where the start cannot be linearised.
     """
-    fit = at.fit
+    at = start or linearise(solver, data, fit)
+    if at is None:
+        return None
     d, grid, first = fit.z.size, at.grid(coarse=True), 0
     for _ in range(MOST_STEPS):
         used = variance if variance is not None else at.variance(data)

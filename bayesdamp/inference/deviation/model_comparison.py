@@ -15,7 +15,6 @@ from bayesdamp.inference.deviation.candidate import (
     MotionCandidate,
     exact_model,
     initial_values,
-    linearise,
     linearise_at_mode,
     parameters_of,
     refit,
@@ -75,9 +74,6 @@ REACH = 20.0
 """A candidate is not fitted if its log evidence, predicted from the fit of the sum of all terms
 (`ModelComparison.expected_evidences`), is more than this many nats below the best (of 385 candidates on 22 simulated
 records this left out 135, none of which was closer than 18 nats)."""
-FAR = 2 * REACH
-"""A restoring law is left out if the log evidence of the sum of all terms, linearised about its fit, is more than this
-many nats below the best, before its mode is sought."""
 BEHIND = f"its log evidence is expected to be more than {REACH:g} nats below the best"
 """Reason, in `ModelComparison.refused`, why a candidate is not fitted: its log evidence is expected to be too small
 (`REACH`)."""
@@ -312,33 +308,13 @@ class ModelComparison:
 
         return {c: expected(c) for c in candidates}
 
-    def modes_near(
-        self, largest: Mapping[str, Linearisation], solvers: Mapping[str, Solver]
-    ) -> dict[str, Linearisation]:
-        """Linearise the largest sum about its mode, under each law whose log evidence is not `FAR` below the best.
-
-        largest, solvers: linearisations from which the modes are sought, and solvers, by restoring law. The keys of the
-        result are the laws that are not too far below.
-        """
-        logs = {
-            law: linear_posterior(at.model, at.grid(coarse=True), self.variance, self.samples).log_evidence
-            for law, at in largest.items()
-        }
-        near = [law for law, log in logs.items() if log > max(logs.values()) - FAR]
-
-        modes = at_once(
-            lambda law: linearise_at_mode(solvers[law], self.data, largest[law], self.variance), near
-        )
-        return dict(zip(near, modes, strict=True))
-
     def evaluate(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:
         """Linearise a candidate about its mode, starting from its fit, and return its posterior and evidence.
 
         fit: its fit under exact laws. If laws are exact or the linearisation fails, the result has only the posterior
         under exact laws.
         """
-        at = linearise(solver, self.data, fit) if self.approximate else None
-        mode = None if at is None else linearise_at_mode(solver, self.data, at, self.variance)
+        mode = linearise_at_mode(solver, self.data, fit, self.variance) if self.approximate else None
         return self.evaluate_about(candidate, solver, fit, mode, self.exact_variance(fit))
 
     def evaluate_about(
@@ -431,11 +407,11 @@ def compare_candidates(
     if "epsilon" not in fits.known_under(fits.laws[0]):
         frictions, epsilon = fits.choose_friction()
         fits = fits.with_width(epsilon)
-    comparison, fits, largest = choose_noise(fits, frictions, noises, approximate)
-    modes = comparison.modes_near(largest, fits.solvers)
-    expected = dict.fromkeys((c for c in asked if c.restoring in largest), -np.inf)
+    comparison, fits, modes = choose_noise(fits, frictions, noises, approximate)
+    followed = [c for c in asked if c.restoring in modes]
+    expected: dict[MotionCandidate, float] = {}
     for law, mode in modes.items():
-        expected |= comparison.expected_evidences([c for c in asked if c.restoring == law], mode)
+        expected |= comparison.expected_evidences([c for c in followed if c.restoring == law], mode)
     top = max((log for log in expected.values() if np.isfinite(log)), default=-np.inf)
     refused |= {c: BEHIND for c, log in expected.items() if log < top - REACH and c not in refused}
 
@@ -482,22 +458,21 @@ def choose_noise(
     _CandidateFits
         Fits to the record, whose values are adapted to the noise model.
     dict of str to Linearisation
-        For each restoring law, the largest sum linearised about its fit; under the law of the noise, about its mode.
+        For each restoring law, the largest sum linearised about its mode.
 
     Raises
     ------
     Refusal
         If no motion stays in phase with the record, or if none of the noise models applies.
     """
-    largest, data, stated = fits.linearised(), fits.data, fits.known_under(fits.laws[0])
-    if not largest:
+    modes, data, stated = fits.modes(), fits.data, fits.known_under(fits.laws[0])
+    if not modes:
         raise Refusal(
             "the equation of motion cannot be fitted: no solution stays in phase with the record; check the unit and "
             "the sampling rate, or choose a part of the record"
         )
-    law = min(largest, key=lambda name: largest[name].variance(data))
-    mode = fits.mode(law, largest)
-    variance, kappa, noise_known = mode.variance(data), 1.0, True
+    law = min(modes, key=lambda name: modes[name].variance(data))
+    mode, variance, kappa, noise_known = modes[law], modes[law].variance(data), 1.0, True
     known = fits.known_under(law)
     adapting = partial(adapt, data=data, known=known, priors=fits.priors, approximate=approximate)
     adapted = adapting(noises, solver=fits.solvers[law], at=mode)
@@ -508,12 +483,12 @@ def choose_noise(
             frictions, epsilon = fits.choose_friction(adapting)
             if epsilon != fits.epsilon:
                 fits = fits.with_width(epsilon)
-                again = adapting(solver=fits.solvers[law], at=fits.mode(law, fits.linearised()))
+                again = adapting(solver=fits.solvers[law], at=fits.modes()[law])
                 if again is not None:
                     adapted, noise = again, replace(again.noise, weighed=noise.weighed)
         fits = fits.refitted(data=adapted.data)
-        largest = fits.linearised()
-        mode = fits.mode(law, largest)
+        modes = fits.modes()
+        mode = modes[law]
         kappa = inflation(data.t, mode.left, data.frequency, mode.u.size, adapted.variance)
         variance = kappa * adapted.variance
     elif "noise_sd" in stated and data.noise_model.name == GAUSSIAN:
@@ -531,7 +506,7 @@ def choose_noise(
         fits.data, fits.reference, fits.epsilon, frictions, fits.solvers, variance, kappa, noise, approximate,
         noise_known, "epsilon" in stated,
     )  # fmt: skip
-    return comparison, fits, largest | {law: mode}
+    return comparison, fits, modes
 
 
 class _CandidateFits:
@@ -689,18 +664,16 @@ class _CandidateFits:
         fits = self.refitted(solvers={law: replace(s, epsilon=epsilon) for law, s in self.solvers.items()})
         return fits if self.data.averaged is None else fits.refitted(solvers=fits.corrected_solvers())
 
-    def linearised(self) -> dict[str, Linearisation]:
-        """Linearise the candidate of each restoring law in `fullest` (with the most terms) about its fit.
+    def modes(self) -> dict[str, Linearisation]:
+        """Linearise the candidate of each restoring law in `fullest` (with the most terms) about its mode.
 
         Return the linearised candidates by the name of the law. Those that cannot be linearised are left out.
         """
         whole = [c for c in self.fullest if c in self.fits]
-        each = at_once(lambda c: linearise(self.solvers[c.restoring], self.data, self.fits[c]), whole)
-        return {c.restoring: at for c, at in zip(whole, each, strict=True) if at is not None}
-
-    def mode(self, law: str, largest: Mapping[str, Linearisation]) -> Linearisation:
-        """Linearise one of the candidates that `linearised` returned about its mode, with the variance of its noise."""
-        return linearise_at_mode(self.solvers[law], self.data, largest[law], None)
+        modes = at_once(
+            lambda c: linearise_at_mode(self.solvers[c.restoring], self.data, self.fits[c], None), whole
+        )
+        return {c.restoring: at for c, at in zip(whole, modes, strict=True) if at is not None}
 
     def choose_friction(
         self, adapting: Callable[..., AdaptedData | None] | None = None
@@ -744,8 +717,7 @@ class _CandidateFits:
                 return None
             log = -0.5 * self.data.y.size * np.log(fit.squares)
             if adapting is not None:
-                at = linearise(own, self.data, fit)
-                mode = None if at is None else linearise_at_mode(own, self.data, at, None)
+                mode = linearise_at_mode(own, self.data, fit, None)
                 adapted = None if mode is None else adapting(solver=own, at=mode)
                 if adapted is None:
                     return None

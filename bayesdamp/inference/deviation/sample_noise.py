@@ -204,12 +204,13 @@ def adapt(
         variance = noise.variance(residual, motion - motion.mean(), gaps)
         data = data.working(noise.working_residuals(residual, gaps, variance) - residual)
         # Linearise the candidate about its mode for the adapted values.
-        fit = refit(solver, data, at.fit)
-        new = None if fit is None else linearise(solver, data, fit)
+        fit, new = refit(solver, data, at.fit), None
+        if fit is not None and approximate:
+            new = linearise_at_mode(solver, data, fit, None)
+        elif fit is not None:
+            new = linearise(solver, data, fit)
         if new is None:
             break
-        if approximate:
-            new = linearise_at_mode(solver, data, new, None)
         moved = float(np.linalg.norm(new.motion.y - at.motion.y)) * np.sqrt(data.thinned / variance)
         at = new
         motion = _at_samples(solver, record, at)

@@ -206,7 +206,7 @@ def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearP
     else:
         at = linearise(solver, data, fit, result.linearisation.u)
         for _ in range(MOST_ANCHORS):
-            mode = None if at is None else linearise_at_mode(solver, data, at, result.variance)
+            mode = None if at is None else linearise_at_mode(solver, data, at.fit, result.variance, at)
             if mode is None:
                 return None
             z, d = mode.z, mode.z.size

@@ -373,7 +373,7 @@ def _slice_at(
         model, u = exact_model(fit), fit.z
     else:
         about = linearise(solver, data, fit, np.concatenate([z, start[d:]]))
-        mode = None if about is None else linearise_at_mode(solver, data, about, result.variance)
+        mode = None if about is None else linearise_at_mode(solver, data, fit, result.variance, about)
         if mode is None:
             return None
         model, u = mode.model, mode.u
