@@ -391,9 +391,9 @@ def linearise_at_mode(
             if at.distance(mode, used) < SETTLED:
                 return at
             u = at.u + share * (mode - at.u)
+            predicted = at.model.rest + float(np.sum((at.model.root @ u - at.model.target) ** 2))
             u[:d] = fit.parameters.retract(solver.restoring, at.z, u[:d])
             trial = linearise(solver, data, fit, u)
-            predicted = at.model.rest + float(np.sum((at.model.root @ u - at.model.target) ** 2))
             if trial is not None and trial.squares <= max(at.squares, predicted) + SETTLED**2 * used:
                 at, first = trial, max(i - 1, 0)
                 break

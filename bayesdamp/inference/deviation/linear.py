@@ -404,8 +404,9 @@ def condense(
         Which of the d standard normal scores, the first unknowns, must not be negative, have priors with a common
         scale, or belong to damping terms; by default none is shared or belongs to the damping.
     """
-    whole = np.asarray(np.linalg.qr(np.column_stack([columns, r]), mode="r"))
     k = columns.shape[1]
+    lacking = max(k + 1 - r.size, 0)  # equations 0 = 0 make up for too few
+    whole = np.asarray(np.linalg.qr(np.pad(np.column_stack([columns, r]), ((0, lacking), (0, 0))), mode="r"))
     none = np.zeros(positive.size, bool)
     shared, damping = (none if mask is None else mask for mask in (shared, damping))
     rest = float(np.sum(whole[k:, k] ** 2))
@@ -503,7 +504,7 @@ class _Triangles:
         of c grid points, (c,). order: the order of the unknowns w, as indices of scores, g and h.
         """
         model, d, total = principal.model, principal.at.size, principal.model.root.shape[1]
-        white = np.empty((variance.size, model.target.size, total + 1))
+        white = np.empty((variance.size, total, total + 1))
         white[:, :, :d], white[:, :, total] = model.root[:, :d], model.target
         white[:, :, d:total] = model.root[:, d:] @ grid.factors
         white = white[:, :, [*order, total]] / np.sqrt(variance)[:, None, None]
@@ -511,7 +512,7 @@ class _Triangles:
         if principal.keeps_digits(grid, float(np.min(variance))):
             return cls.of_products(np.swapaxes(white, 1, 2) @ white, about)
         # With hardly any noise the information matrix loses digits: minimise |white w − target|² + |w + about|² by QR.
-        prior = np.tile(np.column_stack([np.eye(total), -about]), (variance.size, 1, 1))
+        prior = np.broadcast_to(np.column_stack([np.eye(total), -about]), white.shape)
         upper = np.asarray(np.linalg.qr(np.concatenate([white, prior], axis=1), mode="r"))
         return cls(
             np.swapaxes(upper[:, :total, :total], 1, 2), upper[:, :total, total], upper[:, total, total] ** 2

@@ -419,7 +419,7 @@ def compare_candidates(
         fit = fits.fit_of(c)
         return None if fit is None else comparison.evaluate(c, fits.solvers[c.restoring], fit)
 
-    results = at_once(evaluate, [c for c in asked if c in expected and c not in refused])
+    results = at_once(evaluate, [c for c in followed if c not in refused])
     if not any(results):
         raise Refusal("the equation of motion cannot be fitted with any of the damping models")
     # The order must not depend on which thread was first.
