@@ -46,7 +46,7 @@ REFUSED: list[tuple[dict, str]] = [
     ({"damping": "viscos"}, "did you mean 'viscous'"),
     ({"damping": ""}, "sum of different terms"),
     ({"restoring": "pendulm"}, "^Model: unknown restoring law 'pendulm'; did you mean 'pendulum'"),
-    ({"noise": ()}, 'a list of names, or "auto"'),
+    ({"noise": ()}, '"auto", a noise model such as "student_t", or a list of noise models'),
     ({"deviation": "laws"}, 'it must be "auto", "none" or "law"'),
     ({"known": {"stifness": 20.0}}, "did you mean 'stiffness'"),
     ({"known": {"zeta": 0.1}}, "always inferred; give it a prior"),

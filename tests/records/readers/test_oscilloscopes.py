@@ -93,7 +93,7 @@ def test_tables_side_by_side_are_records_with_their_own_times(tmp_path: Path, la
         top = [cell for label in labels for cell in (label, "", "")][:-2]
         lines = [
             separator.join(row)
-            for row in [top if labels else ["Operator", "Smith", "rig"]] + [names[:-1]] + rows
+            for row in [top if labels else ["Operator", "Smith", "rig"], names[:-1], *rows]
         ]
         raws = read_records(written(tmp_path / "a.csv", *lines))
         assert [(raw.unit, raw.run) for raw in raws] == [("deg", run) for run in runs]
