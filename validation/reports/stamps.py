@@ -67,14 +67,11 @@ def _statements(text: str) -> list[str]:
     for node in ast.walk(tree):
         for field, lines in ast.iter_fields(node):
             if field in ("body", "orelse", "finalbody") and isinstance(lines, list):
-                setattr(node, field, [line for line in lines if not (_is_text(line) or _is_import(line))])
+                setattr(node, field, [line for line in lines if _counts(line)])
     return [ast.dump(line) for line in tree.body]
 
 
-def _is_text(line: ast.stmt) -> bool:
-    return isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant)
-
-
-def _is_import(line: ast.stmt) -> bool:
+def _counts(line: ast.stmt) -> bool:
+    is_text = isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant)
     is_for_types = isinstance(line, ast.If) and ast.unparse(line.test) == "TYPE_CHECKING"
-    return is_for_types or isinstance(line, ast.Import | ast.ImportFrom)
+    return not (is_text or is_for_types or isinstance(line, ast.Import | ast.ImportFrom))
