@@ -1,7 +1,5 @@
 """Studies of a few lines: a linear oscillator and one record."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

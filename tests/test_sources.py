@@ -1,7 +1,5 @@
 """The key of a task changes if and only if the source of the code that computes it changes."""
 
-from __future__ import annotations
-
 import ast
 import json
 import os

@@ -1,8 +1,6 @@
 # ruff: noqa: E501
 """Binary files of every format: cut off, overwritten, encrypted, or with wrong sizes in their headers."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct

@@ -1,8 +1,6 @@
 # ruff: noqa: E501
 """Wrong commands, and paths that are not files."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

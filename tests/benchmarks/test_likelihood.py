@@ -1,7 +1,5 @@
 """One likelihood of 1,001 samples beside SciPy's odeint. All trajectories are within 1e-6 rad of an independent one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from functools import partial

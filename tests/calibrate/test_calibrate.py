@@ -1,7 +1,5 @@
 """`bayesdamp calibrate`: refusals, simulated records, resuming, and the results for right and wrong posteriors."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The paper's claims: judgements and the page."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

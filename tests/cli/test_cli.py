@@ -1,8 +1,6 @@
 # ruff: noqa: E501
 """The commands: one line for each error, the exit status, and no incomplete files."""
 
-from __future__ import annotations
-
 import csv
 import signal
 from collections.abc import Callable

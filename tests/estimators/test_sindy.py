@@ -1,7 +1,5 @@
 """SINDy and weak SINDy: the terms that they select, their errors, and their standard errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

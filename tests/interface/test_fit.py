@@ -1,7 +1,5 @@
 """A fit against the closed form: values, standard deviations, predictions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """When a run reads a file again, and the order of its tasks."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path

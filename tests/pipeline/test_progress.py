@@ -1,7 +1,5 @@
 """Progress: plain lines without a terminal, and descriptions of the stages."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Which stored evidence counts if the folder of a run contains results of an earlier run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

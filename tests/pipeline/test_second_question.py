@@ -1,7 +1,5 @@
 """A second study in the same folder: its tables and report contain nothing of the first study."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

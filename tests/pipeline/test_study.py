@@ -1,7 +1,5 @@
 """A whole study from its file: tables, the same results again, resumed runs, refusals."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

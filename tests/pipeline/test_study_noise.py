@@ -1,7 +1,5 @@
 """The noise model of a study's records: chosen once for all damping models, or refused with a reason."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A study with two methods for the evidence, and a referee."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

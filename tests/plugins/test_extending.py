@@ -1,7 +1,5 @@
 """The examples of docs/extending.md work without changes, alone and all in one study."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Plug-ins of a study: in workers, in tables, in the keys of tasks; wrong plug-ins; installed packages."""
 
-from __future__ import annotations
-
 import shutil
 from functools import partial
 from pathlib import Path

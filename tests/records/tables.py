@@ -1,7 +1,5 @@
 """A decay, and tables of text, for tests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Units and quantities in the names of columns."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Errors of readers, also crashes and readers that do not end, are reported in one line."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """The stored numbers that the cells and sentences of the page and of the terminal must show."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 Needs Chromium or Chrome; skipped where there is none.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

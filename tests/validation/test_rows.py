@@ -1,7 +1,5 @@
 """A table of rows: each is written once computed, a second run adds the missing ones, other columns are refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scores of answers that are always right, always wrong, or overconfident."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

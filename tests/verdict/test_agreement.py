@@ -1,7 +1,5 @@
 """Whether a second verdict confirms the first."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from bayesdamp.verdict.parts import DampingRatio, Grade

@@ -1,7 +1,5 @@
 """verdict.json and verdicts.csv have the same fields for a record of the motion and for one of its envelope."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -1,7 +1,5 @@
 """One damping for several records: probabilities and sizes by hand and by quadrature."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

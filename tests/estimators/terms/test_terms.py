@@ -1,7 +1,5 @@
 """Every estimator recovers a damping term from a clean record of another solver, or says why it cannot."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import lru_cache

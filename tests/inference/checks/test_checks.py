@@ -1,7 +1,5 @@
 """Checks of a fit: their p values under true and wrong models, and draws of the Laplace approximation."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from itertools import count
 

@@ -1,7 +1,5 @@
 """Sampling of the parameters of correlated noise, for short and long correlation times."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

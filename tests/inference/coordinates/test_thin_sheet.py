@@ -1,7 +1,5 @@
 """Evidence of three coefficients whose sum alone is well determined, between walls at zero."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

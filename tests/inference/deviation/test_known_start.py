@@ -1,7 +1,5 @@
 """A densely sampled record with a known start: means over windows mean the same in the record and in the motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Noise fitted to residuals: its evidence, and the variances and working residuals of repeated least squares."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import optimize, stats

@@ -1,7 +1,5 @@
 """Files as oscilloscopes write them, and several tables next to each other, as spreadsheets contain them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
