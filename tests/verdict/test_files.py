@@ -79,11 +79,6 @@ def test_another_type_or_field_is_noticed(envelope: Verdict, change: dict[str, A
     assert fault in type_faults(Verdict, {**envelope.to_dict(), **change})
 
 
-def test_an_unknown_grade_is_refused(envelope: Verdict) -> None:
-    with pytest.raises(ValueError, match="'good' is not a valid Grade"):
-        Verdict.from_dict({**envelope.to_dict(), "grade": "good"})
-
-
 def test_a_verdict_of_another_version_is_refused(envelope: Verdict, tmp_path: Path) -> None:
     path = envelope.save(tmp_path / "verdict.json")
     assert repr(Verdict.load(path)) == repr(envelope)
