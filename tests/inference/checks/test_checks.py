@@ -2,6 +2,7 @@
 
 from functools import lru_cache
 from itertools import count
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,11 +45,9 @@ def mode_of(
     return target, find_mode(target, [start], noise_level=NOISE)
 
 
-def fit(
-    truth: str, model: str, seed: int, dof: float = np.inf, noise: str = "gaussian"
-) -> tuple[Target, FitCheck, dict[str, np.ndarray]]:
+def fit(truth: str, model: str, seed: int, **noise: Any) -> tuple[Target, FitCheck, dict[str, np.ndarray]]:
     """Return the checks of this mode."""
-    target, mode = mode_of(truth, model, seed, dof, noise)
+    target, mode = mode_of(truth, model, seed, **noise)
     return target, *check_fit(target, mode, PERIOD, seed)
 
 
