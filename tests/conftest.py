@@ -1,7 +1,5 @@
 """What tests of commands share: a command that is refused, and a folder with a simulated record."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

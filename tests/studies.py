@@ -1,11 +1,10 @@
 """Studies of a few lines: a linear oscillator and one record."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
 from bayesdamp.config import Study, load_study
+from bayesdamp.pipeline.run import run_study
 from bayesdamp.store.files import read_table
 
 SYSTEM = 'restoring = "linear", stiffness = 20.0, rest_angle = 0.0, theta0 = 0.3, omega0 = 0.0'
@@ -13,6 +12,8 @@ ESTIMATED = 'estimators = { use = ["least_squares"], stages = ["initial"] }'
 COMPARED = 'models = { compare = ["viscous", "quadratic"] }'
 WEIGHED = "posterior = { samplers = [] }\nevidence = { methods = ['laplace'], referee = 'never' }"
 
+VISCOUS = "viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003"
+"""A simulated record of a few cycles."""
 PLUGINS = {"cubic_drag": "howto/own-term.md", "soft_spring": "extending.md", "thinning": "extending.md"}
 """Names of plug-ins, and the pages of docs/ that define them."""
 
@@ -43,6 +44,12 @@ def tables_of(run: Path) -> dict[str, list[str]]:
     files = sorted(run.glob("*.csv"))
     assert len(files) > 3
     return {f.name: [repr({**row, "seconds": 0}) for row in read_table(f)] for f in files}
+
+
+def finish_study(folder: Path, text: str) -> Path:
+    """Run a study to its end without a failure, and return the folder of the run, out."""
+    assert run_study(write_study(folder, text), folder / "out", workers=1) == 0
+    return folder / "out"
 
 
 def write_study(folder: Path, text: str) -> Study:

@@ -1,7 +1,5 @@
 """Every import in the package, at the top of a module or inside a function, goes from an upper layer to a lower one."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Container
 from graphlib import CycleError, TopologicalSorter

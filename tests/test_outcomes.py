@@ -1,7 +1,5 @@
 """The outcome of a task in a table is read back with its status and reason."""
 
-from __future__ import annotations
-
 import pytest
 
 from bayesdamp.types import Status, reason_of, status_of

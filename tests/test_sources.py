@@ -1,7 +1,5 @@
 """The key of a task changes if and only if the source of the code that computes it changes."""
 
-from __future__ import annotations
-
 import ast
 import json
 import os
@@ -14,7 +12,7 @@ import pytest
 
 from bayesdamp.pipeline.tasks import CODE
 from bayesdamp.sources import ROOT, UNRELATED_MODULES, direct_imports, import_closure
-from tests.studies import COMPARED, study_text
+from tests.studies import COMPARED, VISCOUS, study_text
 from tests.test_layers import MODULES as EVERY
 
 SCRIPT = """
@@ -33,7 +31,7 @@ STUDY = study_text(
     COMPARED,
     'posterior = { samplers = ["nuts", "emcee"] }',
     'evidence = { methods = ["importance"], referee = "never" }',
-    simulate="viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003",
+    simulate=VISCOUS,
     name="rig",
 )
 

@@ -1,7 +1,5 @@
 """Units of records and of parameters."""
 
-from __future__ import annotations
-
 import pytest
 
 from bayesdamp.physics.symbols import parameter_unit

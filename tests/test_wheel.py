@@ -1,7 +1,5 @@
 """The wheel contains the studies, templates and types that the program needs, and neither tests nor validation."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """What a user reads is in the terms of the field, without the words that this program once used for them."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

@@ -1,8 +1,6 @@
 # ruff: noqa: E501
 """Binary files of every format: cut off, overwritten, encrypted, or with wrong sizes in their headers."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct
@@ -19,13 +17,9 @@ from scipy.io import savemat
 from tests.bad_input.case import READ, Case, T, Y, raw
 from tests.records.readers import written
 
-
-def mat(path: Path) -> None:
-    savemat(path, {"t": T, "x": Y}, do_compression=True)
-
-
 FORMATS: dict[str, Callable[[Path], object]] = {
-    "npz": partial(np.savez, t=T, x=Y), "npy": partial(np.save, arr=np.c_[T, Y]), "mat": mat, "h5": written.hdf5, "wav": written.wav, "tdms": written.tdms,
+    "npz": partial(np.savez, t=T, x=Y), "npy": partial(np.save, arr=np.c_[T, Y]), "h5": written.hdf5, "wav": written.wav, "tdms": written.tdms,
+    "mat": partial(savemat, mdict={"t": T, "x": Y}, do_compression=True),
     "xlsx": written.excel, "parquet": written.parquet, "json": written.write_json, "uff": written.uff, "lvm": written.lvm,
 }  # fmt: skip
 

@@ -1,7 +1,5 @@
 """A case of bad input: a file, a command on it, and its error message."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

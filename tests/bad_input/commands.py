@@ -1,8 +1,6 @@
 # ruff: noqa: E501
 """Wrong commands, and paths that are not files."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 
@@ -91,10 +89,6 @@ USAGE = [
 ]  # fmt: skip
 
 
-def link_to_itself(path: Path) -> None:
-    path.symlink_to(path.name)
-
-
 PLACES = {
     "a device": "/dev/zero", "a full device": "/dev/full", "a name too long": "a" * 5000 + ".csv",
     "a path too long": "a/" * 5000, "a zero": "a\0b.csv", "not there": "none.csv", "not there, in a line": "no\nne.csv",
@@ -106,7 +100,7 @@ PATHS = [
     for command in ("look", "check")
     for case in (
         *(Case(f"{command} {what}", (command, place)) for what, place in PLACES.items()),
-        Case(f"{command} a link to itself", (command, "FILE"), write=link_to_itself),
+        Case(f"{command} a link to itself", (command, "FILE"), write=lambda path: path.symlink_to(path.name)),
         Case(f"{command} a pipe", (command, "FILE"), write=os.mkfifo, line="a device or a pipe, not a file"),
         Case(f"{command} a folder", (command, "FILE"), write=Path.mkdir, line=FOLDER[command]),
         Case(f"{command} below a file", (command, "a.csv/b.csv"), write=raw(b"1")),

@@ -1,7 +1,5 @@
 """Check what every command must do for any input: end soon, in one line, and leave no files."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import signal

@@ -1,8 +1,6 @@
 # ruff: noqa: E501
 """Study files with wrong values of every key, and files that are not studies."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pydantic import BaseModel

@@ -1,7 +1,5 @@
 """Text tables without a record, or with a record from which nothing can be computed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

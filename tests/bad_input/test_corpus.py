@@ -1,7 +1,5 @@
 """Each case of bad input: exit status 2, one short line, no traceback, no new files."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write the page of the benchmarks after a run: to reports/benchmarks, or to BENCH_OUT, or nowhere if that is empty."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The page of the benchmarks: tables, and ratios with those of the run before."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

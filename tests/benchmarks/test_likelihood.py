@@ -1,7 +1,5 @@
 """One likelihood of 1,001 samples beside SciPy's odeint. All trajectories are within 1e-6 rad of an independent one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -27,6 +25,7 @@ TIMES = np.linspace(0.0, 10.0, 1001)
 ERROR = 1e-6
 """rad"""
 TOLERANCES = 10.0 ** np.arange(-5.0, -12.0, -0.25)
+"""Of these the largest one is used for which the error is small enough."""
 BAR = 15.0
 """odeint's time over that of the compiled solver."""
 
@@ -54,11 +53,6 @@ def compiled_solver(model: str, p: Mapping[str, float]) -> Solve:
     return lambda tolerance: solver.solve(values, active, tangents=NONE, tolerance=tolerance).y
 
 
-def loosest_tolerance(solve: Solve, truth: np.ndarray) -> float:
-    """Return the largest tolerance, in quarter decades, for which the error is small enough."""
-    return next(x for x in TOLERANCES if np.abs(solve(float(x)) - truth).max() <= ERROR)
-
-
 def measured_times(model: str) -> list[float]:
     """Return the CPU seconds of sums of squares by odeint and by the compiled solver, of a log posterior of four
     parameters, and of the same with its gradient."""
@@ -77,7 +71,7 @@ def measured_times(model: str) -> list[float]:
     assert np.abs(y - likelihood.residual(z) - truth).max() <= ERROR
 
     def sum_of_squares(solve: Solve) -> Callable[[], float]:
-        tolerance = loosest_tolerance(solve, truth)
+        tolerance = next(x for x in TOLERANCES if np.abs(solve(float(x)) - truth).max() <= ERROR)
         return lambda: np.sum(((y - solve(tolerance)) / NOISE) ** 2)
 
     solvers = scipy_solver(model, p), compiled_solver(model, p)

@@ -1,7 +1,5 @@
 """Effective samples of NUTS in the time of one gradient of the log posterior."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,8 +1,6 @@
 """The cost of a whole answer: `compare` from its start to the verdict and to its end, and how the cost grows with
 samples, cycles, candidates and records."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

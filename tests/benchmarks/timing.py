@@ -1,7 +1,5 @@
 """CPU seconds of functions that are compared in one process of one thread."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

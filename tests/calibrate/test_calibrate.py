@@ -1,7 +1,5 @@
 """`bayesdamp calibrate`: refusals, simulated records, resuming, and the results for right and wrong posteriors."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -19,7 +17,7 @@ from bayesdamp.pipeline.tasks import Product
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.store.results import RecoveryContent
 from bayesdamp.types import InputError
-from tests.studies import study_text
+from tests.studies import study_text, write_study
 from validation.scoring import read_rows
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
@@ -33,12 +31,6 @@ STUDY = study_text(
     "theta0 = 0.3, omega0 = 0.0, epsilon = 0.1, "
     'noise_sd = { prior = "lognormal", median = 0.003, sigma = 0.5 }',
 )
-
-
-def write(folder: Path, text: str = STUDY) -> Path:
-    file = folder / "small.toml"
-    file.write_text(text, encoding="utf-8")
-    return file
 
 
 @pytest.mark.parametrize(
@@ -58,8 +50,9 @@ def test_a_study_that_cannot_be_calibrated_is_refused_in_one_line(
     """And nothing is written."""
     assert old in STUDY
     text = STUDY.replace(old, new, 1).replace("simulate = {", "simulate = { theta0 = 0.3, stiffness = 20.0,")
-    out = tmp_path / "out"
-    assert main(["calibrate", str(write(tmp_path, text)), "--out", str(out), *options]) == 2
+    file, out = tmp_path / "small.toml", tmp_path / "out"
+    file.write_text(text, encoding="utf-8")
+    assert main(["calibrate", str(file), "--out", str(out), *options]) == 2
     line = capsys.readouterr().err
     assert message in line
     assert line.count("\n") == 1
@@ -107,11 +100,11 @@ def test_the_reference_amplitude_and_frequency_are_those_of_the_study(tmp_path, 
     old = '"linear", amplitude = 0.3, frequency = 4.5, stiffness = 20.0, rest_angle = 0.0'
     assert old in STUDY
     text = STUDY.replace(old, law).replace("simulate = {", f"simulate = {{ {simulated}")
-    assert ranks.make_generator(load_study(write(tmp_path, text)), "viscous").blank.names[0] == "zeta"
+    assert ranks.make_generator(write_study(tmp_path, text), "viscous").blank.names[0] == "zeta"
     bare = text.replace("amplitude = 0.3, ", "").replace("theta0 = 0.3, omega0", 'theta0 = "free", omega0')
     bare = bare.replace("simulate = {", "simulate = { theta0 = 0.3, ")
     with pytest.raises(InputError, match="amplitude is missing"):
-        ranks.make_generator(load_study(write(tmp_path, bare)), "viscous")
+        ranks.make_generator(write_study(tmp_path, bare), "viscous")
 
 
 KNOWN = STUDY.replace("records = 120", 'records = 12, samplers = ["nuts"]').replace(', "coulomb"', "")
@@ -149,7 +142,7 @@ def test_only_a_wrong_likelihood_fails(tmp_path, monkeypatch, misjudged, right):
     """The false-alarm rate of the right one is 1 %. A chunk that is lost is computed again, to the same table."""
     monkeypatch.setattr(ranks, "RECORDS_PER_TASK", 12)
     text = KNOWN if right else KNOWN.replace("posterior = {", f"posterior = {{ {misjudged},")
-    study, out = load_study(write(tmp_path, text)), tmp_path / "out"
+    study, out = write_study(tmp_path, text), tmp_path / "out"
     assert run_calibration(study, out, workers=1) == 0
     result = json.loads((out / "run.json").read_text())["result"]
     posterior = result["families"]["posterior"]
@@ -182,7 +175,7 @@ def test_both_samplers_are_calibrated_and_detect_a_wrong_likelihood(tmp_path, mi
     text = (STUDIES / "calibration.toml").read_text().replace("records = 500", "records = 96")
     text = text.replace('"viscous", "coulomb", "quadratic", ', "")
     text = text if right else text.replace("[posterior]", f"[posterior]\n{misjudged}")
-    assert run_calibration(load_study(write(tmp_path, text)), tmp_path / "out", workers=1, report=False) == 0
+    assert run_calibration(write_study(tmp_path, text), tmp_path / "out", workers=1, report=False) == 0
     wrong = read_rows(tmp_path / "out" / "calibration.csv").query("verdict == 'wrong'")
     assert wrong.empty is right
     if not right:
@@ -213,7 +206,7 @@ def simulated_chunks(sharper: float):
 @pytest.mark.parametrize(("sharper", "inside"), [(1.0, True), (2.0, False)])
 def test_overconfident_probabilities_are_detected(tmp_path, monkeypatch, sharper, inside):
     """False-alarm rate 1 %. Right probabilities have the log score that they predict."""
-    study, out = load_study(write(tmp_path)), tmp_path / "out"
+    study, out = write_study(tmp_path, STUDY), tmp_path / "out"
     monkeypatch.setattr(recovery, "compute_chunk", simulated_chunks(sharper))
     assert run_calibration(study, out, models=True, workers=1) == 0
     result = json.loads((out / "run.json").read_text())["result"]["recovery"]

@@ -1,7 +1,5 @@
 """Tests of uniform ranks and of numbers of hits, and Holm's correction, against enumeration and simulation."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

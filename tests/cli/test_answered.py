@@ -1,7 +1,5 @@
 """`bayesdamp compare` from a file to its tables."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`bayesdamp compare`: its study, its options and its folder, before anything is computed."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from functools import partial

@@ -1,9 +1,8 @@
 """`bayesdamp doctor`."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -15,9 +14,7 @@ from bayesdamp.types import InputError
 def test_an_exception_in_a_check_is_its_result(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def broken() -> str:
-        raise OSError("no such library")
-
+    broken = Mock(side_effect=OSError("no such library"), __name__="broken")
     monkeypatch.setattr(doctor, "CHECKS", (doctor.machine, broken))
     assert main(["doctor"]) == 1
     first, second = capsys.readouterr().out.splitlines()

@@ -1,7 +1,5 @@
 """A full disk: one line that names the file, and no incomplete files."""
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Callable

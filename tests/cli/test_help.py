@@ -1,7 +1,5 @@
 """The help of every command has a valid example, and groups its options."""
 
-from __future__ import annotations
-
 import shlex
 
 import pytest

@@ -1,7 +1,5 @@
 """`bayesdamp look` and `bayesdamp init`, and files with several records in `compare` and in a study."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An output that is full, closed by its reader, or missing."""
 
-from __future__ import annotations
-
 import errno
 import os
 import subprocess

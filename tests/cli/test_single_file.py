@@ -1,7 +1,5 @@
 """Commands that write a single file replace only files that they have written themselves."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

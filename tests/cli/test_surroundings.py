@@ -1,7 +1,5 @@
 """The environment of a command: width and letters of the terminal, no screen, unusual file names."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

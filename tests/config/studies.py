@@ -1,7 +1,5 @@
 """Study files of a few lines, and the error message of a wrong one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

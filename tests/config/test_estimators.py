@@ -1,7 +1,5 @@
 """The estimators that a study names: variants, their options, and numbers of repeats."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

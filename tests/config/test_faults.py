@@ -1,8 +1,6 @@
 # ruff: noqa: E501
 """The error message of everything that can be wrong in a study file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

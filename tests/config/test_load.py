@@ -1,7 +1,5 @@
 """The meaning of study files."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Callable

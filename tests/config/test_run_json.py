@@ -1,7 +1,5 @@
 """A run.json is read as the study of its run, or refused with the reason; shipped studies have names."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The notebooks run in a kernel, with warnings as errors, show their figures, and their results are true."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

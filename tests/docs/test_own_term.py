@@ -1,7 +1,5 @@
 """The damping term of the how-to page is complete, and its damping ratio is that of its force."""
 
-from __future__ import annotations
-
 import pytest
 
 from bayesdamp.physics.damping import DampingTerm

@@ -1,7 +1,5 @@
 """The site's pages: generated tables follow their source, numbers in the text are those of reports/, commands exist."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import shlex

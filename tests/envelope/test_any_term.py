@@ -1,7 +1,5 @@
 """Other terms than the paper's in envelopes: turning points of the full oscillator, solved by SciPy, with noise."""
 
-from __future__ import annotations
-
 import csv
 import json
 

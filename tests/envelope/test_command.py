@@ -1,7 +1,5 @@
 """`bayesdamp compare` on envelopes: how they are recognised, what is printed and written, and refusals."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Likelihoods of the decay rates of an envelope, and the answer from several records."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from bayesdamp.interface.answer import Answer

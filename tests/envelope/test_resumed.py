@@ -1,7 +1,5 @@
 """A comparison of envelopes resumes."""
 
-from __future__ import annotations
-
 from bayesdamp.cli import main
 from bayesdamp.interface import envelopes
 from tests.envelope.test_command import written

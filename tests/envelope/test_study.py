@@ -1,7 +1,5 @@
 """Envelopes as signals of a study, and in Python."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """An envelope and its oscillation have the same damping: both are estimated from the same readings."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The Cramér–Rao bound against independently computed values, and for parameters that a record does not determine."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The contract of every estimator, also of those that are added later."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The Koopman method: eigenvalues of the generator."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from bayesdamp.estimators.methods.koopman import CLEAN_RANK, decompose, observe

@@ -3,8 +3,6 @@
 Seeds are fixed. Limits are five or more standard deviations, so that fewer than one seed in 10⁵ would fail by chance.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The noise level estimated from a record."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

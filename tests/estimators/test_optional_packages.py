@@ -1,7 +1,5 @@
 """Without its package an estimator refuses, and all others work."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

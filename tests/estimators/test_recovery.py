@@ -1,7 +1,5 @@
 """Estimates recover the truth of clean records: closed forms, random truths, sums, free parameters."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

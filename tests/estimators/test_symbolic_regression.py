@@ -1,7 +1,5 @@
 """Symbolic regression: evaluation of its expressions, laws that it discovers, and the damping read from them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

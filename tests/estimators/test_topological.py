@@ -1,7 +1,5 @@
 """The topological method: the equations as printed in the paper, the published ones, and its noise limit."""
 
-from __future__ import annotations
-
 import pytest
 
 from bayesdamp.estimators import run

@@ -1,7 +1,5 @@
 """With an unknown start, motions fitted to a velocity do not depend on the position of the equilibrium."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

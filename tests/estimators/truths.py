@@ -1,7 +1,5 @@
 """Records with a known truth, from an independent solver at 1e-11 and from closed forms."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Damage of files: a few random edits of their bytes, which Hypothesis draws and shrinks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Damaged files, studies and command lines: many with `make fuzz`, a few of each in every run of the tests."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

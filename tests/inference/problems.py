@@ -1,7 +1,5 @@
 """Problems with reference posteriors, computed once in a process, and targets with a linear spring."""
 
-from __future__ import annotations
-
 import json
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Likelihoods of several runs of a specimen, and their evidence and posterior by quadrature."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

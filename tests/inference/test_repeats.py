@@ -1,7 +1,5 @@
 """Runs with the same coefficients, against quadrature over coefficients, factors of the runs and their spread."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Records of a linear viscous oscillator, whose motion is known in closed form, their fit and their posterior."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache

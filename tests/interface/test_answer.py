@@ -1,7 +1,5 @@
 """The answer on records of an independent solver: the damping model is named, and intervals contain the truth."""
 
-from __future__ import annotations
-
 from functools import lru_cache, partial
 
 import numpy as np

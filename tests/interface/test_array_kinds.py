@@ -1,7 +1,5 @@
 """Arrays that NumPy would convert to real numbers although they are not: refused, each in one line."""
 
-from __future__ import annotations
-
 from decimal import Decimal
 from functools import partial
 

@@ -4,8 +4,6 @@ They are made without a backend, which reads all data that a plot needs. ArviZ-p
 3.11, cannot be imported with matplotlib 3.11, which `constraints.txt` therefore excludes.
 """
 
-from __future__ import annotations
-
 import arviz_stats as az
 
 from tests.interface import test_deviation

@@ -1,7 +1,5 @@
 """A wrong call raises an InputError of one line that names what is wrong and what is valid."""
 
-from __future__ import annotations
-
 import inspect
 import pickle
 import re

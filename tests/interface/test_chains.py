@@ -1,7 +1,5 @@
 """Samplers under approximate laws, against a sum over the parameter and sequential Monte Carlo."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`compare` in Python: one record, several records of one specimen, units, and the report."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from functools import lru_cache, partial

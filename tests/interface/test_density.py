@@ -1,7 +1,5 @@
 """The posterior as plain functions, against the closed form and finite differences."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

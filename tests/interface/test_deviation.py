@@ -1,7 +1,5 @@
 """Fits, draws and evidence of laws that hold approximately, against `compare` and an independent evidence."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Estimates from Python."""
 
-from __future__ import annotations
-
 import pytest
 
 import bayesdamp as bd

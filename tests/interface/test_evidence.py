@@ -1,7 +1,5 @@
 """Evidence from draws against evidence from a fit."""
 
-from __future__ import annotations
-
 import math
 
 import bayesdamp as bd

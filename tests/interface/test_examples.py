@@ -1,7 +1,5 @@
 """The examples in the docstrings of the public interface print what they show; every entry point has one."""
 
-from __future__ import annotations
-
 import doctest
 import inspect
 from importlib import import_module

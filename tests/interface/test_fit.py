@@ -1,10 +1,9 @@
 """A fit against the closed form: values, standard deviations, predictions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -115,10 +114,7 @@ def test_a_record_without_an_oscillation_has_no_fit() -> None:
 
 
 def test_a_given_start_is_used_if_the_least_squares_fit_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise bd.Refusal("no solution stays in phase")
-
-    expected = fit().values
+    expected, refuse = fit().values, Mock(side_effect=bd.Refusal("no solution stays in phase"))
     monkeypatch.setattr("bayesdamp.interface.model.compare_candidates", refuse)
     assert bd.fit(record(), MODEL).outcome == "no solution stays in phase"
     started = bd.fit(record(), MODEL, start=TRUTH)

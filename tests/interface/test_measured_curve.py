@@ -1,7 +1,5 @@
 """The damping curve without a law, against the energy lost in a cycle by SciPy's quadrature."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

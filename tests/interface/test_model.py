@@ -1,7 +1,5 @@
 """Models: equality, names of parameters, and wrong arguments."""
 
-from __future__ import annotations
-
 import dataclasses
 from functools import partial
 

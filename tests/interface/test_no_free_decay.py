@@ -1,7 +1,5 @@
 """A record that is not the free decay of one oscillator gets a verdict that says what it is, and no damping law."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

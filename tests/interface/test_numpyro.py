@@ -1,7 +1,5 @@
 """The NumPyro model of a density: its value, its gradients, and a user's own prior."""
 
-from __future__ import annotations
-
 import jax
 import numpy as np
 import numpyro

@@ -1,7 +1,5 @@
 """Where the damping certainly differs from its law, the answer says at which amplitude and by which factor."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from bayesdamp.interface.answer import answer

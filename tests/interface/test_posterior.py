@@ -1,7 +1,5 @@
 """Draws, their log likelihoods and priors, and their data for ArviZ."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

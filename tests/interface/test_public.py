@@ -1,7 +1,5 @@
 """The public names: each can be imported, and type checkers know the same names."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The examples of docs/python.md, in their order, run and pass pyright's strict mode."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

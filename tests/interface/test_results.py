@@ -1,7 +1,5 @@
 """Every result is printed in a few lines, has a table of pandas, and can be saved and loaded."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

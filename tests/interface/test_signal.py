@@ -1,7 +1,5 @@
 """Records and signals: reading, simulating, drawing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

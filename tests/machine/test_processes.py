@@ -1,7 +1,5 @@
 """Worker processes of a run: their environment, and their end when the run is killed."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

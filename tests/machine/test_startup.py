@@ -1,7 +1,5 @@
 """Imports: no command loads a compiler before it computes, and a fit needs no JAX."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

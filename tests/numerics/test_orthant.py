@@ -1,7 +1,5 @@
 """Probabilities that normal variables are all positive, against SciPy and quadrature; draws against rejection."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import quad

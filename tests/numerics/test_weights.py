@@ -1,7 +1,5 @@
 """Draws that are chosen by their weights."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from bayesdamp.numerics.weights import resample

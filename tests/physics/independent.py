@@ -1,7 +1,5 @@
 """Motions that do not use the package: SciPy's eighth-order solver with its own equations, and closed forms."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 

@@ -1,7 +1,5 @@
 """Period, energy and dissipation of a cycle, against closed forms, elliptic integrals and a trajectory."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

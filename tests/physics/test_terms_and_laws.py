@@ -1,7 +1,5 @@
 """Damping terms and restoring laws: the contract of every plug-in, and its work by quadrature."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """Motions and their derivatives by parameters, against SciPy's eighth-order solver and central differences."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Several restoring laws in one study: a candidate is a damping model under a law."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A task that fails says why, tasks that depend on it name it, and the other tasks and the report are made."""
 
-from __future__ import annotations
-
 from bayesdamp.pipeline import records
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.store.files import read_table

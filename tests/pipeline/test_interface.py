@@ -1,7 +1,5 @@
 """A study's posterior and evidence are those of the interface's functions on the same fit."""
 
-from __future__ import annotations
-
 from functools import lru_cache, partial
 from pathlib import Path
 from tempfile import mkdtemp

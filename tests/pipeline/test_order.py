@@ -1,7 +1,5 @@
 """When a run reads a file again, and the order of its tasks."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +12,7 @@ from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.pipeline.jobs import Job, tasks_of
 from bayesdamp.pipeline.records import read_free_decay
 from bayesdamp.store.results import Store
-from tests.studies import COMPARED, study_text, write_study
+from tests.studies import COMPARED, VISCOUS, study_text, write_study
 
 
 def test_a_file_that_is_replaced_with_the_same_time_stamp_is_read_again(tmp_path: Path) -> None:
@@ -36,10 +34,9 @@ def test_evidence_that_needs_draws_comes_after_the_samplers_and_only_for_sampled
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Control: other evidence is computed for every candidate."""
-    simulated = "viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003"
     settings = "posterior = { samplers = ['nuts'] }\nevidence = { methods = ['laplace', 'importance'] }"
     study, job = (
-        write_study(tmp_path, study_text(COMPARED, settings, simulate=simulated)),
+        write_study(tmp_path, study_text(COMPARED, settings, simulate=VISCOUS)),
         Job("rig", 0, "viscous"),
     )
 

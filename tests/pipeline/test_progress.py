@@ -1,7 +1,5 @@
 """Progress: plain lines without a terminal, and descriptions of the stages."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 
@@ -9,7 +7,7 @@ from rich.console import Console
 
 from bayesdamp.pipeline import progress as p
 from bayesdamp.pipeline.jobs import Job
-from tests.studies import COMPARED, WEIGHED, study_text, write_study
+from tests.studies import COMPARED, VISCOUS, WEIGHED, study_text, write_study
 
 
 def test_without_a_terminal_long_stages_are_plain_lines() -> None:
@@ -25,7 +23,6 @@ def test_without_a_terminal_long_stages_are_plain_lines() -> None:
 
 
 def test_a_stage_says_how_many_damping_models_it_evaluates(tmp_path: Path) -> None:
-    simulated = "viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003"
-    study = write_study(tmp_path, study_text(COMPARED, WEIGHED, simulate=simulated))
+    study = write_study(tmp_path, study_text(COMPARED, WEIGHED, simulate=VISCOUS))
     words = p.describe_stage(study, [Job("rig", 0, model) for model in ("viscous", "quadratic")])
     assert words == "fitting, sampling and weighing 2 damping models on 1 record"

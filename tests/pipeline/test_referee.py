@@ -1,7 +1,5 @@
 """Which stored evidence counts if the folder of a run contains results of an earlier run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -12,15 +10,13 @@ from bayesdamp.pipeline.candidates.evidence import compute_evidence, list_eviden
 from bayesdamp.pipeline.records import StudyRecord
 from bayesdamp.store.results import EvidenceContent, Store, TaskResult
 from bayesdamp.types import Evidence
-from tests.studies import COMPARED, WEIGHED, study_text, write_study
-
-SIMULATED = "viscous = 0.05, duration = 10.0, samples = 100, noise_sd = 0.003"
+from tests.studies import COMPARED, VISCOUS, WEIGHED, study_text, write_study
 
 
 def stored(folder: Path, referee: str) -> tuple[Study, Store]:
     """Return a study whose two methods agree, and a folder that also has the referee's result of an earlier run."""
     settings = WEIGHED.replace("'laplace'", "'importance', 'bridge'").replace("never", referee)
-    study = write_study(folder, study_text(COMPARED, settings, simulate=SIMULATED))
+    study = write_study(folder, study_text(COMPARED, settings, simulate=VISCOUS))
     store = Store(folder / "out")
     for method, value in {"importance": -3.0, "bridge": -3.0, "nested": -9.0}.items():
         content = EvidenceContent(Evidence("viscous", method, value, 0.01))

@@ -1,7 +1,5 @@
 """A study that is run from Python: typed results and tables."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

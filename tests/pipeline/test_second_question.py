@@ -1,16 +1,13 @@
 """A second study in the same folder: its tables and report contain nothing of the first study."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
 
-from bayesdamp.pipeline.run import run_study
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store.files import read_table
 from bayesdamp.store.results import Store
-from tests.studies import COMPARED, ESTIMATED, WEIGHED, study_text, write_study
+from tests.studies import COMPARED, ESTIMATED, WEIGHED, finish_study, study_text
 
 STUDY = study_text(
     ESTIMATED, COMPARED, WEIGHED, simulate="viscous = 0.1, duration = 10.0, samples = 200, noise_sd = 0.003"
@@ -23,12 +20,10 @@ def modes(out: Path) -> set[str]:
 
 def test_results_of_an_earlier_study_are_kept_but_not_shown(tmp_path, monkeypatch):
     monkeypatch.setattr("bayesdamp.report.sections.render", lambda *_: None)
-    out = tmp_path / "out"
-    assert run_study(write_study(tmp_path, STUDY), out, workers=1) == 0
+    out = finish_study(tmp_path, STUDY)
     assert modes(out) == {"viscous", "quadratic"}
     first = Store(out).names()
-    other = write_study(tmp_path, STUDY.replace('"viscous", "quadratic"', '"viscous"'))
-    assert run_study(other, out, workers=1) == 0
+    finish_study(tmp_path, STUDY.replace('"viscous", "quadratic"', '"viscous"'))
     assert Store(out).names() == first
     assert modes(out) == {"viscous"}
     assert not any("quadratic" in n for n in json.loads((out / "run.json").read_text())["seconds"])
@@ -36,7 +31,7 @@ def test_results_of_an_earlier_study_are_kept_but_not_shown(tmp_path, monkeypatc
     # The first study again: its results are not computed a second time.
     files = [out / "cells" / f"{n}.npz" for n in first if "quadratic" in n]
     stamps = [file.stat().st_mtime_ns for file in files]
-    assert run_study(write_study(tmp_path, STUDY), out, workers=1) == 0
+    finish_study(tmp_path, STUDY)
     assert [file.stat().st_mtime_ns for file in files] == stamps
     assert modes(out) == {"viscous", "quadratic"}
     # A result of the same name with another key, such as a fit to another record, is not shown.

@@ -1,7 +1,5 @@
 """The tasks of studies with several records of a specimen, and records that cannot be joined."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

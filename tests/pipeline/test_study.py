@@ -1,7 +1,5 @@
 """A whole study from its file: tables, the same results again, resumed runs, refusals."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil
@@ -12,10 +10,18 @@ import pytest
 import xarray as xr
 
 from bayesdamp.pipeline.jobs import task_names
-from bayesdamp.pipeline.run import run_study
 from bayesdamp.store.files import read_table
 from bayesdamp.store.results import Store
-from tests.studies import COMPARED, SYSTEM, WEIGHED, signal_text, study_text, tables_of, write_study
+from tests.studies import (
+    COMPARED,
+    SYSTEM,
+    WEIGHED,
+    finish_study,
+    signal_text,
+    study_text,
+    tables_of,
+    write_study,
+)
 
 SIMULATE = "viscous = 0.05, duration = 10.0, samples = 400, noise_sd ="
 SMALL = study_text(
@@ -33,9 +39,7 @@ QUICK = BOTH.replace("posterior = { warmup = 200, draws = 500 }", WEIGHED)
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> Path:
     """Run the small study once in this process; tests must not change its folder."""
-    folder = tmp_path_factory.mktemp("study")
-    assert run_study(write_study(folder, BOTH), folder / "out", workers=1) == 0
-    return folder / "out"
+    return finish_study(tmp_path_factory.mktemp("study"), BOTH)
 
 
 def rows_of(run: Path, table: str, **keys: str) -> list[dict[str, Any]]:
@@ -115,7 +119,7 @@ def test_a_run_without_some_results_ends_with_the_same_tables(run, tmp_path):
     stamp = record.stat().st_mtime_ns
     damaged = out / "cells" / "evidence" / "noisy" / "0" / "viscous" / "importance.npz"
     damaged.write_bytes(damaged.read_bytes()[:100])
-    run_study(write_study(tmp_path, BOTH), out, workers=1)
+    finish_study(tmp_path, BOTH)
     assert record.stat().st_mtime_ns == stamp
     assert tables_of(out) == tables_of(run)
 
@@ -127,8 +131,7 @@ def test_a_simulated_record_without_an_oscillation_is_refused_and_the_others_are
     )
     text = text.replace("samplers = []", 'samplers = ["nuts"]')
     text += signal_text("short", f"{SIMULATE} 0.003".replace("10.0", "0.3"))
-    out = tmp_path / "out"
-    assert run_study(write_study(tmp_path, text), out, workers=1) == 0
+    out = finish_study(tmp_path, text)
     for table in ("estimates.csv", "posteriors.csv", "evidence.csv"):
         outcomes = [str(r["outcome"]) for r in rows_of(out, table, signal="short")]
         assert outcomes

@@ -1,15 +1,12 @@
 """The noise model of a study's records: chosen once for all damping models, or refused with a reason."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from bayesdamp.pipeline.run import run_study
 from bayesdamp.store.files import read_table
 from bayesdamp.store.results import ModeContent, Store
 from tests.physics.independent import trajectory
-from tests.studies import study_text, write_study
+from tests.studies import finish_study, study_text
 
 STUDY = study_text(
     'estimators = { use = ["least_squares"] }',
@@ -21,30 +18,24 @@ STUDY = study_text(
 )
 
 
-def study(folder, noise):
-    return write_study(folder, STUDY.replace("NOISE", noise))
-
-
 def test_one_noise_model_is_chosen_and_shown(tmp_path):
-    assert (
-        run_study(study(tmp_path, '["quantised", "student_t", "gaussian"]'), tmp_path / "out", workers=1) == 0
-    )
-    store = Store(tmp_path / "out")
+    out = finish_study(tmp_path, STUDY.replace("NOISE", '["quantised", "student_t", "gaussian"]'))
+    store = Store(out)
     answer = store.read("answer/noisy/0").meta
     assert answer["noise"] == "gaussian"
     assert [noise["name"] for noise in answer["noises"]] == ["student_t", "gaussian"]
-    assert read_table(tmp_path / "out" / "fits.csv")[0]["verdict"] == "fits"
+    assert read_table(out / "fits.csv")[0]["verdict"] == "fits"
     assert ModeContent.of(store.read("mode/noisy/0/viscous")).shares[0] > 0.99
     assert "noise_dof" not in store.read("mode/noisy/0/viscous").meta["sd"]  # it has the answer's noise model
-    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    report = (out / "report.html").read_text(encoding="utf-8")
     assert "The answer uses the noise model" in report
 
 
 def test_a_noise_model_that_does_not_suit_the_record_is_refused(tmp_path):
-    assert run_study(study(tmp_path, '"quantised"'), tmp_path / "out", workers=1) == 0
-    (row,) = (r for r in read_table(tmp_path / "out" / "posteriors.csv") if r["sampler"] != "smc")
+    out = finish_study(tmp_path, STUDY.replace("NOISE", '"quantised"'))
+    (row,) = (r for r in read_table(out / "posteriors.csv") if r["sampler"] != "smc")
     assert "recording step" in row["outcome"]
-    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    report = (out / "report.html").read_text(encoding="utf-8")
     assert "The answer uses the noise model" not in report
 
 
@@ -68,8 +59,7 @@ def test_the_inferred_width_of_friction_is_used_for_all_candidates(tmp_path):
     x = trajectory("linear", {**p, "rest_angle": 0.0, "theta0": 0.5, "omega0": 0.0}, t)[:, 0]
     x += 3e-4 * np.random.default_rng(1).standard_normal(t.size)
     np.savetxt(tmp_path / "sharp.csv", np.column_stack([t, x]), delimiter=",", header="t,x", comments="")
-    out = tmp_path / "out"
-    assert run_study(write_study(tmp_path, FRICTION), out, workers=1) == 0
+    out = finish_study(tmp_path, FRICTION)
     width = Store(out).read("answer/sharp/0").meta["epsilon"]
     assert width == pytest.approx(0.002 * peak, rel=1.6)
     for model in ("coulomb", "viscous+coulomb"):

@@ -1,7 +1,5 @@
 """Several records in one study: the verdicts on specimens, and the population of specimens."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A study with two methods for the evidence, and a referee."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
@@ -13,7 +11,7 @@ from bayesdamp.pipeline.run import run_study
 from bayesdamp.store.files import read_table
 from bayesdamp.store.results import Store
 from tests.pipeline.test_study import SMALL
-from tests.studies import write_study
+from tests.studies import finish_study, write_study
 
 pytestmark = pytest.mark.slow
 
@@ -28,8 +26,7 @@ def run(tmp_path_factory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(nested, "LIVE_POINTS", 100)
         patch.setattr(nested, "EFFECTIVE_DRAWS", 300)
-        assert run_study(write_study(folder, TEXT), folder / "out", workers=1) == 0
-    return folder / "out"
+        return finish_study(folder, TEXT)
 
 
 def test_every_method_has_rows_and_the_referee_counts(run):

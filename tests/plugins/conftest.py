@@ -1,7 +1,5 @@
 """Remove all plug-ins after each test."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

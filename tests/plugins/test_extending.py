@@ -1,7 +1,5 @@
 """The examples of docs/extending.md work without changes, alone and all in one study."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path
@@ -13,11 +11,10 @@ from scipy import stats
 import bayesdamp as bd
 from bayesdamp.cli import main
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.pipeline.run import run_study
 from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.report.sections import SECTIONS
 from bayesdamp.store.files import read_table
-from tests.studies import SYSTEM, study_text, write_study
+from tests.studies import SYSTEM, finish_study, study_text
 
 PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
 BLOCKS: list[str] = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
@@ -113,8 +110,7 @@ def test_draws_of_a_sampler_are_summarised_and_judged(tmp_path):
     Control: a sampler whose chains do not agree."""
     (block,) = [b for b in BLOCKS if "(Sampler)" in b]
     (tmp_path / "own.py").write_text(block + APART, encoding="utf-8")
-    out = tmp_path / "out"
-    assert run_study(write_study(tmp_path, SAMPLED), out, workers=1) == 0
+    out = finish_study(tmp_path, SAMPLED)
     rows = {(r["sampler"], r["parameter"]): r for r in read_table(out / "posteriors.csv")}
     expected = {name: r for (sampler, name), r in rows.items() if sampler == "nuts"}
     assert {"zeta", "stiffness", "noise_sd"} <= set(expected)
@@ -133,8 +129,7 @@ def test_one_study_uses_all_kinds(tmp_path):
     for i, block in enumerate(BLOCKS):
         (tmp_path / f"own{i}.py").write_text(block, encoding="utf-8")
     files = ", ".join(f'"own{i}.py"' for i in range(len(BLOCKS)))
-    out = tmp_path / "out"
-    assert run_study(write_study(tmp_path, STUDY.replace("FILES", files)), out, workers=1) == 0
+    out = finish_study(tmp_path, STUDY.replace("FILES", files))
     estimates = {r["model"]: r for r in read_table(out / "estimates.csv")}
     assert estimates["viscous"]["value"] == pytest.approx(0.1, rel=0.1)
     assert estimates["cubic_drag"]["outcome"] == "it supports only viscous damping"

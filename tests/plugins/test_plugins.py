@@ -1,7 +1,5 @@
 """Plug-ins of a study: in workers, in tables, in the keys of tasks; wrong plug-ins; installed packages."""
 
-from __future__ import annotations
-
 import shutil
 from functools import partial
 from pathlib import Path
@@ -83,19 +81,16 @@ def test_a_changed_plug_in_changes_only_the_keys_of_tasks_that_use_it(tmp_path):
     i = np.arange(50)
     write_table(tmp_path / "r.csv", "t,y", i / 10, (-1) ** i)
     text = STUDY.replace(f"simulate = {{ {RECORD} }}", 'file = "r.csv"\ntime = "t"\nangle = "y"')
-    file, keys = tmp_path / "cubic_drag.py", []
+    file, keys, store = tmp_path / "cubic_drag.py", [], Store(tmp_path)
     write_plugin(tmp_path, "soft_spring")
     for factor in ("1.0", "0.5"):
         file.write_text(DRAG.replace("v**3", f"{factor} * v**3"), encoding="utf-8")
-        keys.append(keys_of(write_study(tmp_path, text), tmp_path))
+        study = write_study(tmp_path, text)
+        keys.append({n: k for job in jobs_of(study) for n, (k, _) in tasks_of(study, store, job).items()})
     changed = {n for n in keys[0] if keys[0][n] != keys[1][n]}
     unchanged = {n for n in keys[0] if n.startswith(("signal/", "estimate/")) and "cubic_drag" not in n}
     assert unchanged
     assert changed == set(keys[0]) - unchanged
-
-
-def keys_of(study, folder: Path) -> dict[str, str]:
-    return {n: k for job in jobs_of(study) for n, (k, _) in tasks_of(study, Store(folder), job).items()}
 
 
 WRONG = {

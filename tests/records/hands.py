@@ -1,7 +1,5 @@
 """Simulated records in which a hand holds, strikes or drives the oscillator; the free part is known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Which columns are read as a record: tables made by hand with one right choice, and tables that must be refused."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

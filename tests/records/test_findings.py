@@ -1,7 +1,5 @@
 """Doubts about units, times and rates are reported with the option that removes them; correct files give none."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,8 +1,5 @@
 """Units and quantities in the names of columns."""
 
-from __future__ import annotations
-
-import numpy as np
 import pytest
 
 import bayesdamp
@@ -10,7 +7,7 @@ from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.files.contents import seconds_in, unit_and_quantity
 from bayesdamp.records.read import read_record
 from bayesdamp.records.readers.text import parse_table
-from tests.records.tables import write_table
+from tests.records.tables import T, Y, write_table
 
 TIMES = {
     1.0: "Time_Elapsed(s) | Zeit [s] | Time (s) Run #1 | seconds | TimeSec | time (sec.)",
@@ -41,10 +38,6 @@ def test_units_in_names() -> None:
     for table, read in ((TIMES, seconds_in), (VALUES, unit_and_quantity)):
         units = {name: unit for unit, names in table.items() for name in names.split(" | ")}
         assert {name: read(name) for name in units} == units
-
-
-T = np.arange(1500) * 0.01
-Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
 
 
 def test_a_given_unit_that_contradicts_the_name_gives_a_warning(tmp_path):

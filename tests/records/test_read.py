@@ -9,6 +9,7 @@ from scipy.io import savemat
 from bayesdamp.records.read import read_record
 from bayesdamp.records.readers.text import parse_table
 from bayesdamp.types import InputError
+from tests.records.tables import write_lines
 
 T = np.arange(20) * 0.1
 Y = np.round(np.cos(3 * T) * np.exp(-0.1 * T), 4)
@@ -16,11 +17,6 @@ Y = np.round(np.cos(3 * T) * np.exp(-0.1 * T), 4)
 
 def rows(separator=",", decimal="."):
     return [f"{t:.1f}{separator}{y:.4f}".replace(".", decimal) for t, y in zip(T, Y)]
-
-
-def write(path, lines, encoding="utf-8"):
-    path.write_text("\n".join(lines) + "\n", encoding=encoding)
-    return path
 
 
 TEXTS = {
@@ -44,7 +40,7 @@ ENCODINGS = {"semicolon and decimal comma": ("utf-8", "utf-8-sig", "utf-16")}
 def test_a_text_table_is_read(tmp_path, case):
     lines, time, value = TEXTS[case]
     for encoding in ENCODINGS.get(case, ("utf-8",)):
-        raw = read_record(write(tmp_path / "a.csv", lines, encoding), time=time, value=value)
+        raw = read_record(write_lines(tmp_path / "a.csv", lines, encoding), time=time, value=value)
         np.testing.assert_array_equal(raw.t[:20], np.round(T, 1))
         np.testing.assert_array_equal(raw.y[:20], Y)
 
@@ -62,7 +58,7 @@ def test_a_head_longer_than_the_rows_gives_names_and_units(tmp_path):
         lines = rows(separator)
         if len(warnings) == 2:
             lines[:2] = [lines[0] + "\tmass\t1.5", lines[1] + "\twho\tme"]
-        record = read_record(write(tmp_path / "a.csv", [head.format(separator), *lines]))
+        record = read_record(write_lines(tmp_path / "a.csv", [head.format(separator), *lines]))
         assert (record.columns, record.unit) == (("t (ms)", "phi (deg)"), "deg")
         np.testing.assert_allclose(record.t, T / 1e3, atol=1e-12)
         np.testing.assert_array_equal(record.y, Y)
@@ -101,7 +97,7 @@ STAMPS = {
 @pytest.mark.parametrize(("stamps", "second", "third"), STAMPS.values(), ids=STAMPS)
 def test_dates_in_the_column_of_times(tmp_path, stamps, second, third):
     lines = [f"{cell},{np.cos(i):.3f}" for i, cell in enumerate([*stamps, *[stamps[-1]] * 12])]
-    record = read_record(write(tmp_path / "a.csv", lines), time=1, value=2)
+    record = read_record(write_lines(tmp_path / "a.csv", lines), time=1, value=2)
     np.testing.assert_allclose(record.t[:3] - record.t[0], [0, second, third], rtol=0, atol=1e-9)
 
 
@@ -111,25 +107,29 @@ def test_thousands_separators_are_read(tmp_path):
     swapped = str.maketrans({",": ".", ".": ",", '"': ""})
     german = ["t (ms);x", *(line.replace('",', ";").translate(swapped) for line in english[1:])]
     for lines in (german, english):
-        raw = read_record(write(tmp_path / "a.csv", lines))
+        raw = read_record(write_lines(tmp_path / "a.csv", lines))
         np.testing.assert_allclose(raw.t, T, atol=1e-12)
         np.testing.assert_array_equal(raw.y, Y)
-    raw = read_record(write(tmp_path / "c.csv", ["t;x", *(f"{t:.1f};{5 + y:.3f}" for t, y in zip(T, Y))]))
+    raw = read_record(
+        write_lines(tmp_path / "c.csv", ["t;x", *(f"{t:.1f};{5 + y:.3f}" for t, y in zip(T, Y))])
+    )
     np.testing.assert_allclose(raw.y, 5 + Y, atol=6e-4)
 
 
 def test_a_serial_monitors_stamps_are_times(tmp_path):
-    raw = read_record(write(tmp_path / "a.txt", [f"10:00:{t:06.3f} -> {y:.4f}" for t, y in zip(T, Y)]))
+    raw = read_record(write_lines(tmp_path / "a.txt", [f"10:00:{t:06.3f} -> {y:.4f}" for t, y in zip(T, Y)]))
     np.testing.assert_allclose(raw.t - raw.t[0], T, atol=1e-9)
     np.testing.assert_array_equal(raw.y, Y)
 
 
 def test_incomplete_rows_and_repeated_heads_are_left_out(tmp_path):
     lines = ["t;x;v", "0,00;;", *(f"{r};" for r in rows(";", ",")[1:]), "9,0;;"]
-    raw = read_record(write(tmp_path / "a.csv", lines), time="t", value="x")
+    raw = read_record(write_lines(tmp_path / "a.csv", lines), time="t", value="x")
     assert raw.y.size == 19
     assert any("2 rows with an empty cell" in note for note in raw.provenance.notes)
-    raw = read_record(write(tmp_path / "a.csv", ["time, angle", *rows()[:8], "time, angle", *rows()[8:]]))
+    raw = read_record(
+        write_lines(tmp_path / "a.csv", ["time, angle", *rows()[:8], "time, angle", *rows()[8:]])
+    )
     np.testing.assert_array_equal(raw.y, Y)
     assert "Line 10 repeats the names of the columns and is left out." in raw.provenance.notes
 
@@ -179,7 +179,7 @@ BAD = {
 def test_a_bad_text_table_is_refused(tmp_path, lines, change, message):
     options = {"time": "time", "value": "angle", **change}
     with pytest.raises(InputError, match=rf"bad\.csv.*{re.escape(message)}[^\n]*$"):
-        read_record(write(tmp_path / "bad.csv", lines), **options)
+        read_record(write_lines(tmp_path / "bad.csv", lines), **options)
 
 
 @pytest.mark.parametrize("rate", [5e-324, 1e300, 1e308])

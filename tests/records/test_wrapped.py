@@ -1,7 +1,5 @@
 """Wrapped angles are recognised; rectangular, coarse and noisy signals give no false alarm in 100 of each kind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import product
 

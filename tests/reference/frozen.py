@@ -8,8 +8,6 @@ own solver, without the program that answers. The group `measured` needs the dat
 whose answer has changed, and ends with status 1 if there is one.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The answers on three fixed records are the stored ones. `python -m tests.reference.frozen compare` checks all."""
 
-from __future__ import annotations
-
 import copy
 
 import pytest

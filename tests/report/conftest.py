@@ -1,7 +1,5 @@
 """Folders of runs with a measured and a simulated signal, written without computing anything."""
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import asdict, replace

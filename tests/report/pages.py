@@ -1,7 +1,5 @@
 """Parse a page of HTML: what it loads, its identifiers, its text, its tables and the numbers in them."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The stored numbers that the cells and sentences of the page and of the terminal must show."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable
@@ -59,10 +57,6 @@ def sized(v: Any, scale: float = 1.0) -> dict[str, float]:
     return {part: scale * v[part] for part in ("value", "low", "high")}
 
 
-def quality(r: Any) -> dict[str, float]:
-    return {"value": 0.5 / r["value"], "low": 0.5 / r["high"], "high": 0.5 / r["low"]}
-
-
 def named(prefix: str, numbers: dict[str, float]) -> dict[str, float]:
     return {f"{prefix} {part}": value for part, value in numbers.items()}
 
@@ -96,7 +90,8 @@ def of_energy(v: Any) -> dict[str, float]:
 
 def of_ratio(r: Any, unit: float) -> dict[str, Stored]:
     return {
-        "amplitude": {"": unit * r["amplitude"]}, "equivalent damping ratio (95 %)": sized(r, 100), "Q": quality(r),
+        "amplitude": {"": unit * r["amplitude"]}, "equivalent damping ratio (95 %)": sized(r, 100),
+        "Q": {"value": 0.5 / r["value"], "low": 0.5 / r["high"], "high": 0.5 / r["low"]},
         "sd from noise": {"": 100 * r["sd_noise"]}, "sd from the law": {"": 100 * r["sd_law"]},
     }  # fmt: skip
 

@@ -3,8 +3,6 @@
 Needs Chromium or Chrome; skipped where there is none.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -49,13 +47,10 @@ result.id = "probe"; result.textContent = JSON.stringify(out); parent.document.b
 </script>"""
 
 
-def browse(*arguments: str) -> str:
-    """Run the browser and return its standard output."""
-    fixed = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--virtual-time-budget=4000")
-    process = subprocess.run(
-        [BROWSER, *fixed, *arguments], capture_output=True, text=True, timeout=120, check=True
-    )
-    return process.stdout
+COMMAND = (
+    BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--virtual-time-budget=4000",
+    "--window-size=1400,1000", "--dump-dom",
+)  # fmt: skip
 
 
 def probed(html: str, folder: Path, width: int) -> dict:
@@ -65,8 +60,8 @@ def probed(html: str, folder: Path, width: int) -> dict:
     inside = escape(html.replace("</body>", f"{PROBE}</body>"))
     frame = f'<iframe width="{width}" height="{HEIGHT}" style="border:0" srcdoc="{inside}"></iframe>'
     at.write_text(f'<!DOCTYPE html><meta charset="utf-8"><body>{frame}</body>', encoding="utf-8")
-    dom = browse("--window-size=1400,1000", "--dump-dom", at.as_uri())
-    probes = re.search(r'<pre id="probe">(.*?)</pre>', dom, re.DOTALL)
+    process = subprocess.run([*COMMAND, at.as_uri()], capture_output=True, text=True, timeout=120, check=True)
+    probes = re.search(r'<pre id="probe">(.*?)</pre>', process.stdout, re.DOTALL)
     assert probes, "the page's script did not run to its end"
     return json.loads(probes[1].replace("&gt;", ">").replace("&lt;", "<").replace("&amp;", "&"))
 

@@ -1,7 +1,5 @@
 """The checks below an answer: what confirms it, what contradicts it, and what cannot be trusted."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Errors of the estimators, compared with each other and along a factor of the simulated records."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

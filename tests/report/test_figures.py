@@ -1,7 +1,5 @@
 """Figures keep extremes, show all labels, and show posteriors where their draws are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from matplotlib import rc_context

@@ -1,7 +1,5 @@
 """The report of a folder with missing, damaged, refused or foreign results."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

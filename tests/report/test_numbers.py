@@ -1,7 +1,5 @@
 """Every number that the page and the terminal show is the stored one, to half a unit of its last digit."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections import Counter

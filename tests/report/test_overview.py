@@ -1,7 +1,5 @@
 """The overview of many records, and the estimates against the posterior of their record."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import asdict
 from pathlib import Path

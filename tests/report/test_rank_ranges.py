@@ -1,7 +1,5 @@
 """Methods have different ranks only if their errors differ by more than chance."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

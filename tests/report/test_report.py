@@ -1,7 +1,5 @@
 """The report is one self-contained file with all sections, warnings, figures and escaped text."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """The report writes a parameter with the symbol of its damping term or law, also for a user's own term."""
 
-from __future__ import annotations
-
 from bayesdamp.formatting import Table, TableLine
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS

@@ -1,7 +1,5 @@
 """The page docs/columns.md describes every column of every table that the program writes, and no other column."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every kind of stored content is read as it was written, and content of another kind is refused."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """A run replaces and removes only what a run wrote, and nothing through a link."""
 
-from __future__ import annotations
-
 import errno
 import io
 import json

@@ -1,7 +1,5 @@
 """A run.json that no run wrote is refused in one line by all that read it: where, and what would be right."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

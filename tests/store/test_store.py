@@ -1,7 +1,5 @@
 """Stored results are complete or absent, floats are exact, and only one process writes."""
 
-from __future__ import annotations
-
 import json
 import math
 import signal

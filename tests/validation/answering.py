@@ -1,7 +1,5 @@
 """Records and answers that are written by hand."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace

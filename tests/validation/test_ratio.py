@@ -1,7 +1,5 @@
 """The true damping ratio of a simulated record equals closed forms and quadrature of the energy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Simulated cases obey their rules, are determined by their seed, and deviate from the family by the stated amount."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

@@ -1,15 +1,13 @@
 """A table of rows: each is written once computed, a second run adds the missing ones, other columns are refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from bayesdamp.types import InputError, Refusal, Signal
-from bayesdamp.verdict.types import Verdict
+from bayesdamp.types import InputError, Refusal
 from tests.validation.answering import a_case, peer_of
 from validation.reports.accuracy import page
 from validation.scoring import COLUMNS, complete_rows, make_page, page_options, read_rows, row_of
@@ -25,13 +23,8 @@ def row(kind: str, mode: str) -> dict[str, object]:
 
 def refused_or_failed(number: int) -> dict[str, object]:
     """Refuse the first record, and fail on the next."""
-
-    def answer(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
-        if number == 0:
-            raise Refusal("too many samples for this test")
-        raise RuntimeError("a fault\nof two lines")
-
-    return row_of(a_case(number), answer)
+    faults = Refusal("too many samples for this test"), RuntimeError("a fault\nof two lines")
+    return row_of(a_case(number), Mock(side_effect=faults[number]))
 
 
 def jobs(count: int, mode: str) -> dict[str, tuple[str, str]]:

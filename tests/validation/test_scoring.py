@@ -1,13 +1,13 @@
 """Scores of answers that are always right, always wrong, or overconfident."""
 
-from __future__ import annotations
+from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import binomtest
 
-from bayesdamp.types import Refusal, Signal
+from bayesdamp.types import Refusal
 from bayesdamp.verdict.parts import DampingRatio, Grade, Rival
 from bayesdamp.verdict.types import Verdict
 from tests.validation.answering import a_case, peer_of, verdict_of
@@ -59,9 +59,7 @@ def test_coverage_is_the_mean_over_records_that_have_intervals() -> None:
 
 
 def test_a_refusal_decides_nothing_and_has_no_coverage() -> None:
-    def refuses(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
-        raise Refusal("three samples in a period")
-
+    refuses = Mock(side_effect=Refusal("three samples in a period"))
     rows = pd.concat([pd.DataFrame([row_of(a_case(n), refuses) for n in range(5)]), table_of(5, sure=0.1)])
     assert rows.iloc[0]["outcome"] == "three samples in a period"
     table = score_table({"all": rows}, "records", "answered", "named outright", "coverage")

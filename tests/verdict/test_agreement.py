@@ -1,7 +1,5 @@
 """Whether a second verdict confirms the first."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from bayesdamp.verdict.parts import DampingRatio, Grade
@@ -11,9 +9,8 @@ from bayesdamp.verdict.types import Verdict
 
 
 def verdict(value: float = 0.02, damping: str = "viscous", decided: bool = True) -> Verdict:
-    ratio = DampingRatio(
-        0.1, "rad", value, 1e-4, 0.0, value - 1.959963984540054e-4, value + 1.959963984540054e-4
-    )
+    half = 1.959963984540054e-4
+    ratio = DampingRatio(0.1, "rad", value, 1e-4, 0.0, value - half, value + half)
     return replace(Verdict("a", Grade.EXACT, decided, damping, 0.9), damping_ratio=(ratio,))
 
 

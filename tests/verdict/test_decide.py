@@ -1,7 +1,5 @@
 """A verdict is a pure function of the findings: grade, whether a damping is named, and the facts of the sentence."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """Verdicts on envelopes: simulated ring-downs and closed forms, alone and as repeats of one specimen."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

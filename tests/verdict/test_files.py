@@ -1,7 +1,5 @@
 """verdict.json and verdicts.csv have the same fields for a record of the motion and for one of its envelope."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math
@@ -79,11 +77,6 @@ def test_an_envelope_and_a_motion_have_the_same_fields(envelope: Verdict, tmp_pa
 def test_another_type_or_field_is_noticed(envelope: Verdict, change: dict[str, Any], fault: str) -> None:
     """The negative control."""
     assert fault in type_faults(Verdict, {**envelope.to_dict(), **change})
-
-
-def test_an_unknown_grade_is_refused(envelope: Verdict) -> None:
-    with pytest.raises(ValueError, match="'good' is not a valid Grade"):
-        Verdict.from_dict({**envelope.to_dict(), "grade": "good"})
 
 
 def test_a_verdict_of_another_version_is_refused(envelope: Verdict, tmp_path: Path) -> None:

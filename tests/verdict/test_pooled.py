@@ -1,7 +1,5 @@
 """A quantity over several records: mean, spread, and what one more record would give."""
 
-from __future__ import annotations
-
 from dataclasses import astuple
 
 import numpy as np

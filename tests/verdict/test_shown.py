@@ -1,7 +1,5 @@
 """A verdict on the terminal, in a table and in a notebook, and the arrays of its figures in the record's unit."""
 
-from __future__ import annotations
-
 import io
 import math
 from dataclasses import replace

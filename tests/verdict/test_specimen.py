@@ -1,10 +1,9 @@
 """One damping for several records: probabilities and sizes by hand and by quadrature."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -37,36 +36,26 @@ def ratio_likelihood(damping: str, ratio: float, sd: float, log: float | np.ndar
     return RatioLikelihood(**vars(likelihood), per_unit=per_unit, growth=np.zeros((AMPLITUDE.size, 1)))
 
 
-def weighed_run(
-    ratio: float,
-    sd: float = 0.001,
-    logs: dict[Model, float | np.ndarray] | None = None,
-    others: Mapping[str, tuple[float, str]] | None = None,
-) -> RunComparison:
-    """Return a record with these log evidences of models, and other forms with theirs and the sums they reduce to."""
-    others = others or {}
-    logs = {V: 0.0, C: -8.0} if logs is None else logs
-    every = {**logs, **{(form, "linear"): log for form, (log, _) in others.items()}}
-    return RunComparison(
-        {m: float(np.max(v)) for m, v in logs.items()},
-        {form: limit for form, (_, limit) in others.items()},
-        {m: ratio_likelihood(m[0], ratio, sd, v) for m, v in every.items()},
-        REFERENCE,
-        AMPLITUDE[::-1],
-    )
-
-
 def answered(
     name: str,
     ratio: float,
     logs: dict[Model, float | np.ndarray],
     grade: Grade = Grade.EXACT,
     sd: float = 0.001,
-    others: Mapping[str, tuple[float, str]] | None = None,
+    others: Mapping[str, tuple[float, str]] = MappingProxyType({}),
 ) -> RecordAnswer:
-    """Return the answer on a record whose damping ratio is known to ± sd."""
+    """Return the answer on a record whose damping ratio is known to ± sd.
+
+    logs: the log evidences of models; others: those of other forms, and the sums to which they reduce."""
     shares = (Share("viscous", 0.6, 0.5, 0.7, 1.0), Share("quadratic", 0.4, 0.3, 0.5, 1.0))
-    comparison = weighed_run(ratio, sd, logs, others)
+    every = {**logs, **{(form, "linear"): log for form, (log, _) in others.items()}}
+    comparison = RunComparison(
+        {m: float(np.max(v)) for m, v in logs.items()},
+        {form: limit for form, (_, limit) in others.items()},
+        {m: ratio_likelihood(m[0], ratio, sd, v) for m, v in every.items()},
+        REFERENCE,
+        AMPLITUDE[::-1],
+    )
     likeliest = max(comparison.log_evidence, key=lambda k: comparison.log_evidence[k])[0]
     verdict = Verdict(
         name, grade, True, likeliest, 0.9, energy=shares,

@@ -1,7 +1,5 @@
 """A verdict in words, in the unit that its record came in."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

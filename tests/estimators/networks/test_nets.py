@@ -3,8 +3,6 @@
 Trainings are short in tests that do not depend on accuracy. Records with noise have fixed seeds.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

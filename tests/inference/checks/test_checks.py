@@ -1,9 +1,8 @@
 """Checks of a fit: their p values under true and wrong models, and draws of the Laplace approximation."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from itertools import count
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,11 +45,9 @@ def mode_of(
     return target, find_mode(target, [start], noise_level=NOISE)
 
 
-def fit(
-    truth: str, model: str, seed: int, dof: float = np.inf, noise: str = "gaussian"
-) -> tuple[Target, FitCheck, dict[str, np.ndarray]]:
+def fit(truth: str, model: str, seed: int, **noise: Any) -> tuple[Target, FitCheck, dict[str, np.ndarray]]:
     """Return the checks of this mode."""
-    target, mode = mode_of(truth, model, seed, dof, noise)
+    target, mode = mode_of(truth, model, seed, **noise)
     return target, *check_fit(target, mode, PERIOD, seed)
 
 

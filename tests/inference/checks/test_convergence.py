@@ -1,7 +1,5 @@
 """R̂, effective sample sizes, errors and Pareto shapes against those of ArviZ."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from arviz_stats.base.array import array_stats

@@ -1,7 +1,5 @@
 """The test for a line in the spectrum of the residuals: false alarms for white noise, and names of structures."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from bayesdamp.inference import checks

@@ -1,7 +1,5 @@
 """Closed-form densities that replace the posterior of a record."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any

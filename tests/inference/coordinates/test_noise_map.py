@@ -1,7 +1,5 @@
 """Sampling of the parameters of correlated noise, for short and long correlation times."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np
@@ -19,20 +17,13 @@ from tests.inference.problems import linear_target
 def of_noise_alone(correlation_time: float | None) -> tuple[Target, Mode]:
     """Return target and mode of 150 samples of a known motion, whose noise has this correlation time or is white."""
     t = np.linspace(0.0, 6.0, 150)
-    y = simulated_noise(t, correlation_time)
+    y = 0.003 * np.random.default_rng(4).standard_normal(t.size)
+    if correlation_time is not None:
+        y = np.linalg.cholesky(np.exp(-np.abs(t[:, None] - t) / correlation_time)) @ y
     known = {"stiffness": 20.0, "zeta": 0.05, "theta0": 0.0, "omega0": 0.0}
     target = linear_target(t, y, "viscous", known, "correlated")
     start = {"noise_sd": 0.003, "noise_time": correlation_time or 0.005}
     return target, find_mode(target, [start], noise_level=0.003)
-
-
-def simulated_noise(t: np.ndarray, correlation_time: float | None) -> np.ndarray:
-    """Return normal noise with an sd of 0.003, white if it has no correlation time."""
-    white = np.random.default_rng(4).standard_normal(t.size)
-    if correlation_time is None:
-        return 0.003 * white
-    kernel = np.exp(-np.abs(t[:, None] - t) / correlation_time)
-    return 0.003 * np.linalg.cholesky(kernel) @ white
 
 
 def quadrature(target: Target, mode: Mode) -> tuple[np.ndarray, np.ndarray, float]:

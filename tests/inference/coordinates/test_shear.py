@@ -1,7 +1,5 @@
 """Evidence along a curved ridge, in coordinates in which it is straight, against the closed form."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,7 @@
 """Evidence of three coefficients whose sum alone is well determined, between walls at zero."""
 
-from __future__ import annotations
-
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -44,11 +43,7 @@ def test_too_few_draws_with_weight_are_reported(
 ) -> None:
     """Negative control: of draws from the normal distribution about the mode, mirrored at the walls, hardly any is
     near the sheet. The Pareto shape of the weights does not show this."""
-
-    def singular(*_: object) -> None:
-        raise np.linalg.LinAlgError
-
-    monkeypatch.setattr(importance, "truncated_about", singular)
+    monkeypatch.setattr(importance, "truncated_about", Mock(side_effect=np.linalg.LinAlgError))
     evidence = importance.PLUGIN.evidence("m", *sheet, seed=3)
     assert evidence.outcome.startswith("not to be trusted: ")
     assert evidence.stderr > 0.1

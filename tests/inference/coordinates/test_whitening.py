@@ -1,7 +1,5 @@
 """The factor of the covariance at a mode."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

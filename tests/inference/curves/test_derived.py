@@ -1,7 +1,5 @@
 """Derived quantities against closed forms of the linear law."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

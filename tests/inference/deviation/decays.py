@@ -1,7 +1,5 @@
 """Free decays of an oscillator with a linear spring, by SciPy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Records of hundreds of cycles, reduced to amplitudes and phases, against the equation of motion and closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Bounds of the share of the loss that forms of damping outside the answer can have."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

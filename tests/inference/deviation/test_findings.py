@@ -1,7 +1,5 @@
 """The numbers of an answer on a record of viscous and Coulomb damping with a linear spring, by SciPy's solver."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The exponent of the damping force, and the prior of other forms, on records of SciPy's solver."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

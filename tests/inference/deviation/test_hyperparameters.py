@@ -1,7 +1,5 @@
 """The grid over sizes and lengths of deviations: prior masses and covariances."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

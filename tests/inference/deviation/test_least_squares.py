@@ -1,7 +1,5 @@
 """Least squares on noise-free records of an independent solver."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Evidence and posteriors of the linear model against dense normal distributions and quadrature."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """κ, the noise near the frequency of the oscillation over that of all frequencies."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The work of damping in a cycle, against quadrature for a pendulum of large amplitude."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

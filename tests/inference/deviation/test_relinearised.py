@@ -1,7 +1,5 @@
 """The mode of parameters and deviations on a record that determines only a combination of the parameters."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Draws and evidence of Stribeck friction, which use slices of its velocity, against quadrature."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Evidence where only a combination of gravity, stiffness and spring angle is determined."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Damping terms with parameters of their own, on records of the validation's solver."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Damping ratios if the width of friction about zero velocity is not known, against closed forms and quadrature."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Evidence of the laws of an envelope: against quadrature, for smaller damping, and in another unit of time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

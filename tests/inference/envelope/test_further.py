@@ -1,7 +1,5 @@
 """Integrals over parameters of a law by adaptive importance sampling, against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Corrections of the readings of a decay, before laws are fitted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

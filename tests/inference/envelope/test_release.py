@@ -1,7 +1,5 @@
 """The constant level before the release, while the drive is still on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which log evidence is used, and when nested sampling is needed."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Evidence against quadrature over the natural parameters, with a likelihood by an independent solver."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

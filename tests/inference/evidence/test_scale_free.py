@@ -1,7 +1,5 @@
 """Bayes factors do not depend on how small the damping is, and sampled evidence is that of the linear model."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Problems with an evidence by quadrature, whose trajectories are computed here."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The choice of the noise model of a record."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

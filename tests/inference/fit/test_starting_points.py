@@ -1,7 +1,5 @@
 """Searches for modes: from several starting points, and steps that end at a bound."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

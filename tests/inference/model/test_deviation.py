@@ -1,7 +1,5 @@
 """The likelihood with deviations from the laws, against that of exact laws and against dense normal distributions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Priors: densities, scores and their inverses against SciPy's distributions, and refusals."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

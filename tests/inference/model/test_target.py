@@ -1,7 +1,5 @@
 """The posterior as a function: its value, its derivatives, and its numerical error."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Noise fitted to residuals: its evidence, and the variances and working residuals of repeated least squares."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import optimize, stats
@@ -63,11 +61,6 @@ def test_the_variance_of_correlated_noise_is_its_power_at_the_frequency_of_the_s
     assert noise.variance(np.ones(T.size), np.cos(frequency * T), GAPS) == pytest.approx(power, rel=0.05)
 
 
-def student(r: np.ndarray, sd: np.ndarray, dof: np.ndarray) -> np.ndarray:
-    """Return the log densities of residuals (n,) for scales and degrees of freedom of the same shape."""
-    return np.asarray(stats.t.logpdf(r, dof[..., None], scale=sd[..., None]).sum(axis=-1))
-
-
 def test_evidence_and_mode_against_quadrature():
     """On a grid of the score of the sd, and for Student's t on one of both scores. Control: another prior and a known
     parameter give another evidence."""
@@ -89,7 +82,8 @@ def test_evidence_and_mode_against_quadrature():
         np.linspace(-1.6, -0.4, 61), np.linspace(-2.5, 1.5, 61), indexing="ij"
     )
     sd, dof = FEATURES.roughness * np.exp(sd_scores), 6.0 * np.exp(0.8 * dof_scores)
-    log = student(r, sd, dof) + stats.norm.logpdf(sd_scores) + stats.norm.logpdf(dof_scores)
+    log = stats.t.logpdf(r, dof[..., None], scale=sd[..., None]).sum(axis=-1)
+    log += stats.norm.logpdf(sd_scores) + stats.norm.logpdf(dof_scores)
     result = fit_noise("student_t", r, signal, FEATURES)
     assert result.log_evidence == pytest.approx(integral(log, 1.2 / 60, 4.0 / 60), abs=0.05)
     best = np.unravel_index(np.argmax(log), log.shape)

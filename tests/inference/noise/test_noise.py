@@ -1,7 +1,5 @@
 """Noise models: densities and derivatives against SciPy's, drawn noise, whitened noise and information."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

@@ -1,7 +1,5 @@
 """The no-U-turn sampler between walls, against rejection sampling."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Samplers against reference posteriors, and their diagnostics and shared rules."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

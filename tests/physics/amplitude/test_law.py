@@ -1,7 +1,5 @@
 """Decays of an amplitude and their derivatives against SciPy's solver."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

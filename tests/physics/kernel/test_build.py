@@ -1,7 +1,5 @@
 """Compiled kernels on disk: shared by processes, stored also without a writable folder, and limited in number."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import sys

@@ -1,7 +1,5 @@
 """Tangents of terms whose force has a corner or its own parameters, with the tolerance that searches use."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Derivatives of forces, generated from their source, against central differences."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

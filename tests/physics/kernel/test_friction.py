@@ -1,7 +1,5 @@
 """Exact dry friction (ε = 0) with sticking, against closed forms and SciPy's solver."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

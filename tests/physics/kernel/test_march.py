@@ -1,7 +1,5 @@
 """Compiled solvers: motions against SciPy's eighth-order solver, tangents against central differences."""
 
-from __future__ import annotations
-
 import math
 import os
 import signal

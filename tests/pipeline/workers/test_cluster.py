@@ -1,7 +1,5 @@
 """Workers of a Dask cluster: clusters without workers, wrong addresses, interrupted runs, files."""
 
-from __future__ import annotations
-
 import io
 import threading
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """A study that is killed at random moments and whose files are damaged ends with the tables of one undisturbed."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

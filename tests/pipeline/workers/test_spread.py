@@ -1,7 +1,5 @@
 """A run on several processes has the tables of one process, and a killed process loses only its own task."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

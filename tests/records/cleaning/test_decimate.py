@@ -1,7 +1,5 @@
 """Decimation of a record: the response of its filter against closed forms, and records that are not decimated."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

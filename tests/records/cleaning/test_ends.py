@@ -1,7 +1,5 @@
 """Decays that end because of a hit, a hand or a filter, and structures of which only the tail is one decay."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt

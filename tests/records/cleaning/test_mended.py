@@ -1,7 +1,5 @@
 """Wrapped angles are unwrapped with a note; lost signs and clipped peaks are refused with what to do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

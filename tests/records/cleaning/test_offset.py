@@ -1,7 +1,5 @@
 """The zero of a velocity or acceleration sensor is estimated and subtracted; a record without one is not changed."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

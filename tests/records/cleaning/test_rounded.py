@@ -1,7 +1,5 @@
 """The sampling of stamps written with few digits, against the step from which they were written."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

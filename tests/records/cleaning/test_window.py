@@ -1,7 +1,5 @@
 """The free decay in simulated records with a hand, rest, friction or noise, whose limits are known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

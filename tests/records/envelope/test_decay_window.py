@@ -1,7 +1,5 @@
 """Start and end of the decay in envelopes: simulated ones with a known release, and measured ones read by eye."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

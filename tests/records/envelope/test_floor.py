@@ -1,7 +1,5 @@
 """The noise floor estimated from the readings after a decay, and the noise of averaged readings."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Clipped peaks and rising amplitudes are recognised, and decays under bad conditions give no false alarm."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The summary of a record before any comparison, against the laws with which the record was simulated."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Records with gaps: the whole record is one decay, and a gap is not taken for a beat."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

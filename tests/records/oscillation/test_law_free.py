@@ -1,7 +1,5 @@
 """Curves of frequency and damping ratio over the amplitude, estimated without a law, against closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

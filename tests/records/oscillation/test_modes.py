@@ -1,7 +1,5 @@
 """Sums of damped sinusoids are distinguished from one oscillator, also from a nonlinear one."""
 
-from __future__ import annotations
-
 from itertools import islice
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random walks are refused; oscillations that resemble them are not."""
 
-from __future__ import annotations
-
 import math
 from itertools import product
 

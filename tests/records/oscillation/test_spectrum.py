@@ -1,7 +1,5 @@
 """The period of long records, in which it is searched on averages over blocks of samples."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

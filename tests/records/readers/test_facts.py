@@ -1,7 +1,5 @@
 """Sampling rates in the head of a file, in the ways in which people and instruments write them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files as oscilloscopes write them, and several tables next to each other, as spreadsheets contain them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +7,7 @@ import pytest
 
 from bayesdamp.records.read import read_records
 from bayesdamp.types import InputError
+from tests.records.tables import write_lines
 
 T = -0.02 + 4e-4 * np.arange(1200)
 V = np.where(T < 0, 0.8, 0.8 * np.exp(-2 * T) * np.cos(90 * T))
@@ -47,14 +46,9 @@ NO_UNIT = ("Rigol, times", "LeCroy", "Tektronix DPO, two channels")
 """Files whose head or column names do not give the unit of the chosen column."""
 
 
-def written(path: Path, *lines: str) -> Path:
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
-
-
 @pytest.mark.parametrize("instrument", FILES)
 def test_times_values_and_unit_are_those_of_the_instrument(tmp_path: Path, instrument: str) -> None:
-    (raw,) = read_records(written(tmp_path / "a.csv", *FILES[instrument]))
+    (raw,) = read_records(write_lines(tmp_path / "a.csv", FILES[instrument]))
     np.testing.assert_allclose(raw.t, T, atol=1e-9)  # type: ignore[arg-type]
     np.testing.assert_allclose(raw.y, V, atol=1e-5)
     assert raw.unit == ("" if instrument in NO_UNIT else "V")
@@ -65,15 +59,15 @@ def test_a_cell_that_is_not_a_number_is_refused(tmp_path: Path, instrument: str)
     lines = list(FILES[instrument])
     lines[-2] = lines[-2].replace(f"{V[-2]:.5f}", "clipped")
     with pytest.raises(InputError, match=f"line {len(lines) - 1}: 'clipped'"):
-        read_records(written(tmp_path / "a.csv", *lines))
+        read_records(write_lines(tmp_path / "a.csv", lines))
 
 
 def test_a_plain_table_is_not_taken_for_a_file_of_an_oscilloscope(tmp_path: Path) -> None:
     """Negative control: two settings above a table are only facts; numbers in a column without Start are not counts."""
-    (plain,) = read_records(written(tmp_path / "a.csv", *SETTINGS[2:4], "TIME,CH1", *PAIRS))
+    (plain,) = read_records(write_lines(tmp_path / "a.csv", [*SETTINGS[2:4], "TIME,CH1", *PAIRS]))
     assert (plain.columns, plain.unit, plain.rate) == (("TIME", "CH1"), "", None)
     rows = [f"{i},{v:.5f}" for i, v in enumerate(V.tolist())]
-    (raw,) = read_records(written(tmp_path / "b.csv", "X,CH1", "Sequence,Volt", *rows))
+    (raw,) = read_records(write_lines(tmp_path / "b.csv", ["X,CH1", "Sequence,Volt", *rows]))
     assert raw.t[1] == 1
 
 
@@ -95,7 +89,7 @@ def test_tables_side_by_side_are_records_with_their_own_times(tmp_path: Path, la
             separator.join(row)
             for row in [top if labels else ["Operator", "Smith", "rig"], names[:-1], *rows]
         ]
-        raws = read_records(written(tmp_path / "a.csv", *lines))
+        raws = read_records(write_lines(tmp_path / "a.csv", lines))
         assert [(raw.unit, raw.run) for raw in raws] == [("deg", run) for run in runs]
         assert [raw.channel for raw in raws] == [f"{table}Angle (deg)" for table in tables]
         for k, raw in enumerate(raws):

@@ -1,7 +1,5 @@
 """Files of every format, written by their own libraries or by hand, are read with values, rates, units and names."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

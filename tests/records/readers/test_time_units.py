@@ -1,7 +1,5 @@
 """Units of times, packed numbers and missing samples, as a file declares them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

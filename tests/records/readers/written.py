@@ -1,7 +1,5 @@
 """Two decays, and functions that write them into files of every format, by its own library or by hand."""
 
-from __future__ import annotations
-
 import json
 import re
 import zipfile

@@ -1,7 +1,5 @@
 """The records of the contest have the properties of their groups."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

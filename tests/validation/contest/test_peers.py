@@ -1,7 +1,5 @@
 """The script finds the damping ratio of a viscous decay and the motion of dry friction."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The shipped pages on simulated records agree with the truth of these records."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

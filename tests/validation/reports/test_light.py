@@ -1,7 +1,5 @@
 """The records of the page on light damping."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 `make reports ARGS=misfit` computes the table; reports/misfit/README.md describes it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

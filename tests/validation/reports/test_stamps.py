@@ -1,7 +1,5 @@
 """Reports are stale if something changed that their numbers depend on."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 
