@@ -7,6 +7,7 @@ from bayesdamp.inference.deviation.linear import smooth_root
 from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import Signal
+from validation.contest.records import simulate_record
 
 
 def test_a_record_with_fewer_values_than_the_model_of_all_forms_has_unknowns():
@@ -29,3 +30,9 @@ def test_no_restoring_law_is_left_out_for_a_frequency_that_wanders():
     comparison = compare_signal(Signal(t, 0.5 * np.exp(-decay) * np.cos(phase) + noise, "angle"))
     assert {r.candidate.restoring for r in comparison.results} == set(LAWS.names())
     assert comparison.best.candidate.restoring == "linear"
+
+
+def test_a_linear_model_whose_singular_values_do_not_converge_is_solved():
+    """LAPACK's gelsd fails on a matrix of 39 well-scaled unknowns that this record leads to."""
+    record = simulate_record(813, 76)
+    assert "+".join(compare_signal(record.signal).best.candidate.damping) == record.damping
