@@ -229,7 +229,7 @@ class SharedHalfNormal(_Reflected):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Return the coefficient at a score of 1, where the damping ratio is `SCORE_RATIO`."""
+        """Return the one number of this prior: the coefficient for which the damping ratio is `SCORE_RATIO`."""
         return (SCORE_RATIO * self.per_ratio,)
 
     def log_density(self, x: ArrayLike) -> np.ndarray:

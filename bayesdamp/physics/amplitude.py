@@ -348,9 +348,9 @@ class Scale:
 
 
 def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
-    """Return the value of a term's parameter p at a standard normal score; for scores ~ N(0, 1) it has its prior.
+    """Return the value of a term's parameter p at a standard normal score: if the score is N(0, 1), p has its prior.
 
-    This also holds for half-normal priors, whose own coordinate is the absolute value of a standard normal number.
+    The value increases with the score, also for a half-normal prior.
     The value is in the unit of the parameter. scale: amplitude and frequency on which the prior depends.
     """
     prior = p.prior(scale.amplitude, scale.frequency)

@@ -90,7 +90,7 @@ class Linearisation:
 
     @property
     def z(self) -> np.ndarray:
-        """Return the standard normal scores of the inferred parameters at u, (d,)."""
+        """Return the part of u that belongs to the inferred parameters: their standard normal scores, (d,)."""
         return self.u[: self.fit.z.size]
 
     @property

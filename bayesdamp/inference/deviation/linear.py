@@ -111,7 +111,7 @@ def grid_of(
     absorbed: tuple[bool, bool] = (False, False),
     phases: bool = True,
 ) -> Grid:
-    """Return the grid of the hyperparameters (sizes and correlation lengths) of the deviations g and h.
+    """Return the grid of sizes and correlation lengths of the deviations g (log damping) and h (relative frequency).
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def grid_of(
         deviation then has zero mean over the record. Otherwise the posterior would lie along a curve (coefficient times
         exp g is constant), which a linear model does not follow.
     phases : bool
-        Whether the record has phases. Without them h has no effect, and the factors are those of g alone, (c, n, n).
+        Whether the record has phases. Without them h has no effect, and the grid is for g alone.
     """
     step = 2 if coarse else 1
     of_g = _with_none(SIZES_G[::step], MEAN_G, step) if not exact else np.zeros((3, 1))

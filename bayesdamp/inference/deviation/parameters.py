@@ -140,9 +140,10 @@ class Parameters(Scores):
         return z
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
-        """Return the log prior density of those coordinates that are not scores, minus that of independent N(0, 1).
+        """Return by how much the log prior density at z differs from that of d independent N(0, 1) coordinates.
 
-        z: coordinates, (..., d). The result, (...), is 0 in this class, where all coordinates are scores.
+        z: coordinates of the d parameters, (..., d). In this class all are standard normal scores, so that the result,
+        (...), is 0. A subclass has other coordinates for some parameters.
         """
         return np.zeros(z.shape[:-1])
 

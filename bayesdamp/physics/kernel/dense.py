@@ -58,10 +58,10 @@ def quintic(before, after, step, order):
 
 @compiled
 def end_of_step(times, node, t, first):
-    """Return the index after the last of the increasing times t that lie in the step after the node with index `node`.
+    """Return where a step of the integration ends among the samples: the index of the first sample after the step.
 
-    times: times of all nodes, (s,). first: index in t of the first time in this step. Times after the last node count
-    to the last step.
+    times: start of each step and end of the last one, (s,). node: number of the step. t: times of the samples,
+    increasing. first: index of the first sample in this step. Samples after the last step belong to the last step.
     """
     end = first
     if node == times.size - 2:

@@ -27,8 +27,8 @@ ENVIRONMENT = Environment(
 )
 ENVIRONMENT.filters["symbols"] = symbols
 _MOST = 4
-"""Number of signals whose content is visible without unfolding it, and of models of a signal that are drawn. The tables
-also contain the less probable models."""
+"""Largest number of signals whose content is visible without unfolding it. It is also the largest number of models of a
+signal that are drawn: the most probable ones. The tables contain all models."""
 ONE_MODEL = "There are many signals: the figures show only the most probable model of each, the tables show all models."
 """Note in sections with figures of models, if there are more than `_MOST` signals."""
 DRAWN_LIST = ".drawn"

@@ -25,9 +25,9 @@ PANELS = (
     "the true value is known): the true value. Shaded (where there is a posterior): its 95 % interval."
 )
 TABLE = (
-    "Estimates by method and stage, with the standard error (±) if the method gives one. The error is absolute, in % "
-    "of the true value. With several repeats, values and errors are ranges over them, and the time and the number "
-    "of evaluations of the method's objective are the largest of all repeats."
+    "Estimates by method and stage, with the standard error (±) if the method gives one. The error is without "
+    "its sign, in % of the true value. With several repeats, values and errors are ranges over them, and the "
+    "time and the number of evaluations of the method's objective are the largest of all repeats."
 )
 """Captions, or parts of them, that do not depend on the run."""
 
