@@ -1,8 +1,9 @@
-"""Reduce a record of hundreds of cycles or more to amplitudes and phases of blocks of cycles.
+"""Reduce a record of hundreds of cycles or more to amplitudes and phases of about 64 blocks of cycles.
 
-Candidates are fitted to these instead of the samples: they are as many numbers for a million cycles as for a thousand.
-The solver computes them from a shorter, compressed oscillation, which has M times the damping and 1/M of the cycles,
-and therefore decays through the same amplitudes (see `bayesdamp.physics.kernel.averaged`).
+Candidates (sums of damping terms under a restoring law) are fitted to these amplitudes and phases instead of the
+samples, because their number does not grow with the number of cycles. The solver does not integrate all cycles. It
+integrates a compressed oscillation, which has M times the damping and 1/M of the cycles, and therefore decays through
+the same amplitudes (see `bayesdamp.physics.kernel.averaged`).
 """
 
 from __future__ import annotations
@@ -22,26 +23,27 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 MOST_CYCLES = 1200.0
-"""Largest number of cycles for which the equation of motion is solved over the whole record if averaged motions are not
-accurate: the Jacobian then takes 1 GB (measured)."""
+"""If a fit to averages over blocks of cycles is not accurate enough, the samples are fitted instead, but only in a
+record of at most this many cycles: the Jacobian of its motion takes 1 GB of memory (measured)."""
 FEWEST_CYCLES = 400.0
 """A record with at least this many cycles is reduced to amplitudes and phases of blocks of cycles (conventional)."""
 BLOCKS = 64
-"""Number of blocks into which a record of very many cycles is divided. In its place an oscillation is solved that
-decays through the same amplitudes in fewer cycles, `TURNS` per block. For a record of 400 cycles the damping of this
-oscillation is three times that of the record: a damping ratio of 0.4 % if the amplitude falls to a twentieth over the
-record."""
+"""Number of blocks into which a record of very many cycles is divided. The solver integrates a compressed oscillation
+with only `TURNS` cycles in each block, which has more damping and decays through the same amplitudes. For a record of
+400 cycles, the damping of the compressed oscillation is three times that of the record. Its damping ratio is then 0.4 %
+if the amplitude falls to a twentieth over the record."""
 PIECES = 20
-"""Number of polynomial pieces of the smooth cubic splines through the logarithm of the amplitude and through the phase,
-against time, of a record of very many cycles."""
+"""Number of polynomial pieces of each smooth cubic spline through a record of very many cycles. One spline follows the
+logarithm of the amplitude and one the phase, both against time."""
 LEAST_SAMPLES = 24
-"""Smallest number of samples in a block of cycles; a record with fewer is not reduced to amplitudes and phases."""
+"""Smallest number of samples in a block of cycles. If a block has fewer, the record is not reduced to amplitudes and
+phases."""
 HOLE = 0.4
-"""A gap between neighbouring samples of at least this fraction of a block's length is a hole: a block ends before it
-and another begins after it (conventional)."""
+"""A gap between neighbouring samples that is longer than this fraction of a block's duration is a hole. No block of
+cycles extends over a hole: one block ends before it and another begins after it (conventional)."""
 SHORTEST = 0.25
-"""A piece of the record between two holes (long gaps) is left out if it is shorter than this fraction of a block's
-length (conventional)."""
+"""A piece of the record between two holes (long gaps) is left out if its duration is less than this fraction of a
+block's duration (conventional)."""
 WINDOW = 4.0
 """Length in cycles of the windows in which a record is demodulated for the first estimates of its phase and
 amplitude."""
@@ -49,51 +51,52 @@ FULL = 0.7
 """A short window in which the record is demodulated is used only if it has enough samples: the sum of their taper
 weights must be larger than this fraction of the median sum over all windows (conventional)."""
 REACH = 2.5
-"""The number of cycles in a hole (a long gap in the record) is computed from polynomials through the phase on either
-side. They are fitted to the windows of the demodulation (`WINDOW`) within this many lengths of the hole from its middle
-(conventional)."""
+"""Range of the data from which the cycles in a hole (a long gap in the record) are counted, on either side of the hole,
+in lengths of the hole from its middle (conventional). One polynomial is fitted to the phase before the hole and one to
+the phase after it; their difference in the middle gives the number of cycles."""
 LEAST_REACH = 10.0
-"""Least length of a hole (a long gap in the record) in the rule of `REACH`, in lengths of a window (`WINDOW`); a
-shorter hole counts as this long (conventional)."""
+"""The cycles in a hole (a long gap in the record) are counted from the data within a range that is proportional to the
+length of the hole (`REACH`). A hole that is shorter than this many demodulation windows (of `WINDOW` cycles) counts as
+this long (conventional)."""
 DEGREE = 3
-"""Largest degree of the polynomials through the phase on either side of a hole, a long gap in the record (see `REACH`;
-conventional)."""
+"""Largest degree of the polynomials through the phase before and after a hole (a long gap in the record), from which
+the number of cycles in the hole is computed (see `REACH`; conventional)."""
 UNSURE = 0.25
-"""The number of cycles in a hole (a long gap in the record) counts as known if its distance from the nearest whole
-number, plus three of its sds, is at most this many cycles; otherwise the phase after the hole is unknown
-(conventional)."""
+"""The number of cycles in a hole (a long gap in the record) is estimated as a real number with a standard deviation. It
+counts as known if its distance from the nearest whole number, plus three standard deviations, is at most this many
+cycles. Otherwise the phase after the hole is unknown (conventional)."""
 FOLLOWED = 8
-"""Number of windows (`WINDOW`) in each piece of the spline that follows a randomly wandering phase; the noise of so
-many windows hardly shifts the spline."""
+"""Number of demodulation windows (of `WINDOW` cycles) in each piece of the spline that follows a randomly wandering
+phase. With so many windows in a piece, the noise hardly shifts the spline."""
 OVERTONES = 3
-"""Highest harmonic of the oscillation that is fitted in each block of cycles together with the fundamental."""
+"""Highest harmonic of the oscillation that is fitted in each block of cycles. The fundamental is number 1."""
 BENT = 3.0
-"""Smooth curves of amplitude and phase against time are accepted if the roughness of the blocks' deviations from them
-(`_scatter`) is at most this. For white noise alone it is 1; at 3, the mean over a block differs from the value in its
-middle by 0.3 sds."""
+"""Largest accepted roughness (`_scatter`) of the deviations of the blocks' amplitudes and phases from smooth curves
+against time. The roughness is 1 for white noise alone. At 3, the mean over a block differs from the value in its middle
+by 0.3 sds."""
 PASSES = 3
 """Largest number of times that amplitudes and phases are fitted to the blocks; between two fits the smooth curves of
 amplitude and phase are corrected by the result."""
 ROUNDS = 10
-"""Largest number of refits for noise that is not Gaussian. Before each, the residuals are replaced by working residuals
-(`FittedNoise.working_residuals`), with which least squares give the most probable motion."""
+"""Largest number of refits for noise that is not Gaussian. Each is a least-squares fit to modified values, the motion
+plus `FittedNoise.working_residuals`; with these, repeated least squares converge to the most probable motion."""
 SETTLED = 0.05
 """The refits for noise that is not Gaussian (`ROUNDS`) end when the last one changed the motion by less than this: norm
 of the change over all samples, in sds of the noise of a sample."""
 MOST_SHIFT = 0.1
-"""Motions that are averaged over cycles are used if averaging shifts no parameter by more than this, in posterior sds;
-otherwise the equation of motion is solved, unless the record has more than `MOST_CYCLES` cycles."""
+"""Largest shift of a parameter by averaging over blocks of cycles, in posterior sds, at which the averages are accurate
+enough. Otherwise the samples are fitted, unless the record has more than `MOST_CYCLES` cycles."""
 
 
 @dataclass(frozen=True)
 class Averaged:
-    """A record as amplitudes, phases and midlines of b blocks.
+    """A record that is reduced to the amplitude, phase and midline of each of b blocks of cycles.
 
     Attributes
     ----------
     t : ndarray, shape (3b,)
         Ends of the blocks in s, each repeated for the three values of y. They are times of the compressed oscillation,
-        which is solved in place of the record and decays through the same amplitudes in fewer cycles.
+        which is solved in place of the record. It decays through the same amplitudes in fewer cycles.
     y : ndarray, shape (3b,)
         Amplitude, phase and midline of each block in turn; the phase is relative to the phase of `track`. They are
         multiplied by the factors of `track`, so that all have the record's unit and independent noise of the same sd.
@@ -101,13 +104,14 @@ class Averaged:
     track : Track
         Times and phases, in the record and in the compressed oscillation, at which each block is measured.
     noise : float
-        Sd of the noise of each value of y, in the record's unit.
+        Standard deviation of the noise of each value of y, in the record's unit.
     samples : int
         Half the median number of samples in a block: each value of y has 1/`samples` of a sample's noise variance.
     residual : ndarray, shape (n,)
-        Record minus the fit of its block, in the record's unit; 0 for samples that are in no block.
+        Each sample minus the oscillation fitted to its block, in the record's unit; 0 for samples that are in no block.
     wander : float
-        Sd that a random walk of the phase has accumulated at the record's end, in rad; 0 if the phase is smooth.
+        Standard deviation of the phase at the record's end because of its random walk, in rad; 0 if the phase is
+        smooth.
     jumps : tuple of float
         Times in s of the middles of gaps in the record in which the cycles cannot be counted.
     """
@@ -124,15 +128,15 @@ class Averaged:
 
 @dataclass(frozen=True)
 class Averaging:
-    """The error of replacing the equation of motion by its averaged form.
+    """The error of a record's parameters because the motion is averaged over blocks of cycles.
 
     Attributes
     ----------
     cycles : float
         Number of cycles in the record.
     error : float
-        Largest shift that averaging causes in a parameter of the most probable candidate (displacement and velocity at
-        the start excluded), in posterior sds; infinite if the equation of motion cannot be solved.
+        Largest shift that averaging causes in a parameter of the most probable damping model, in posterior sds;
+        displacement and velocity at the start are not included. Infinite if the equation of motion cannot be solved.
     """
 
     cycles: float
@@ -140,7 +144,7 @@ class Averaging:
 
     @property
     def close(self) -> bool:
-        """Whether averaged motions are accurate enough: `error` is at most `MOST_SHIFT`."""
+        """Whether averages over blocks of cycles are accurate enough: `error` is at most `MOST_SHIFT`."""
         return self.error <= MOST_SHIFT
 
 
@@ -148,8 +152,9 @@ class Averaging:
 class _Curves:
     """Splines of the phase in rad and of the log amplitude against time in s.
 
-    phase, log_size: the splines. steps: pairs of a time in s and a step in rad; after this time the step is added to
-    the spline of the phase, because the number of cycles in a long gap of the record is not known.
+    phase, log_size: the splines of the phase and of the log amplitude. steps: one pair for each long gap of the record
+    in which the number of cycles is not known, with a time in s in the gap and a step in rad. After this time the step
+    is added to the spline of the phase.
     """
 
     phase: BSpline
@@ -157,7 +162,7 @@ class _Curves:
     steps: tuple[tuple[float, float], ...] = ()
 
     def phase_at(self, t: np.ndarray) -> np.ndarray:
-        """Return the phase in rad, (n,), at times t in s, (n,), with all steps before each time."""
+        """Return the phase in rad, (n,), at times t in s, (n,): the spline plus all steps before each time."""
         return self.phase(t) + sum((size * (t > at) for at, size in self.steps), np.zeros(1))
 
 
@@ -166,20 +171,23 @@ def average_of(
 ) -> Averaged | None:
     """Reduce a record to amplitudes, phases and midlines of blocks of cycles; None if this is not possible.
 
-    It is not possible if the record has too few cycles (`FEWEST_CYCLES`) or samples (`LEAST_SAMPLES` in each block), if
-    its phase does not increase from block to block, or if amplitude or phase do not change smoothly (`BENT`). A
-    randomly wandering phase is accepted all the same in a record of more than about 700 cycles, and a rough amplitude
-    in one of at least `MOST_CYCLES` cycles.
+    It is not possible
+
+    - if the record has fewer than `FEWEST_CYCLES` cycles, or a block has fewer than `LEAST_SAMPLES` samples;
+    - if the phase does not increase from block to block;
+    - if amplitude or phase do not change smoothly (`BENT`). There are two exceptions: a randomly wandering phase is
+      accepted if the record has more than about 700 cycles, and a rough amplitude if it has at least `MOST_CYCLES`
+      cycles.
 
     Parameters
     ----------
     t, y : ndarray, shape (n,)
         Increasing times in s, from 0, and recorded values, in any unit ("the record's unit").
     features : Features
-        Features of the record.
+        Features of the record, such as its period and its midline.
     noise : FittedNoise, optional
-        Model of the samples' noise, under which amplitudes and phases are the most probable ones; by default white
-        Gaussian noise.
+        Noise model of the samples; the amplitudes and phases are the most probable ones under it. By default they are
+        those of least squares (white Gaussian noise).
     """
     averaged = _least_squares(t, y, features)
     if noise is None:
@@ -201,11 +209,12 @@ def average_of(
 
 
 def _least_squares(t: np.ndarray, y: np.ndarray, features: Features) -> Averaged | None:
-    """Reduce values to amplitudes and phases by least squares. Arguments and result are those of `average_of`.
+    """Reduce recorded values to amplitudes and phases of blocks of cycles by least squares.
 
     In each block, amplitude and phase are fitted relative to smooth curves. If the phase of the record wanders too much
     for a smooth curve, the reference is a spline that follows the phase closely, and the deviation from the smooth
-    curve is treated as a random walk. Return None in the cases that `average_of` lists.
+    curve is treated as a random walk. Parameters and result are those of `average_of`, which lists the cases in which
+    the result is None.
     """
     if t[-1] < FEWEST_CYCLES * features.period or t.size < LEAST_SAMPLES * BLOCKS:
         return None
@@ -229,8 +238,9 @@ def _least_squares(t: np.ndarray, y: np.ndarray, features: Features) -> Averaged
         return None
     size, off, sd, midline_sd = np.abs(fit.z), np.angle(fit.z), fit.sd, fit.sd / np.sqrt(2)
     if wanders:
-        # Means of the phase over the blocks, relative to the smooth phase. The residual in a block contains what the
-        # spline does not follow, so that its sd is too large: amplitudes and midlines show theirs.
+        # Add the mean difference of the two splines, so that the phases of the blocks are relative to the smooth one.
+        # The residual in a block contains the fast wandering that the spline does not follow, so that the sds from it
+        # are too large. Estimate the sds from the scatter of the amplitudes and of the midlines instead.
         further = fit.curves.phase(t) - phases_there
         off += np.array([further[a:b].mean() for a, b in parts])
         left = (np.log(size) - fit.curves.log_size(middles)) * size / sd
@@ -245,7 +255,8 @@ def _least_squares(t: np.ndarray, y: np.ndarray, features: Features) -> Averaged
         covariance += (2 * np.pi) ** 2 * np.outer(after, after)
     rate = 0.0
     if wanders:
-        # Of the means of a walk over blocks: a block's own variance is smaller by a sixth of its duration.
+        # Covariance of the means over blocks of a random walk of 1 rad²/s. The variance of a mean is that of the walk
+        # in the middle of the block, minus a sixth of the block's duration.
         walk = np.minimum.outer(middles, middles) - np.diag([(t[b - 1] - t[a]) / 6 for a, b in parts])
         rate = _walk_rate(middles, curves.phase(middles) + off, size, covariance, walk)
         covariance += rate * walk
@@ -271,11 +282,12 @@ def _least_squares(t: np.ndarray, y: np.ndarray, features: Features) -> Averaged
 
 
 def _long_pieces(t: np.ndarray) -> np.ndarray:
-    """Return a mask (n,) of the samples, at times t (n,) in s, that are in long enough pieces between holes.
+    """Return a mask, (n,), of the samples that are in long enough pieces of the record, between holes (long gaps).
 
-    A hole is a gap longer than `HOLE` blocks; a block is 1/`BLOCKS` of the record. The first and the last piece must be
-    at least a block long, because the amplitude and phase of a motion are measured over a whole block; the others must
-    be at least `SHORTEST` blocks long. Each must have `LEAST_SAMPLES` samples.
+    A hole is a gap longer than `HOLE` blocks; a block lasts 1/`BLOCKS` of the record. The first and the last piece must
+    last at least one block, because the amplitude and phase of a motion are measured over a whole block. The other
+    pieces must last at least `SHORTEST` blocks. Each piece must have at least `LEAST_SAMPLES` samples. t: times of the
+    samples in s, (n,).
     """
     block = float(t[-1]) / BLOCKS
     cuts = [0, *(np.flatnonzero(np.diff(t) > HOLE * block) + 1).tolist(), t.size]
@@ -291,9 +303,10 @@ def _demodulated(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[tuple[float, float], ...]]:
     """Demodulate a record in short windows (`WINDOW`), and count the cycles across holes (gaps that contain no window).
 
-    Return times in s, unwrapped phases in rad and amplitudes in the record's unit of the w windows, (w,) each, and
-    `_Curves.steps`. A window that has few samples (`FULL`) is left out. Where the cycles in a hole cannot be counted,
-    the phases continue smoothly and the unknown change is in the steps. t, y, features: as in `average_of`.
+    Return times in s, unwrapped phases in rad and amplitudes in the record's unit of the w windows, (w,) each, and the
+    steps for `_Curves.steps`. A window that has few samples (`FULL`) is left out. If the cycles in a hole cannot be
+    counted, the phases after it are shifted so that they continue smoothly. The step of this hole, added to these
+    phases, undoes the shift. t, y, features: as in `average_of`.
     """
     frequency = features.frequency
     share, number = np.modf(t * frequency / (2 * np.pi * WINDOW))
@@ -306,7 +319,7 @@ def _demodulated(
         for values in (2 * (y - features.rest) * np.exp(-1j * frequency * t), t)
     )
     phases, steps = np.unwrap(np.angle(z)), []
-    # Across a hole, whole cycles are counted by the smooth curves of the phase on either side.
+    # Count the whole cycles in a hole (a long gap) by polynomials through the phase on either side.
     length = 2 * np.pi * WINDOW / frequency
     for i in np.flatnonzero(np.diff(times) > 1.5 * length):
         reach = max(times[i + 1] - times[i], LEAST_REACH * length)
@@ -331,13 +344,13 @@ def _demodulated(
 
 @dataclass(frozen=True)
 class _BlockFit:
-    """Least-squares fits of the oscillation in b blocks, relative to curves of phase and amplitude.
+    """Least-squares fits of the oscillation in b blocks of cycles, relative to smooth curves of phase and amplitude.
 
     curves: these curves. z: complex amplitudes, (b,): |z| is the amplitude in the record's unit, and the argument is
     the phase minus that of the curve, in rad. midline: midlines of the blocks, (b,). sd: standard errors of the
-    amplitudes, (b,). left: residual of all samples, (n,); midline, sd and left are in the record's unit. bent:
-    `_scatter` of the amplitudes or of the phases about the curves, whichever is larger; that of the amplitudes alone if
-    the curve follows a wandering phase.
+    amplitudes, (b,). left: residuals of all samples, (n,); midline, sd and left are in the record's unit. bent:
+    roughness (`_scatter`) of the amplitudes or of the phases about the curves, whichever is larger. If the curve
+    follows a wandering phase, it is the roughness of the amplitudes.
     """
 
     curves: _Curves
@@ -358,9 +371,10 @@ def _fit_curves(
 ) -> _BlockFit:
     """Fit the oscillation in each block, and correct the curves of amplitude and phase until they describe the blocks.
 
-    The first curves come from short windows, whose noise shifts them. At least two and at most `PASSES` fits are made;
-    they end when `_BlockFit.bent` is below `BENT`. curves: the first curves. t, y, parts, middles: as in `_fit_blocks`.
-    follows: whether the curve of the phase follows a wandering phase closely; it is then not corrected.
+    The given `curves` come from short windows, whose noise shifts them. At least two and at most `PASSES` fits are
+    made. They end when the roughness of the blocks about the curves (`_BlockFit.bent`) is below `BENT`. t, y, parts,
+    middles: as in `_fit_blocks`. follows: whether the curve of the phase follows a wandering phase closely; it is then
+    not corrected.
     """
     fit = _fit_blocks(t, y, parts, middles, curves)
     for _ in range(1, PASSES):
@@ -385,11 +399,13 @@ def _fit_blocks(
     """Fit the oscillation, its midline and its harmonics in each block by least squares, relative to the curves.
 
     t, y: times in s and recorded values, (n,). parts: indices of each block's first sample and of the sample after its
-    last. middles: times of the blocks in s, (b,). follows: whether to leave the phases out of `_BlockFit.bent`.
+    last. middles: times of the blocks in s, (b,). curves: curves of phase and amplitude against time. follows: if true,
+    `_BlockFit.bent` (the roughness about the curves) does not include the phases.
     """
     fits, lefts, freedom = [], [], 0
     for (a, b), at in zip(parts, middles, strict=True):
-        # The oscillation and a quarter period before it, both with an amplitude that grows along the block.
+        # Cosine and minus sine of the phase times the amplitude, each also multiplied by the time since the middle,
+        # because amplitude and phase may change along the block.
         own, phase = t[a:b], curves.phase_at(t[a:b])
         turned = np.exp(curves.log_size(own) - float(curves.log_size(at))) * np.exp(1j * phase)
         since = (own - own.mean()) / (0.5 * (own[-1] - own[0]))
@@ -440,7 +456,7 @@ def _walk_rate(
 ) -> float:
     """Estimate the variance of the phase's random walk per unit time, in rad²/s, by restricted maximum likelihood.
 
-    Without the walk, the phases would follow from a frequency that depends linearly on the squared amplitude; this
+    The phase without the walk is the integral of a frequency that depends linearly on the squared amplitude; this
     dependence is estimated too (H. D. Patterson and R. Thompson, Biometrika 58, 545 (1971)). t, phases, sizes: times in
     s, phases in rad and amplitudes of the blocks, (b,) each. covariance: covariance of the other errors of the phases,
     (b, b). walk: covariance that a walk of 1 rad²/s would cause, (b, b).
@@ -467,7 +483,7 @@ def _walk_rate(
 
 
 def _knots(t: np.ndarray, pieces: int, end: float) -> np.ndarray:
-    """Return the knots of a cubic spline from 0 to `end`, (pieces + 7,), with both ends fourfold as for a `BSpline`.
+    """Return the knots of a cubic spline from 0 to `end`, (pieces + 7,), where each end occurs four times.
 
     Each of the `pieces` polynomial pieces contains equally many of the times t, (m,). All times are in s.
     """
@@ -476,7 +492,7 @@ def _knots(t: np.ndarray, pieces: int, end: float) -> np.ndarray:
 
 
 def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, knots: np.ndarray) -> BSpline:
-    """Return the least-squares cubic spline, with the given knots (see `_knots`), of values at times t in s, (m,) each.
+    """Fit a cubic spline with given knots (see `_knots`) to values at times t in s, (m,) each, by least squares.
 
     weight: 1/sd of each value, up to a factor, (m,).
     """
@@ -484,9 +500,9 @@ def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, knots: np.nda
 
 
 def _plus(curve: BSpline, t: np.ndarray, values: np.ndarray, weight: np.ndarray) -> BSpline:
-    """Return the sum of a spline and the least-squares spline, with the same knots, of values at times t in s, (m,).
+    """Return a spline plus another one, which is fitted to values at times t in s, (m,) each, by least squares.
 
-    weight: 1/sd of each value, up to a factor, (m,).
+    Both splines have the knots of `curve`. weight: 1/sd of each value, up to a factor, (m,).
     """
     more = _smooth(t, values, weight, curve.t)
     return scipy.interpolate.BSpline(curve.t, curve.c + more.c, 3)
@@ -505,10 +521,11 @@ def _track(
 ) -> Track | None:
     """Return the times and phases at which each block is measured, in the record and in the compressed oscillation.
 
-    The compressed oscillation decays through the same amplitudes in fewer cycles (see the module). None if its times do
-    not increase or are negative, for example where the phase decreases. middles: times of the blocks in the record in
-    s, (b,). slowness: duration of the record divided by that of the compressed oscillation. weights, whitening: see
-    `Track`.
+    The compressed oscillation is solved in place of the record; it decays through the same amplitudes in fewer cycles.
+    None if its times do not increase or are negative, for example if the phase decreases. curves: phase and amplitude
+    of the record against time. middles: times of the blocks in the record in s, (b,). slowness: duration of the record
+    divided by that of the compressed oscillation. weights, whitening: factors of amplitudes and midlines, (b, 2), and
+    matrix for the phases, (b, b), that give all values independent noise of the same variance.
     """
     phase, rate = curves.phase, curves.phase.derivative()
     origin, end = float(phase(0.0)), phase.t[-1]

@@ -1,4 +1,4 @@
-"""Prepare a record for fits: its samples, means over short windows, or amplitudes and phases, and its scales."""
+"""Prepare a record for fits: as samples, as means over short windows, or as amplitudes and phases of blocks."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.types import DERIVATIVES, Reference, Signal
 
 A_CYCLE = 32
-"""If neighbouring samples are averaged, at least this many means remain in a cycle. Motions are averaged over the same
-windows, so that only information is lost: 0.3 % of that on a sinusoid, whose mean over 1/32 of a cycle is 0.16 %
-smaller, and more of that in the jumps of an acceleration under dry friction (measured: the interval of the frequency
-became up to a third wider, those of damping ratios hardly)."""
+"""Smallest number of means in a cycle if neighbouring samples are averaged. Motions are averaged over the same windows,
+so that averaging causes no bias, but it loses information. A sinusoid loses 0.3 %, because its mean over 1/32 of a
+cycle is 0.16 % smaller. The jumps of an acceleration under dry friction lose more (measured: the interval of the
+frequency became up to a third wider, those of damping ratios hardly)."""
 HOLE = 2.0
-"""Samples on both sides of a gap longer than this many lengths of an averaging window (1/`A_CYCLE` of a cycle) are not
-averaged together (conventional)."""
+"""A gap between samples is a hole if it is longer than this many lengths of an averaging window (1/`A_CYCLE` of a
+cycle). Samples before and after a hole are not averaged together (conventional)."""
 LEAST = 0.05
 """The used part of a record ends where the amplitude has fallen to this fraction of the first one. Laws that hold to a
 few per cent over a decade of amplitudes do not hold over two, and at smaller amplitudes the sensor's resolution and
@@ -33,10 +33,11 @@ static friction dominate."""
 FEWEST_CYCLES = 4.0
 """At least this many cycles of a record are used, however small their amplitudes are."""
 SOLVED = 1e-6
-"""Error of a motion that the ODE solver computes, as a fraction of the amplitude."""
+"""Error of a motion that the ODE solver computes, as a fraction of the amplitude. Its square is added to the variance
+of the noise (`Data.least_variance`)."""
 LEAST_SQUARES = (GAUSSIAN, CORRELATED)
-"""Noise models under which the amplitudes and phases of blocks are estimated by least squares. Under the others they
-are the most probable ones (see `average_of`)."""
+"""Noise models under which the amplitudes and phases of blocks of cycles are estimated by least squares. Under all
+other noise models, `average_of` computes the most probable amplitudes and phases."""
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,10 @@ class Data:
     Attributes
     ----------
     t, y : ndarray, shape (n,)
-        Times in s from the first sample, where motions start, and values, in the unit of the displacement (rad, m or
-        that of a sensor), per s for velocity or per s² for acceleration ("the record's unit"). For an averaged record,
-        y are amplitudes, phases and midlines of blocks (see `Averaged`), and t are times of the compressed oscillation
-        that is solved in its place.
+        Times in s, and values. The first sample, at which motions start, has time 0. The values have the unit of the
+        displacement (rad, m or that of a sensor), per s for velocity or per s² for acceleration ("the record's unit").
+        For an averaged record, y are amplitudes, phases and midlines of blocks of cycles (see `Averaged`), and t are
+        times of the compressed oscillation, which is solved in place of the record and has fewer cycles.
     quantity : str
         What was recorded: angle, velocity or acceleration.
     amplitude, final_amplitude : float
@@ -65,17 +66,17 @@ class Data:
     start : tuple of float
         Estimate of the displacement θ₀ (rad or m) and the velocity θ̇₀ (rad/s or m/s) at the first sample.
     thinned : int
-        Number of samples for each value of y: its noise has 1/`thinned` of the variance of a sample's noise.
+        Number of samples that each value of y combines: its noise has 1/`thinned` of the variance of a sample's noise.
     features : Features
         Features of the record's oscillation.
     averaged : Averaged, optional
-        The blocks, if the record is reduced to amplitudes and phases.
+        The blocks of cycles, if the record is reduced to amplitudes and phases; else None.
     record : Signal, optional
         The samples from which t and y were made, with times from 0 s; None for an averaged record.
     rows : ndarray of int, shape (n, m), optional
         Indices of the m samples in each window, if y are means over windows; else None.
     readings : ndarray, shape (n,), optional
-        y as it was recorded, if y itself was changed by `working` for noise that is not Gaussian; else None.
+        The recorded values, if `working` has changed y for noise that is not Gaussian; else None.
     noise_model : SampleNoise
         Noise model under which amplitudes and phases were estimated. If y are samples or means, their noise model is
         chosen later, from the residual of a motion.
@@ -101,14 +102,15 @@ class Data:
 
     @property
     def recorded(self) -> np.ndarray:
-        """Return y as it was recorded, without the change by `working`, (n,)."""
+        """Return the recorded values, (n,): y without the change that `working` may have added."""
         return self.y if self.readings is None else self.readings
 
     def working(self, change: np.ndarray) -> Data:
         """Return a copy whose y is the recorded one plus a change, which is given for each sample of `record`, (m,).
 
-        Where y are means over windows, the means of the change are added. This replaces residuals by working residuals,
-        for noise that is not Gaussian. `readings` of the copy contains the recorded y.
+        Where y are means over windows, the means of the change are added. This is for noise that is not Gaussian: with
+        a suitable change, least squares give the most probable motion. `readings` of the copy contains the recorded
+        values.
         """
         means = change if self.rows is None else change[self.rows].mean(axis=1)
         return replace(self, y=self.recorded + means, readings=self.recorded)
@@ -120,7 +122,7 @@ class Data:
 
     @property
     def middle(self) -> Reference:
-        """Return a `Reference` with the geometric mean of `amplitude` and `final_amplitude`, and with `frequency`."""
+        """Return a reference amplitude and frequency: √(`amplitude` · `final_amplitude`), and `frequency`."""
         return Reference(float(np.sqrt(self.amplitude * self.final_amplitude)), self.frequency)
 
     @property
@@ -133,7 +135,7 @@ class Data:
 
     @property
     def end(self) -> float:
-        """Return the time at which motions end, in s, in the same time as `t`.
+        """Return the time in s at which motions end, on the time axis of `t`.
 
         It is the last `t`, or the last sample of the last window if y are means over windows.
         """
@@ -146,11 +148,14 @@ class Data:
 
     @property
     def duration(self) -> float:
-        """Return the duration of the used part of the record, in s."""
+        """Return the duration of the used part of the record, in s.
+
+        If `t` are times of a compressed oscillation, which is shorter, this is still the duration in the record.
+        """
         return self.end * (1.0 if self.averaged is None else self.averaged.track.slowness)
 
     def of_amplitude(self, values: np.ndarray) -> np.ndarray:
-        """Return the amplitudes among values, (n,), of an averaged record; else all values.
+        """Return only the amplitudes among values, (n,), if the record is reduced to amplitudes and phases; else all.
 
         The values have the form of y: amplitude, phase and midline of each block in turn. The amplitudes are divided by
         the weights of the blocks, so that they are in the record's unit.
@@ -162,8 +167,9 @@ class Data:
     ) -> Solver | AveragedSolver:
         """Return a solver for damping terms under a restoring law; its motions have the same form as y.
 
-        epsilon: width of the velocity in which dry friction changes its sign, in rad/s or m/s. knots: times of the
-        knots of the deviations g and h, in the same time as `t`.
+        epsilon: width of the velocity range in which dry friction changes its sign, in rad/s or m/s. knots: times in s,
+        on the time axis of `t`, between which the deviations of damping (g) and frequency (h) from their laws are
+        interpolated.
         """
         arguments = (
             tuple(terms), restoring, self.t, self.quantity, self.amplitude, self.frequency, epsilon, knots,
@@ -181,7 +187,10 @@ class Data:
         return _equilibrium(restoring, tuple(law.tolist()), self.rest, 2 * self.amplitude)
 
     def rest_under(self, restoring: str, law: np.ndarray) -> float:
-        """Return the result of `equilibrium` for restoring parameters `law`, (r,); the midline if that is None."""
+        """Return the equilibrium (rad or m) nearest to the midline, as `equilibrium` does; the midline if that is None.
+
+        restoring: name of the restoring law. law: values of its parameters, (r,).
+        """
         equilibrium = self.equilibrium(restoring, law)
         return self.rest if equilibrium is None else equilibrium
 
@@ -217,7 +226,7 @@ def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise 
     Raises
     ------
     Refusal
-        Where the record does not oscillate.
+        If the record does not oscillate, or has fewer than ten samples.
     """
     shape = features(signal)
     every_t, every_y = np.asarray(signal.t, float), np.asarray(signal.y, float)

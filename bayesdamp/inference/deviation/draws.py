@@ -1,8 +1,11 @@
 """Compute the probabilities of candidates, draw from their posteriors, and summarise the draws.
 
-A candidate is a sum of damping terms under a restoring law. The summarised quantities are equivalent damping ratios
-(from the work of the damping on undamped orbits), fractions of the dissipated energy by term, the sizes of deviations
-from the laws, and the residual beyond the noise.
+A candidate is a sum of damping terms under a restoring law. The draws are summarised as
+
+- equivalent damping ratios, from the energy that the damping dissipates on undamped orbits;
+- the fraction of the dissipated energy for each damping term;
+- the sizes of the deviations from the laws of damping and restoring force;
+- the part of the residual that is larger than the noise.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,17 +32,17 @@ POWER_TIMES = 4000
 TOTAL_DRAWS = 4000
 """Number of draws that `draw_candidates` makes from all candidates together."""
 COVERED_PROBABILITY = 0.99
-"""`draw_candidates` draws from the most probable candidates, as many of them as are needed for this total
-probability."""
+"""`draw_candidates` draws from the most probable candidates: the smallest number whose total probability is larger than
+this."""
 MOST_DISTINCT_DRAWS = 200
 """Largest number of different draws of a candidate whose terms have parameters besides their coefficients (such as an
-exponent), because each needs its own integral of the work; the draws are repeated to the wanted number."""
+exponent), because the energy loss must be integrated for each; the draws are repeated to reach the requested number."""
 DRIFT_SDS = 5.0
-"""A drift of the midline is significant if it exceeds this many of its standard deviations: one false alarm in 400
-records of `LEAST_CYCLE_MEANS` cycles, far fewer with more cycles."""
+"""A drift of the midline is significant if it exceeds this many of its standard deviations. This gives one false alarm
+in 400 records of `LEAST_CYCLE_MEANS` cycles, and far fewer with more cycles."""
 LEAST_CYCLE_MEANS = 8
-"""Least number of cycles for which `midline_drift` fits a straight line to the mean residuals of the cycles; with fewer
-the drift is taken as 0."""
+"""Least number of cycles for which `midline_drift` fits a straight line to the mean residuals of the cycles; with
+fewer, it returns a drift of 0."""
 _COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi)
 """Displacements of a harmonic motion of amplitude 1 at 16 equidistant phases, for `balanced_frequency`."""
 
@@ -48,9 +51,9 @@ _COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi)
 class Quantity:
     """Median and 95 % interval (2.5 and 97.5 % quantiles) of a number, and two parts of its standard deviation.
 
-    All are in the unit of this number. value: the median. low, high: the ends of the interval. sd_noise: the part that
-    noise alone would cause if the laws were exact. sd_law: the rest, √(variance − sd_noise²), from deviations from the
-    laws. Both are nan if unknown.
+    All are in the unit of this number. value: the median. low, high: the ends of the interval. sd_noise: the part of
+    the standard deviation that noise alone would cause if the laws of damping and restoring force were exact. sd_law:
+    the other part, √(variance − sd_noise²), which deviations from the laws cause. Both are nan if unknown.
     """
 
     value: float
@@ -63,8 +66,8 @@ class Quantity:
 def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
     """Return median and 95 % interval of draws, (n,), with the two parts of their sd (see `Quantity`).
 
-    noise: the part of the sd that noise alone causes, in the unit of the draws. The part from deviations is √(variance
-    − noise²), at least 0; it is nan if `noise` is nan.
+    noise: the part of the sd that noise alone causes, in the unit of the draws. The part that deviations from the laws
+    cause is √(variance − noise²), at least 0; it is nan if `noise` is nan.
     """
     low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))
     law = float(np.sqrt(max(float(np.var(values)) - noise**2, 0.0))) if np.isfinite(noise) else float("nan")
@@ -72,10 +75,10 @@ def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
 
 
 def with_parts_of_sd(summary: Mapping[str, float], noise: float) -> dict[str, float]:
-    """Return the summary of a parameter with two parts of its `sd`.
+    """Return a parameter's summary with two more keys, `sd_noise` and `sd_law`: two parts of its `sd`.
 
-    `sd_noise` is `noise`, the part that noise alone would cause under exact laws, but at most the sd; `sd_law` =
-    √(sd² − sd_noise²) is from deviations from the laws.
+    `sd_noise` is `noise`, the part that noise alone would cause under exact laws, but at most the sd. `sd_law` is √(sd²
+    − sd_noise²), the part that deviations from the laws cause.
     """
     noise = min(noise, summary["sd"])
     return {**summary, "sd_noise": noise, "sd_law": float(np.sqrt(summary["sd"] ** 2 - noise**2))}
@@ -83,12 +86,12 @@ def with_parts_of_sd(summary: Mapping[str, float], noise: float) -> dict[str, fl
 
 @dataclass(frozen=True)
 class CandidateDraws:
-    """Draws of one candidate from its posterior.
+    """Draws from the posterior of one candidate (a sum of damping terms under a restoring law).
 
     Attributes
     ----------
     result : CandidateResult
-        The candidate's result.
+        Fit and posterior of the candidate.
     coefficients : ndarray, shape (n, m)
         Coefficients of the solver's m terms; 0 for terms that the candidate does not have.
     further : ndarray, shape (n, e)
@@ -97,8 +100,8 @@ class CandidateDraws:
     law : ndarray, shape (n, r)
         Parameters of the restoring law, in the order of `RestoringLaw.parameters`.
     g, h : ndarray, shape (n, k)
-        Log deviation of the damping and relative deviation of the frequency, at the k knots, which are equidistant in
-        time from the start to the end of the record.
+        Deviations from the laws at k knots, which are equidistant in time from the start to the end of the record. The
+        damping force is multiplied by exp g, and the frequency by 1 + h.
     """
 
     result: CandidateResult
@@ -110,10 +113,10 @@ class CandidateDraws:
 
     @classmethod
     def of(cls, result: CandidateResult, u: np.ndarray) -> Self:
-        """Convert draws u, (n, K), of a candidate's posterior to parameters in their units and deviations.
+        """Convert draws u, (n, K), from a candidate's posterior to parameters in their units and to deviations g and h.
 
-        u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
-        (relative frequency), at knots in time.
+        u contains the parameters, transformed to standard normal priors (scores), then the deviations from the laws at
+        knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h).
         """
         d, solver = result.fit.z.size, result.solver
         values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
@@ -122,28 +125,30 @@ class CandidateDraws:
 
     @cached_property
     def _step_sds(self) -> np.ndarray:
-        """Return the sd of the change of g from a knot to the next, (n,).
+        """Return the sd of the change of g (log of a factor on the damping) between neighbouring knots in time, (n,).
 
-        Its square is half the mean square of the draw's second differences, which contain no linear trend.
+        There is one sd for each draw. Its square is half the mean square of the draw's second differences, which
+        contain no linear trend.
         """
         return np.sqrt(np.mean(np.diff(self.g, 2, axis=1) ** 2, axis=1) / 2)
 
     def between_knots(self, fraction: float, rng: np.random.Generator) -> np.ndarray:
-        """Draw by how much g differs from its linear interpolation, `at_fraction`, at a fraction of the record: (n,).
+        """Draw the random difference between g and its linear interpolation at a fraction (0 to 1) of the record, (n,).
 
-        Between two of its knots, which are equidistant in time, g is a Brownian bridge. Its variance is u (1 − u) of
-        the variance of a step at a fraction u of the way (I. Karatzas and S. E. Shreve, Brownian Motion and Stochastic
-        Calculus, 1991, 5.6.B), and 0 at a knot.
+        g is the log of a factor on the damping, known at knots equidistant in time. Between two knots it is modelled as
+        a Brownian bridge. At a fraction u of the way between them, the variance of the difference is u (1 − u) times
+        that of the change of g between neighbouring knots (I. Karatzas and S. E. Shreve, Brownian Motion and Stochastic
+        Calculus, 1991, 5.6.B). It is 0 at a knot.
         """
         u = fraction * (self.g.shape[1] - 1) % 1.0
         return np.sqrt(u * (1 - u)) * self._step_sds * rng.standard_normal(len(self.g))
 
     def by_further(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Evaluate a function of the terms' own parameters for each draw, but only once for draws with equal ones.
+        """Evaluate a function of the terms' own parameters for each draw, but only once for each distinct set.
 
-        Own parameters are those that a term has besides its coefficient, such as an exponent. The function maps r
-        different rows of `further`, (r, e), to values (r, m). Return the values of the n draws, (n, m), or (1, m) if
-        all draws have the same own parameters.
+        Own parameters are those that a term has besides its coefficient, such as an exponent. The function is called
+        with the r distinct rows of `further`, (r, e), and returns values (r, m). Return the values for the n draws, (n,
+        m), or (1, m) if all draws have the same own parameters.
         """
         rows, place = np.unique(self.further, axis=0, return_inverse=True)
         values = function(rows)
@@ -155,16 +160,16 @@ def candidate_probabilities(
 ) -> dict[MotionCandidate, float]:
     """Return the posterior probability of each candidate, from evidences and prior odds (`priors.odds`); the sum is 1.
 
-    With exact laws the evidences without deviations are used, else those with deviations g and h. In the second case
-    only candidates that could be linearised with deviations are included; if there are none, the probabilities are
-    those under exact laws.
+    A candidate is a sum of damping terms under a restoring law. If `exact` is true, the evidences are those without
+    deviations g and h from the laws. Otherwise they are those with deviations, and only candidates that could be
+    linearised with deviations are included; if there are none, the probabilities are those under exact laws.
 
     Parameters
     ----------
     comparison : ModelComparison
         The comparison.
     exact : bool
-        Whether the laws are assumed to be exact; if False, deviations from them are allowed.
+        Whether to assume that the laws are exact; if false, deviations from them are allowed.
     forms : bool
         Whether to include the rivals, which are sums with a form of damping that is not compared.
     """
@@ -184,9 +189,10 @@ def draw_candidates(
 ) -> list[CandidateDraws]:
     """Draw from the posteriors of the most probable candidates, with numbers in proportion to their probabilities.
 
-    chosen: probability of each candidate. About `TOTAL_DRAWS` draws are made in all. Candidates beyond
-    `COVERED_PROBABILITY`, or with less than half a draw, are left out. The result has an element for each of the
-    others, the most probable one first.
+    chosen: probability of each candidate. The most probable candidates with a total probability of
+    `COVERED_PROBABILITY` share about `TOTAL_DRAWS` draws. All others are left out, and so is a candidate with a share
+    of less than half a draw. The result contains the draws of each candidate that is not left out, the most probable
+    candidate first.
     """
     order = sorted(chosen.items(), key=lambda item: -item[1])
     totals = list(accumulate(p for _, p in order))
@@ -196,11 +202,12 @@ def draw_candidates(
 
 
 def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator) -> CandidateDraws:
-    """Return `count` draws of one candidate: of its sampled draws if they are trusted, else from its linear model.
+    """Return `count` draws from the posterior of one candidate.
 
-    The linear model is that about the mode. If one of the candidate's terms has an inferred parameter besides its
-    coefficient, such as an exponent, at most `MOST_DISTINCT_DRAWS` of the draws are different. Under exact laws the
-    deviations g and h of the draws are 0.
+    They are chosen from `result.sampled`, for which the equation of motion was solved for each draw, if these exist and
+    are trusted. Otherwise they are drawn from the posterior of the linear model about the mode. If one of the
+    candidate's terms has an inferred parameter besides its coefficient, such as an exponent, at most
+    `MOST_DISTINCT_DRAWS` of the draws are different. Under exact laws the deviations g and h of the draws are 0.
     """
     d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
     few = min(count, MOST_DISTINCT_DRAWS) if set(solver.inferred) & set(parameters.free_names) else count
@@ -219,8 +226,8 @@ def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> n
     """Return the fraction of the energy lost over the record that each term dissipates, for each draw, (draws, m).
 
     The m terms are those of the solver; the draws of all candidates follow each other. For all draws of a candidate the
-    work is computed along one motion, that at the candidate's mode. The draws' deviations g and h have no effect. The
-    fractions of a draw have the sum 1, or are all 0 if it loses no energy.
+    energy is computed along the same motion, that at the mode of its posterior. The draws' deviations g and h from the
+    laws have no effect. The fractions of a draw have the sum 1, or are all 0 if it loses no energy.
     """
     from bayesdamp.physics.kernel.dense import at_times  # imports the compiler
 
@@ -238,8 +245,9 @@ def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> n
 def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str, float]:
     """Return, by name, the sd of each inferred parameter (in its unit) that noise alone would cause under exact laws.
 
-    It is the sd within components of the linear model's posterior without deviations, before the cut-off of
-    coefficients at zero, scaled to the variance of the noise in the comparison.
+    It is computed from the posterior of the linear model without deviations, before coefficients are cut off at zero:
+    the root mean variance of the components of this mixture. It is scaled to the variance of the noise in the
+    comparison.
     """
     parameters = result.fit.parameters
     sds = result.exact_posterior.sds(np.diag(parameters.rates(result.fit.z)))
@@ -270,18 +278,19 @@ def restoring_of(restoring: str, law: np.ndarray) -> Force:
 def natural_frequency(force: Force, rest: np.ndarray, scale: float) -> np.ndarray:
     """Return the frequencies √F′ of small oscillations about the equilibria `rest`, (n,), in rad/s; 0 if F′ < 0.
 
-    F′ is the derivative of the restoring force. force: as `restoring_of` returns it. rest: in rad or m. scale: a
-    typical displacement in rad or m; the difference quotient for F′ has the step 1e-5 `scale`.
+    F′ is the derivative of the restoring force. force: as `restoring_of` returns it. scale: a typical displacement in
+    rad or m; F′ is a difference quotient with the step 1e-5 `scale`. `rest` is in rad or m.
     """
     return np.sqrt(np.maximum(slope_of(force, rest, 1e-5 * scale), 0.0))
 
 
 def balanced_frequency(force: Force, rest: np.ndarray, amplitude: float) -> np.ndarray:
-    """Return the frequencies at an amplitude in rad or m, (n,), in rad/s, by harmonic balance.
+    """Return the frequencies of oscillations with an amplitude in rad or m, (n,), in rad/s, by harmonic balance.
 
-    They follow from the first harmonic of the restoring force, and are 0 if it does not pull back. force, rest: as in
-    `natural_frequency`. It needs only 16 values of the force for each draw, and its change with the parameters of the
-    law is accurate enough for the spread between draws (N. M. Krylov and N. N. Bogoliubov, 1943).
+    They follow from the first harmonic of the restoring force on a sinusoid about the equilibria `rest`, (n,), and are
+    0 if this harmonic drives away from the equilibrium. The method needs only 16 values of the force for each draw. It
+    is not exact, but the change of its result with the parameters of the law is accurate enough for the spread between
+    draws (N. M. Krylov and N. N. Bogoliubov, 1943). force: as `restoring_of` returns it.
     """
     pull = _COSINES @ force(rest + amplitude * _COSINES[:, None])
     return np.sqrt(np.maximum(2 * pull / (len(_COSINES) * amplitude), 0.0))
@@ -291,13 +300,14 @@ def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Return times in s and amplitudes (rad or m) of a motion's half cycles, as two arrays of the same length.
 
     An amplitude is half the distance between two turning points; its time is the middle between them. An amplitude that
-    is larger than the one before it is replaced by that one. Half cycles of zero amplitude are left out. For an
-    averaged record (one reduced to amplitudes and phases) the motion and its times are those of the compressed
-    oscillation that is solved in its place, which decays through the same amplitudes in fewer cycles.
+    is larger than the previous one is replaced by the previous one, so that the amplitudes never grow. Half cycles of
+    zero amplitude are left out. For an averaged record (one reduced to amplitudes and phases) the motion and its times
+    are those of the compressed oscillation that is solved in its place, which decays through the same amplitudes in
+    fewer cycles.
     """
     times, states = motion.refined
     v = states[:, 1]
-    # The velocity changes sign between two nodes, or reaches zero at a node, which counts once.
+    # Turning points: the velocity changes sign between two nodes, or reaches zero at a node (counted once).
     reached = (v[:-1] != 0) & (v[1:] == 0)
     reached[0] |= v[0] == 0
     turns = np.flatnonzero((v[:-1] * v[1:] < 0) | reached)
@@ -324,7 +334,7 @@ def time_fraction(result: CandidateResult, amplitude: float) -> float:
 
 
 def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
-    """Return the undamped orbit with an amplitude (rad or m) under the restoring law at the candidate's mode.
+    """Return the undamped orbit with an amplitude (rad or m) under a candidate's restoring law at its posterior mode.
 
     None if there is no equilibrium near the record's midline, or if the orbit would escape over a potential barrier.
     """
@@ -338,10 +348,11 @@ def unit_works(
 ) -> np.ndarray:
     """Return the energy that each term dissipates in a cycle of an orbit, per unit coefficient and inertia, (d, m).
 
-    Times a coefficient it is in rad²/s² or m²/s². further: d rows with the terms' parameters besides their
-    coefficients, such as exponents, and the references in their forces, (d, e), in the order of `Solver.further`.
-    active: mask of the terms that act, (m,); the others get 0. epsilon: width of the velocity range in which dry
-    friction changes its sign, in rad/s or m/s, by default that of the solver.
+    Multiplied by a coefficient it is in rad²/s² or m²/s². solver: solver with the m terms. further: d rows with the
+    values of the terms' parameters besides their coefficients, such as exponents, and of the fixed reference values in
+    their forces, (d, e), in the order of `Solver.further`. active: mask of the terms that act, (m,); the others get 0.
+    epsilon: width of the velocity range in which dry friction changes its sign, in rad/s or m/s, by default that of the
+    solver.
     """
     x, v = np.tile(orbit.x, 2), np.concatenate([orbit.velocity, -orbit.velocity])
     weight = np.concatenate([orbit.weight, -orbit.weight])
@@ -352,10 +363,10 @@ def ratios_per_unit(d: CandidateDraws, amplitude: float) -> np.ndarray | None:
     """Return the equivalent damping ratio at an amplitude per unit of each coefficient, for each draw, (n, m).
 
     The equivalent damping ratio is the energy lost in a cycle of the undamped orbit, divided by 4π times the orbit's
-    energy. Times the coefficients and summed over the m terms, the result is this ratio without deviations. The orbit
-    is that under the restoring law at the candidate's mode, for all draws. The result is (1, m) if all draws have the
-    same own parameters (those besides the coefficients, such as an exponent); None if no orbit has the amplitude (rad
-    or m). Terms that the candidate does not have get 0.
+    energy. The result, multiplied by the coefficients and summed over the m terms, is this ratio without deviations
+    from the laws. The orbit is the same for all draws, that under the restoring law at the mode of the candidate's
+    posterior. The result is (1, m) if all draws have the same own parameters (those besides the coefficients, such as
+    an exponent). It is None if no orbit has the amplitude (rad or m). Terms that the candidate does not have get 0.
     """
     solver = d.result.solver
     orbit = orbit_of(d.result, amplitude)
@@ -376,10 +387,11 @@ def at_fraction(values: np.ndarray, fraction: float) -> np.ndarray:
 def deviations_at(
     d: CandidateDraws, amplitude: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return g (log damping) and h (relative frequency) of a candidate's draws at an amplitude (rad or m), (n,) each.
+    """Return the deviations g and h from the laws for a candidate's draws at an amplitude (rad or m), (n,) each.
 
-    They are interpolated between knots at the time when the motion has this amplitude, or the nearest amplitude that it
-    has (`time_fraction`); g also includes the random difference of `CandidateDraws.between_knots`.
+    The damping force is multiplied by exp g, and the frequency by 1 + h. Both are interpolated between knots in time,
+    at the time when the motion has this amplitude, or the nearest amplitude that it has (`time_fraction`). g also
+    includes the random difference of `CandidateDraws.between_knots`.
     """
     share = time_fraction(d.result, amplitude)
     return at_fraction(d.g, share) + d.between_knots(share, rng), at_fraction(d.h, share)
@@ -394,7 +406,7 @@ def ratio_at(
 ) -> Ratio:
     """Return median, 95 % interval and parts of the sd (`Quantity`) of the equivalent damping ratio at an amplitude.
 
-    Parameters as of `draw_ratios`. All numbers but the amplitude are nan if no orbit has this amplitude.
+    The parameters are those of `draw_ratios`. All numbers but the amplitude are nan if no orbit has this amplitude.
     """
     ratios, noise = draw_ratios(comparison, drawn, amplitude, sensor, rng)
     if not ratios.size:
@@ -413,9 +425,9 @@ def draw_ratios(
     """Return draws of the equivalent damping ratio at an amplitude, (n,), and the sd that noise alone would cause.
 
     The ratio is the energy lost in a cycle of the undamped orbit, divided by 4π times the orbit's energy. The draws of
-    all candidates are joined and include the deviations from the laws. The sd is that under exact laws, averaged over
-    the draws. Candidates without an orbit of this amplitude are left out; if all are, the draws are empty and the sd is
-    nan.
+    all candidates are joined and include the deviations from the laws. The sd is averaged over the draws; it is
+    computed for each candidate from its posterior under exact laws. Candidates without an orbit of this amplitude are
+    left out; if all are, the draws are empty and the sd is nan.
 
     Parameters
     ----------
@@ -438,7 +450,7 @@ def draw_ratios(
         ratios = _average_over_frictions(comparison, d, amplitude, per_unit, rng)
         g, h = deviations_at(d, amplitude, rng)
         values.append(ratios * np.exp(g) / (1 + h))
-        # Error propagation from the exact posterior: the sd from noise alone.
+        # Propagate the covariance of the posterior under exact laws: this is the sd that noise alone causes.
         result, mean = d.result, per_unit.mean(axis=0)
         parameters = result.fit.parameters
         rates, gradient = parameters.rates(result.fit.z), np.zeros(parameters.free.size)
@@ -461,12 +473,13 @@ def _average_over_frictions(
     per_unit: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the damping ratio of each draw, (n,), with a width ε of dry friction drawn from the posterior of ε.
+    """Return the damping ratio of each draw, (n,), with the width ε of dry friction drawn from its posterior.
 
-    ε is the width of the velocity range in which friction changes its sign. The ratio at the solver's ε is multiplied
-    by the energy that all terms of the fit at the drawn ε (`ModelComparison.frictions`) lose in a cycle, divided by
-    that of the fit at the solver's ε. Without friction in the candidate, if ε is known, or if the latter fit loses no
-    energy, the ratios are those at the solver's ε. per_unit: result of `ratios_per_unit`.
+    ε is the width of the velocity range in which friction changes its sign. For each draw, one of the fits in
+    `ModelComparison.frictions`, which have different ε, is chosen at random with its posterior probability. The draw's
+    ratio at the solver's ε is multiplied by a quotient: the energy that all terms of the chosen fit lose in a cycle,
+    divided by that of the fit at the solver's ε. The ratios do not change if the candidate has no friction, if ε is
+    known, or if the fit at the solver's ε loses no energy. per_unit: result of `ratios_per_unit`.
     """
     ratios = np.sum(d.coefficients * per_unit, axis=1)
     solver, active, frictions = d.result.solver, d.result.fit.active, comparison.frictions
@@ -491,10 +504,10 @@ def _average_over_frictions(
 
 
 def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
-    """Return the mean over the record of |deviation − its own mean|, for each draw, (n,).
+    """Return for each draw the mean over the record of |deviation − mean deviation|, (n,).
 
-    Both means are weighted by the energy of the oscillation. values: the deviation from the law at k equidistant times,
-    (n, k): g (log deviation of the damping) or h (relative deviation of the frequency).
+    Both means are weighted by the energy of the oscillation. values: deviations from the law at k equidistant times,
+    (n, k), either g (log of a factor on the damping) or h (relative change of the frequency).
     """
     weight = _energies(result, values.shape[1])
     centred = values - (values @ weight)[:, None]
@@ -504,11 +517,11 @@ def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
 def ratio_over_law(
     drawn: Sequence[CandidateDraws], amplitudes: Sequence[float], rng: np.random.Generator
 ) -> tuple[Quantity, ...]:
-    """Return median and 95 % interval of the damping divided by that of its law, for each amplitude (rad or m).
+    """Return median and 95 % interval of the damping divided by the damping of its law, at each amplitude (rad or m).
 
-    The quotient is exp(g − mean of g), where g is the log deviation of the damping and its mean over the record is
-    weighted by the energy. The draws of all candidates are joined. The two parts of the sd are nan. For an amplitude
-    outside the range of a motion, g is that at the nearest amplitude.
+    The quotient is exp(g − mean of g), where g is the log of a factor on the damping; its mean over the record is
+    weighted by the energy. The draws of all candidates are joined. For an amplitude outside the range of a motion, g is
+    that at the nearest amplitude. The two parts of the sd (see `Quantity`) are nan.
     """
     means = [d.g @ _energies(d.result, d.g.shape[1]) for d in drawn]
     factors = []
@@ -523,8 +536,8 @@ def log_ratio_over_law(
 ) -> tuple[tuple[float, float], ...]:
     """Return mean and sd of log(damping ratio / damping ratio without deviations), for each amplitude (rad or m).
 
-    This natural logarithm is g − log(1 + h); no mean over the record is subtracted from g (unlike `ratio_over_law`).
-    The draws of all candidates are joined.
+    This natural logarithm is g − log(1 + h): deviations multiply the damping force by exp g and the frequency by 1 + h.
+    No mean over the record is subtracted from g (unlike `ratio_over_law`). The draws of all candidates are joined.
     """
     pairs = []
     for a in amplitudes:
@@ -535,9 +548,10 @@ def log_ratio_over_law(
 
 
 def _energies(result: CandidateResult, knots: int) -> np.ndarray:
-    """Return the squared amplitudes at k equidistant times, divided by their sum, (k,).
+    """Return weights in proportion to the energy at k equidistant times of the record, with the sum 1, (k,).
 
-    They are all equal if the motion has fewer than two half cycles.
+    They are squared amplitudes of the candidate's motion, divided by their sum. They are all equal if the motion has
+    fewer than two half cycles.
     """
     at, sizes = turning_amplitudes(result.motion)
     times = np.linspace(0, 1, knots) * result.data.end
@@ -548,10 +562,10 @@ def _energies(result: CandidateResult, knots: int) -> np.ndarray:
 def midline_drift(result: CandidateResult) -> float:
     """Return the drift of the midline over the record, as a fraction of the first amplitude; 0 if insignificant.
 
-    It is positive if the record rises relative to the motion. The amplitude is that of the recorded quantity. A
-    straight line is fitted to the mean residuals, under exact laws, of the cycles (or blocks of an averaged record);
-    the scatter of these means about it gives the sd of its slope. The drift is significant if it exceeds `DRIFT_SDS`
-    sds and there are at least `LEAST_CYCLE_MEANS` means.
+    It is positive if the record rises relative to the motion. The amplitude is that of the recorded quantity. The
+    residuals of the fit under exact laws are averaged over each cycle (or each block of an averaged record), and a
+    straight line is fitted to these means. Their scatter about the line gives the sd of its slope. The drift is
+    significant if it exceeds `DRIFT_SDS` sds and there are at least `LEAST_CYCLE_MEANS` means.
     """
     data, left, scale = result.data, result.fit.residual, result.data.recorded_amplitude
     if data.averaged is None:
@@ -570,16 +584,17 @@ def midline_drift(result: CandidateResult) -> float:
 
 
 def unexplained_and_noise(result: CandidateResult) -> tuple[float, float]:
-    """Return the rms of what the laws do not explain, and the sd of a sample's noise.
+    """Return the rms of the residual that neither the laws nor noise explain, and the sd of a sample's noise.
 
     Both are fractions of the first amplitude of the recorded quantity. The noise is the residual of the fit with
-    deviations g (of the damping) and h (of the frequency) from the laws. The first number is the part of the residual
-    of the fit under exact laws that exceeds this noise. If there is no fit with deviations, the whole residual counts
-    as noise. For an averaged record (amplitudes and phases), the first number uses only the amplitudes.
+    deviations g (of the damping) and h (of the frequency) from the laws. The first number is computed from the residual
+    of the fit under exact laws: the root of its mean square minus the variance of the noise. If there is no fit with
+    deviations, the whole residual counts as noise. For a record that is reduced to amplitudes and phases, the first
+    number uses only the amplitudes.
     """
     linearisation = result.linearisation
     left = result.fit.residual if linearisation is None else linearisation.left
-    # Of an averaged record only amplitudes: a phase that drifts over thousands of cycles is a tiny frequency error.
+    # Use only amplitudes of an averaged record: a phase that drifts over thousands of cycles is a tiny frequency error.
     residual = result.data.of_amplitude(result.fit.residual)
     clean = float(left @ left) / max(left.size - (0 if linearisation is None else linearisation.u.size), 1)
     rest = max(float(residual @ residual) / residual.size - clean, 0.0)

@@ -1,4 +1,4 @@
-"""Compute from a model comparison the numbers of a verdict, the summary of a posterior, and arrays for figures."""
+"""Compute from a comparison of damping models the numbers of a verdict, a posterior's summary and data for figures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -46,83 +46,87 @@ from bayesdamp.types import NORMAL_95, SENSOR, Ratio, sum_probabilities
 CURVE_AMPLITUDES = 12
 """Number of amplitudes, from a record's first to its last, at which its damping ratio is computed for a curve."""
 PROBABLE_RIVALS = 1e-3
-"""Damping ratios are averaged over the rivals too if the rivals (sums with a form of damping that is not compared) are
-together more probable than this."""
+"""If the total probability of all rivals is larger than this, they are included in the averages of damping ratios,
+frequencies and deviations over the models. A rival is a sum with a form of damping that is not in the comparison."""
 NEWTON_STEPS = 6
-"""Number of steps of Newton's method from the equilibrium at the mode to that of a draw; each doubles the number of
-correct digits (conventional)."""
+"""Number of steps of Newton's method from the equilibrium at the posterior's mode to the equilibrium for the restoring
+parameters of a draw. Each step doubles the number of correct digits (conventional)."""
 UNDETERMINED_WIDTH = 0.7
 """A record does not determine a parameter if the 95 % interval of its posterior is wider than this fraction of the 95 %
 interval of its prior (conventional)."""
 TIED_CORRELATION, LOOSE_INTERVAL = 0.98, 0.2
-"""A record counts as determining only a combination of two parameters if the absolute correlation of their posterior
-draws is larger than the first value and, for each of them, half the 95 % interval is larger than the second value times
-its mean (conventional)."""
+"""A record counts as determining only a combination of two parameters under two conditions (conventional). The absolute
+correlation of their posterior draws is larger than `TIED_CORRELATION`. For each of the two, half the 95 % interval is
+larger than `LOOSE_INTERVAL` times the absolute mean."""
 MOST_PLOTTED = 3000
-"""Largest number of samples in a figure. A longer record is cut into stretches, and only the minimum and the maximum of
-each are drawn."""
+"""Largest number of samples in a figure, approximately. A longer record is cut into stretches, and only the minimum and
+the maximum of each stretch are drawn."""
 
 
 @dataclass(frozen=True)
 class Findings:
     """The numbers from which a verdict is decided.
 
-    Compared sums are the sums of damping terms in the comparison; rivals are sums with another form of damping. g is
-    the log deviation of the damping from its law, h the relative deviation of the frequency.
+    A candidate is a compared sum of damping terms under a restoring law. A rival is a sum with another form of damping,
+    which is evaluated after the candidates. The laws hold approximately: deviations multiply the damping force by exp g
+    and the frequency by 1 + h. Under exact laws g = h = 0.
 
     Attributes
     ----------
     damping, damping_if_exact : mapping of str to float
-        Probability of each compared sum (terms joined by +), the most probable one first. `damping` is from the
-        comparison, in which rivals have the rest of the probability; `damping_if_exact` is under exact laws and without
-        rivals, so that its sum is 1.
+        Probability of each compared sum (terms joined by +), the most probable one first. `damping` allows deviations
+        from the laws if the comparison does; `damping_if_exact` assumes exact laws. In both, rivals have the rest of
+        the probability.
     other_forms : mapping of str to float
         Probability of each rival.
     exponent : Quantity, optional
-        Exponent p of a damping force that is one power |v|^p of the velocity; None if no such motion fits the record.
+        Exponent p of a damping force c |v|^p that replaces the whole sum (v: velocity); None if no such motion fits the
+        record.
     restoring : mapping of str to float
-        Probability of each restoring law, the most probable one first; rivals are left out.
+        Probability of each restoring law without rivals, the most probable law first.
     term : mapping of str to float
-        Probability that the damping contains each compared term; rivals are included.
+        Probability of each compared term: the sum over the candidates and rivals that contain it.
     ratios, curve : tuple of Ratio
-        Equivalent damping ratios at the amplitudes that were asked for, and at `CURVE_AMPLITUDES` amplitudes from the
-        first to the last of the record, in equal steps of the logarithm; nan where no orbit has the amplitude.
+        Equivalent damping ratios, at the requested amplitudes in `ratios`, and in `curve` at `CURVE_AMPLITUDES`
+        amplitudes from the first to the last of the record, in equal steps of the logarithm; nan where no orbit has the
+        amplitude.
     frequency : Quantity
         Frequency of small oscillations, in Hz.
     energy : mapping of str to Quantity
-        Fraction of the energy dissipated over the record that each compared term takes, from the joined draws of all
-        compared candidates; it is 0 in the draws of a candidate without the term.
+        Fraction of the energy lost over the record that each compared term dissipates, from the joined draws of all
+        candidates; it is 0 in the draws of a candidate without the term.
     bound : mapping of str to float
-        95 % upper limit of the fraction of the dissipated energy, for each term and other form that is not in the most
-        probable sum.
+        95 % upper limit of the fraction of the dissipated energy, for each compared term and each other form of damping
+        that is not in the most probable sum.
     deviation, restoring_deviation : Quantity
-        Energy-weighted mean of |g| and of |h|, each about its mean over the record.
+        Mean over the record of |g − mean of g|, and of |h − mean of h|, weighted by the energy.
     other : float
-        95 % upper limit of the energy fraction of any other form: the 95 % quantile of the mean |g| in `deviation`.
+        95 % upper limit of the energy fraction of any other form of damping: the 95 % quantile of the mean |g − mean of
+        g| that `deviation` summarises.
     coefficients : mapping of str to Quantity
         Inferred parameters of the damping and the restoring law of `best`, by name, in units of rad (or m) and s.
     best : MotionCandidate
         The most probable candidate, without rivals.
     unexplained, noise : float
-        Rms of the residual under exact laws that is not noise, and sd of the noise of a sample, as fractions of the
-        first amplitude of the recorded quantity, for the most probable candidate or rival.
+        Rms of the part of the residual under exact laws that noise does not cause, and sd of the noise of a sample, as
+        fractions of the first amplitude of the recorded quantity, for the most probable candidate or rival.
     amplitudes : tuple of float
         First and last amplitude of the record, in rad or m.
     cycles : float
         Number of cycles.
     undetermined, inseparable : tuple
-        Parameters of the most probable sum that the record does not determine, and pairs of parameters of which it
-        determines only a combination.
+        Names of the parameters of `best` that the record does not determine (with "exponent" for that of a power law),
+        and pairs of names, if the record determines only a combination of the two.
     midline : float
         Drift of the midline over the record, as a fraction of the first amplitude, from the residual of the most
         probable candidate or rival; 0 where it is not significant.
     frequency_at : Quantity, optional
         Frequency in Hz at the last amplitude of `ratios`; None if `ratios` is empty, or if no orbit has this amplitude.
     over_law : tuple of Quantity
-        Damping with deviations divided by that of its law, at the amplitudes of `ratios` (see `ratio_over_law`); empty
-        under exact laws.
+        Damping with deviations divided by the damping of its law, at the amplitudes of `ratios` (see `ratio_over_law`);
+        empty under exact laws.
     over_curve : tuple of (float, float)
-        Mean and sd of log(damping ratio / damping ratio without deviations) at the amplitudes of `curve`; empty under
+        Mean and sd of log(damping ratio / damping ratio without deviations) for each amplitude of `curve`; empty under
         exact laws.
     """
 
@@ -155,9 +159,10 @@ class Findings:
 
 
 def default_amplitudes(comparison: ModelComparison) -> tuple[float, float, float]:
-    """Return three amplitudes of the record, in rad or m, at 10, 50 and 90 % of the way from its first to its last one.
+    """Return three amplitudes of the record, in rad or m, at which damping ratios are reported by default.
 
-    The way is measured in the logarithm of the amplitude. The largest amplitude is the first.
+    They divide the interval from the first to the last amplitude at 10, 50 and 90 % of the logarithm, the largest
+    first.
     """
     data = comparison.data
     first, last = data.amplitude, max(data.final_amplitude, 1e-6 * data.amplitude)
@@ -172,18 +177,18 @@ def compute_findings(
     sensor: float = SENSOR,
     seed: int = 0,
 ) -> Findings:
-    """Compute the numbers of a verdict from a comparison.
+    """Compute the numbers of a verdict from a comparison of damping models.
 
     Parameters
     ----------
     comparison : ModelComparison
-        The comparison, with rivals (sums with another form of damping) in its field `forms`.
+        The comparison; its field `forms` contains the rivals (sums with a form of damping that is not compared).
     amplitudes : sequence of float, optional
         Amplitudes at which damping ratios are computed, in rad or m; by default `default_amplitudes`. A ratio is nan
         where no orbit has the amplitude.
     sensor : float
-        Relative sd of the sensor's linearity and clock. Damping ratios include it unless the comparison assumes exact
-        laws.
+        Relative sd of damping ratios because of the sensor's linearity and clock. It is included unless the comparison
+        assumes exact laws.
     seed : int
         Seed of the random streams; equal seeds give equal numbers.
     """
@@ -196,7 +201,7 @@ def compute_findings(
     wanted = tuple(amplitudes) if amplitudes is not None else default_amplitudes(comparison)
     along = tuple(map(float, np.geomspace(data.amplitude, data.final_amplitude, CURVE_AMPLITUDES)))
     drawn = draw_candidates(comparison, chosen, rng)
-    # Ratios, frequencies and deviations are averaged over all candidates and, if they are probable, over rivals.
+    # Average ratios, frequencies and deviations over all candidates, and over rivals too if they are probable.
     every = (
         draw_candidates(comparison, everything, rng) if sum(other_forms.values()) > PROBABLE_RIVALS else drawn
     )
@@ -252,9 +257,9 @@ def compute_findings(
 
 
 def _probability_by_name(each: Mapping[MotionCandidate, float], part: int = 0) -> dict[str, float]:
-    """Return the total probability of each damping sum, or with `part` = 1 of each restoring law, by name.
+    """Return the total probability of each damping sum (`part` = 0) or of each restoring law (`part` = 1), by name.
 
-    The largest is first. each: probability of each candidate.
+    The largest is first. each: probability of each candidate, which is a damping sum under a restoring law.
     """
     return sum_probabilities({c.name: p for c, p in each.items()}, part)
 
@@ -262,9 +267,10 @@ def _probability_by_name(each: Mapping[MotionCandidate, float], part: int = 0) -
 def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quantity | None:
     """Return median and 95 % interval of the frequency in Hz at an amplitude (rad or m).
 
-    The frequency of each draw contains the factor 1 + h, with the relative deviation h at this amplitude. If
-    `amplitude` is None, it is the frequency of small oscillations, with h at the end of the record. Candidates without
-    an orbit of this amplitude are left out; None if all are. The two parts of the sd are nan.
+    The frequency of each draw contains the factor 1 + h, where h is its relative deviation from the restoring law at
+    this amplitude. If `amplitude` is None, the result is for small oscillations, with h at the end of the record.
+    Candidates without an orbit of this amplitude are left out; None if all are. The two parts of the sd (see
+    `Quantity`) are nan.
     """
     values = []
     for d in drawn:
@@ -279,7 +285,7 @@ def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None)
                 continue
             h = at_fraction(d.h, time_fraction(d.result, amplitude))
             own = balanced_frequency(force, _equilibria(d.result, d.law), amplitude)
-            # Correct the error of harmonic balance by that at the mode.
+            # Correct the error of harmonic balance by its error at the mode, where the orbit's exact period is known.
             at_mode = balanced_frequency(restoring_of(name, best), _equilibria(d.result, best), amplitude)[0]
             own = own * (2 * np.pi / float(orbit.period)) / max(at_mode, 1e-300)
         values.append(own * (1 + h) / (2 * np.pi))
@@ -289,8 +295,9 @@ def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None)
 def _equilibria(result: CandidateResult, law: np.ndarray) -> np.ndarray:
     """Return the equilibria in rad or m, (n,), for n draws of the parameters of a candidate's restoring law, (n, r).
 
-    If the law has a rest angle, they are the draws' rest angles, because a record of velocity or acceleration does not
-    determine the equilibrium. Otherwise they are the equilibria near the mode's equilibrium.
+    If the law has a rest angle as a parameter, they are the rest angles of the draws, because a record of velocity or
+    acceleration does not determine the equilibrium. Otherwise Newton's method starts from the equilibrium at the mode
+    of the posterior; if it fails for a draw, the result is the equilibrium at the mode.
     """
     name = result.candidate.restoring
     names = LAWS.get(name).parameters
@@ -307,9 +314,10 @@ def _limits_of_absent_terms(
 ) -> dict[str, float]:
     """Return, by name, 95 % upper limits of the energy fraction of each compared term that the best sum lacks.
 
-    Compared terms are those of the candidates, by default viscous, Coulomb and quadratic damping. The limit of a term
-    is from the posterior of the candidate that has the terms of the best sum and this one, and is a fraction of the
-    energy that this candidate dissipates over the record; without such a result the term is left out.
+    Compared terms are those of the candidates, by default viscous, Coulomb and quadratic damping. The limit is the 95 %
+    quantile of the fraction of the energy, lost over the record, that the term dissipates. It is computed from draws of
+    the candidate whose sum has this term in addition to the terms of the best sum. If this candidate has no result, the
+    term is left out.
     """
     restoring, damping = best.candidate.restoring, best.candidate.damping
     by_terms = {
@@ -329,10 +337,17 @@ def _limits_of_absent_terms(
 def _parameters(
     comparison: ModelComparison, d: CandidateDraws
 ) -> tuple[dict[str, Quantity], tuple[str, ...], tuple[tuple[str, str], ...]]:
-    """Return a candidate's inferred parameters by name, each as a `Quantity`, from its draws.
+    """Summarise the draws of one candidate by parameter, and find parameters that the record does not determine.
 
-    They are the parameters of its damping and its restoring law. Return also the names of the undetermined parameters
-    and the pairs of inseparable ones (see `Findings`).
+    Returns
+    -------
+    dict of str to Quantity
+        Inferred parameters of the damping and the restoring law, by name.
+    tuple of str
+        Undetermined parameters: their posterior is nearly as wide as their prior (`is_as_wide_as`). Only parameters
+        that damping terms have besides their coefficients can be among these.
+    tuple of (str, str)
+        Pairs of damping parameters of which the record determines only a combination (`TIED_CORRELATION`).
     """
     solver, priors = d.result.solver, d.result.fit.parameters.priors
     values = np.column_stack([d.coefficients, d.further, d.law]).T
@@ -362,8 +377,8 @@ def _parameters(
 def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
     """Return whether a posterior's 95 % interval, from low to high, is nearly as wide as that of the prior.
 
-    This is so if it is wider than `UNDETERMINED_WIDTH` times that of the prior. low and high are in the parameter's
-    unit; widths are compared in standard normal scores.
+    This is so if it is wider than `UNDETERMINED_WIDTH` times the interval of the prior. low and high are in the
+    parameter's unit. For the comparison they are transformed so that the prior is standard normal.
     """
     whole = 2.24 - 0.03 if prior.reflected else 2 * NORMAL_95
     return float(prior.score(high) - prior.score(low)) > UNDETERMINED_WIDTH * whole
@@ -372,16 +387,17 @@ def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
 def posterior_of(
     comparison: ModelComparison, result: CandidateResult, sampled: TemperedDraws
 ) -> tuple[dict[str, Any], np.ndarray]:
-    """Summarise the draws of a candidate for which `sampling` has solved the equation of motion.
+    """Summarise the sampled draws of a candidate; the equation of motion has been solved for each draw.
 
     Returns
     -------
     dict
         `parameters`: for each name a dict with mean, sd, quantiles and shortest 95 % interval (keys: see
-        `diagnostics.QUANTILES`, and hdi_low, hdi_high), and the parts of the sd (`with_parts_of_sd`). `deviation`:
-        2.5, 50 and 97.5 % quantiles of the energy-weighted mean of |g − its mean|. `unexplained`: rms of the residual
-        beyond the noise as a fraction of the first amplitude. `log_evidence` and its `stderr` in nats. `acceptance` and
-        `temperatures`: see `TemperedDraws`.
+        `diagnostics.QUANTILES`, and hdi_low, hdi_high), and the parts of the sd (`with_parts_of_sd`). `deviation`: 2.5,
+        50 and 97.5 % quantiles of the mean over the record of |g − mean of g|, weighted by the energy, where g is the
+        log of a factor on the damping (deviation from the law). `unexplained`: rms of the residual beyond the noise as
+        a fraction of the first amplitude. `log_evidence` and its `stderr` in nats. `acceptance` and `temperatures`: see
+        `TemperedDraws`.
     ndarray, shape (n, p)
         The inferred parameters of each draw, in the order of `Parameters.free_names`.
     """
@@ -408,12 +424,23 @@ def posterior_of(
 def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.ndarray]:
     """Return the arrays of an answer's figures, by name.
 
-    t, record, fit, residual: times in s, recorded values, the motion of the best candidate (with deviations if it has
-    any) and their difference record − fit, thinned samples or amplitudes of blocks, (p,). amplitude, ratio, low, high:
-    the damping ratio (median) against amplitude in rad or m with the ends of its 95 % interval, (a,). law/SUM: damping
-    ratio of the fit of each candidate's sum under exact laws and the best restoring law, at `amplitude`. work/TERM:
-    energy lost in a cycle by each term of the best sum in this fit, per unit of inertia, in rad²/s² or m²/s², at
-    `amplitude`. Values are nan where no orbit has the amplitude.
+    Returns
+    -------
+    mapping of str to ndarray
+        `t`, `record`, `fit`, `residual`, shape (p,): times in s, recorded values, the motion of the best candidate
+        (with deviations from the laws if it has any) and the difference record − fit. They are thinned samples, or
+        amplitudes if the record is reduced to amplitudes and phases.
+
+        `amplitude`, `ratio`, `low`, `high`, shape (a,): amplitudes in rad or m, the median of the damping ratio at
+        each, and the ends of its 95 % interval.
+
+        `law/SUM`, shape (a,), for each compared damping sum SUM under the best restoring law: its damping ratio at
+        `amplitude`, from the fit under exact laws.
+
+        `work/TERM`, shape (a,), for each term of the best sum: energy that the term dissipates in a cycle at
+        `amplitude`, from the same fit, per unit of inertia, in rad²/s² or m²/s².
+
+        Values are nan where no orbit has the amplitude.
     """
     data = comparison.data
     best = comparison.result(numbers.best)
