@@ -1,4 +1,4 @@
-"""Fit one candidate (a damping sum under a restoring law), and linearise it about a motion."""
+"""Fit one candidate (damping terms under a restoring law) to a record, and linearise its motion in its unknowns."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,27 +23,28 @@ from bayesdamp.types import Reference, candidate_name
 START = ("theta0", "omega0")
 """Names of the parameters for the displacement and the velocity at the first sample."""
 STARTS = (-1.0, 0.0, 1.0)
-"""Fits start at these standard normal scores of a parameter that a damping term has besides its coefficient, such as an
-exponent: low, middle and high in its prior. For two or more such parameters only low and high are combined."""
+"""Fits start at these values of a parameter that a damping term has besides its coefficient, such as an exponent. They
+are standard normal scores: the parameter is transformed so that its prior is N(0, 1), and the values are low, middle
+and high in this prior. For two or more such parameters only the low and the high value are combined."""
 MOST_STEPS = 8
 """Largest number of Gauss–Newton steps to the joint mode of a candidate's parameters and its deviations from the
 laws."""
 STEPS = ((1.0, 0.0), (0.5, 0.0), (1.0, 10.0), (1.0, 1e3), (1.0, 1e5))
-"""Steps that `linearise_at_mode` tries in turn. Each is the fraction of the full Gauss–Newton step, and Marquardt's
-parameter for the standard normal scores, which turns the step. Where a record determines only a combination of
-parameters (a spring's angle and gravity, for small swings), parameters of equal fit lie along a curve, which the full
-step leaves along its tangent; a shorter step does too, but a turned one does not."""
+"""Attempts that `linearise_at_mode` makes in turn for one Gauss–Newton step: the fraction of the full step, and
+Marquardt's damping parameter, which changes the direction of the step. Where a record determines only a combination of
+parameters (for small swings, a spring's angle and gravity), the parameters of equal fit form a curve. A full or a
+shorter step goes along the tangent and leaves this curve; a damped step does not."""
 SETTLED = 0.1
 """The Gauss–Newton steps end before a step that would change the motion by less than this: norm of the change over all
-samples, in standard deviations of the noise. It changes a log evidence by less than 0.1 nats (measured)."""
+samples, in standard deviations of the noise. Such a step changes a log evidence by less than 0.1 nats (measured)."""
 MOST_G, MOST_H = 3.0, 0.4
-"""Largest |g| and |h| about which a candidate is linearised; g is the log deviation of the damping, h the relative
-deviation of the frequency."""
+"""`MOST_G` and `MOST_H`: largest |g| and |h| at which a motion is linearised; beyond them the linearisation fails. The
+damping force is multiplied by exp g, and the frequency by 1 + h."""
 
 
 @dataclass(frozen=True)
 class MotionCandidate:
-    """A candidate of the comparison: a damping sum under a restoring law.
+    """A candidate of the comparison: a sum of damping terms under a restoring law.
 
     damping: names of the terms, such as ("viscous", "coulomb"). restoring: name of the law, such as "pendulum".
     """
@@ -59,23 +60,24 @@ class MotionCandidate:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """A candidate (a damping sum under a restoring law) that is linearised about a motion.
+    """The motion of a candidate (damping terms under a restoring law) as a linear function of its K unknowns u.
 
-    The unknowns are the inferred parameters as standard normal scores, and the deviations from the laws, g (log
-    damping) and h (relative frequency), with values at the same knots in time.
+    u contains the d inferred parameters, transformed to standard normal priors (scores), then the deviations from the
+    laws at knots in time: first g (the damping force is multiplied by exp g), then h (the frequency is multiplied by 1
+    + h). Both have the same knots.
 
     Attributes
     ----------
     fit : LeastSquaresFit
-        The candidate's fit under exact laws.
+        The candidate's fit under exact laws (g = h = 0).
     u : ndarray, shape (K,)
-        Standard normal scores of the d inferred parameters, then g and h at the knots: the point of the linearisation.
+        Values of the unknowns about which the motion is linearised.
     motion : Motion
         The motion at u.
     residual : ndarray, shape (n,)
         Record minus motion, in the record's unit.
     model : LinearModel
-        The sum of squared residuals of the linearised motion as a quadratic function of u.
+        The sum of squared residuals of the linearised motion as a quadratic function of the unknowns.
     left : ndarray, shape (n,)
         Residual of the linear model when all unknowns are fitted by least squares, without priors, in the record's
         unit.
@@ -90,12 +92,12 @@ class Linearisation:
 
     @property
     def z(self) -> np.ndarray:
-        """Return the part of u that belongs to the inferred parameters: their standard normal scores, (d,)."""
+        """Return the inferred parameters at u, transformed to standard normal priors (scores), (d,)."""
         return self.u[: self.fit.z.size]
 
     @property
     def values(self) -> np.ndarray:
-        """Return the values of all parameters of the solver at u, (k,), in the order of `Solver.names`."""
+        """Return the values of all k parameters of the solver at u, (k,), in the order of `Solver.names`."""
         return self.fit.parameters.values(self.z)
 
     @property
@@ -124,9 +126,9 @@ class Linearisation:
         return data.least_variance + float(self.left @ self.left) / degrees
 
     def grid(self, coarse: bool) -> Grid:
-        """Return the grid of sizes and correlation lengths (hyperparameters) of the deviations.
+        """Return the grid of hyperparameters of the deviations g and h: prior sds (sizes) and correlation lengths.
 
-        coarse: whether to use every other size and only the shortest and the longest length.
+        coarse: if true, the grid contains only every other size, and only the shortest and the longest length.
         """
         return grid_of(self.knots, coarse=coarse, absorbed=self.fit.parameters.absorbs)
 
@@ -164,7 +166,7 @@ def parameters_of(
 def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, float]) -> dict[str, float]:
     """Return the values at which a fit starts, by name: coefficients, restoring parameters and initial state.
 
-    The coefficients are such that each damping term causes the same part of the record's decay. The restoring
+    The coefficients are chosen so that each damping term causes the same part of the record's decay. The restoring
     parameters follow from the record's frequency and midline, and from the values of such parameters in `known`; other
     known values have no effect. Units are rad (or m) and s.
     """
@@ -180,11 +182,12 @@ def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, f
 
 
 def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dict[str, float]]:
-    """Return combinations of values, at which fits start, of the parameters that terms have besides their coefficients.
+    """Return the combinations of values at which fits start, for parameters that terms have besides their coefficients.
 
-    Such a parameter is an exponent, for example. The values, by name, are low, middle and high in the prior of a single
-    parameter, and low and high for two or more (`STARTS`). A parameter that makes its term equal to a simpler one at a
-    certain value (`DampingTerm.reduces`) starts only at this value. Without such parameters the result is one empty
+    Such a parameter is an exponent, for example. Each combination maps the names of these parameters to values. A
+    single parameter starts at a low, a middle and a high value in its prior; two or more start at all combinations of
+    low and high values (`STARTS`). If a term is equal to a simpler one at a certain value of a parameter
+    (`DampingTerm.reduces`), this parameter starts only at that value. Without such parameters the result is one empty
     mapping.
     """
     terms = [TERMS.get(t) for t in candidate.damping]
@@ -211,12 +214,12 @@ def active_of(parameters: Parameters, solver: Solver) -> np.ndarray:
 def search(
     solver: Solver, data: Data, parameters: Parameters, starts: Sequence[Mapping[str, float]]
 ) -> LeastSquaresFit | None:
-    """Fit from each start, and return the fit with the smallest sum of squared residuals.
+    """Fit a candidate to the record from each start; return the fit with the smallest sum of squared residuals.
 
     Each fit begins with the first cycles and goes on to longer and longer parts of the record. A start contains values
     of inferred parameters by name; inferred parameters that it does not contain start at the value 0. With several
-    starts, the fits end early and the best one is refined by `refit`. None if every fit fails, or if the refinement
-    fails.
+    starts, the fits end early, and `refit` refines the best of them. The result is None if every fit fails, or if the
+    refinement fails.
     """
     best: LeastSquaresFit | None = None
     active = active_of(parameters, solver)
@@ -239,9 +242,9 @@ def search_near(
 ) -> LeastSquaresFit | None:
     """Fit a candidate, starting near the motion of another candidate; None if this fails.
 
-    About that motion, the record is a linear function of the coefficients, the restoring law and the initial state.
-    Least squares of this function give the values at which the fit starts. It starts from the one of `starts` for which
-    the sum of squares of this linear function is smallest.
+    The motion of the other candidate is linearised in the coefficients, the restoring law and the initial state. Linear
+    least squares then give the values at which the fit starts. If `starts` has several elements, this is done for each,
+    and the fit starts only from the result with the smallest sum of squares.
 
     Parameters
     ----------
@@ -267,7 +270,7 @@ def search_near(
         change = motion.tangents @ (parameters.values(z) - p)
         columns = parameters.by_scores(motion.tangents, z)
         model = condense(columns, data.y - motion.y - change, parameters.positive)
-        # Scores that do not change the motion stay where they are.
+        # The further rows keep scores that do not change the motion at their values z.
         sd = np.sqrt(max(model.rest / data.y.size, data.noise**2))
         root = np.concatenate([model.root, sd * np.eye(z.size)])
         target = np.concatenate([model.target + model.root @ z, sd * z])
@@ -294,11 +297,19 @@ def solve_at(
 ) -> tuple[Motion, np.ndarray] | None:
     """Return a candidate's motion and its Jacobian by the K unknowns, (n, K); None if the motion is unbounded.
 
-    u: the unknowns at which they are computed, (K,). u contains the parameters as standard normal scores, then the
-    deviations from the laws, g (log damping) and h (relative frequency), at knots in time. A motion counts as unbounded
-    if it grows beyond all bounds or needs too many integration steps. at: only its parameters (priors, known values)
-    and its active terms are used. tolerance: error of an integration step as a fraction of the amplitude, by default
-    that of fits (3e-8).
+    A motion counts as unbounded if it grows beyond all bounds or needs too many integration steps.
+
+    Parameters
+    ----------
+    solver : Solver
+        Solver of the motions.
+    at : LeastSquaresFit
+        A fit of the candidate, from which only the parameters (priors, known values) and the active terms are used.
+    u : ndarray, shape (K,)
+        The unknowns: the parameters, transformed to standard normal priors (scores), then g and h at knots in time. The
+        damping force is multiplied by exp g, and the frequency by 1 + h.
+    tolerance : float, optional
+        Error of an integration step as a fraction of the amplitude; by default that of fits (3e-8).
     """
     d, n = at.z.size, solver.knots.size
     z, g, h = np.split(u, [d, d + n])
@@ -312,9 +323,9 @@ def solve_at(
 
 
 def exact_model(fit: LeastSquaresFit) -> LinearModel:
-    """Return the linear model of a candidate's motion about its fit, without deviations from the laws.
+    """Return the linear model of a candidate's motion about its fit under exact laws (without deviations g and h).
 
-    Its unknowns are the d inferred parameters, as standard normal scores.
+    Its unknowns are the d inferred parameters, transformed to standard normal priors (scores).
     """
     target = fit.residual + fit.tangents @ fit.z
     return condense(fit.tangents, target, *fit.parameters.masks)
@@ -323,11 +334,13 @@ def exact_model(fit: LeastSquaresFit) -> LinearModel:
 def linearise(
     solver: Solver, data: Data, at: LeastSquaresFit, u: np.ndarray | None = None
 ) -> Linearisation | None:
-    """Linearise a candidate about values u of its unknowns, (K,), by default about its fit `at` without deviations.
+    """Linearise a candidate's motion about values u of its unknowns, (K,), by default about its fit `at`.
 
-    u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
-    (relative frequency), at knots in time. If u is given, `at` only supplies the parameters (priors, known values) and
-    the active terms. Return None if |g| or |h| is larger than `MOST_G` or `MOST_H`, or if the motion is unbounded.
+    u contains the parameters, transformed to standard normal priors (scores), then the deviations from the laws at
+    knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h). At the
+    fit, which is under exact laws, g = h = 0. If u is given, only the parameters (priors, known values) and the active
+    terms of `at` are used. Return None if |g| or |h| is larger than `MOST_G` or `MOST_H`, or if the motion is
+    unbounded.
     """
     n = solver.knots.size
     u = np.concatenate([at.z, np.zeros(2 * n)]) if u is None else u
@@ -340,8 +353,8 @@ def linearise(
     motion, columns = solution
     r = data.y - motion.y
     model = condense(columns, r + columns @ u, *at.parameters.masks)
-    # Linear least squares of r by the columns, with the QR factor that `condense` has computed.
-    # (By pivoted QR, because the singular value decomposition of some of these matrices does not converge.)
+    # Fit the columns to r by linear least squares, with the QR factor that `condense` has computed.
+    # (Use pivoted QR, because the singular value decomposition of some of these matrices does not converge.)
     right = model.target - model.root @ u
     left = r - columns @ scipy.linalg.lstsq(model.root, right, cond=1e-12, lapack_driver="gelsy")[0]
     return Linearisation(at, u, motion, r, model, left)
@@ -354,12 +367,15 @@ def linearise_at_mode(
     variance: float | None,
     start: Linearisation | None = None,
 ) -> Linearisation | None:
-    """Linearise a candidate about the joint mode of its parameters and deviations, by Gauss–Newton steps.
+    """Linearise a candidate about the joint mode of its parameters and deviations g and h, by Gauss–Newton steps.
 
-    In each step the sizes (prior sds) and correlation lengths of the deviations are fixed at their most probable values
-    in the coarse grid of `Linearisation.grid` (see `prior_root`). The steps end before one that would change the motion
-    by less than `SETTLED`, when none of `STEPS` keeps the sum of squared residuals from growing more than the linear
-    model predicts, or after `MOST_STEPS`; the linearisation at the last point is returned.
+    In each step the hyperparameters (prior sds and correlation lengths of the deviations) have their most probable
+    values in the coarse grid of `Linearisation.grid` (see `prior_root`). The steps end
+
+    - before a step that would change the motion by less than `SETTLED`;
+    - if no attempt in `STEPS` is accepted. An attempt is accepted if its sum of squared residuals is at most the larger
+      of two values: the present sum, and the sum that the linear model predicts (apart from a small tolerance);
+    - after `MOST_STEPS` steps.
 
     Parameters
     ----------
@@ -368,7 +384,7 @@ def linearise_at_mode(
     data : Data
         The record.
     fit : LeastSquaresFit
-        The fit under exact laws.
+        The fit under exact laws (g = h = 0).
     variance : float or None
         Variance of the noise, in the record's unit squared; if None, that of `Linearisation.variance` at each step.
     start : Linearisation, optional
@@ -377,7 +393,7 @@ def linearise_at_mode(
     Returns
     -------
     Linearisation or None
-        The linearisation; None where the start cannot be linearised.
+        The linearisation at the end of the last step; None if the motion cannot be linearised at the start.
     """
     at = start or linearise(solver, data, fit)
     if at is None:
@@ -403,11 +419,12 @@ def linearise_at_mode(
 
 
 def prior_root(model: LinearModel, grid: Grid, variance: float) -> np.ndarray:
-    """Return a matrix R, (K, K), where R Rᵀ is the prior covariance of the unknowns, N(0, 1) for the scores.
+    """Return a matrix R, (K, K), for which R Rᵀ is the prior covariance of a linear model's K unknowns.
 
-    The hyperparameters of g and h (sizes and correlation lengths) are those at the grid point with the largest
-    posterior probability, computed without the condition that coefficients are ≥ 0. variance: variance of the noise, in
-    the record's unit squared.
+    The unknowns are the parameters, transformed to standard normal priors (scores), then the deviations from the laws
+    at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h). The
+    prior sds and correlation lengths of g and h have their most probable values in the grid, which are computed without
+    the condition that coefficients are ≥ 0. variance: variance of the noise, in the record's unit squared.
     """
     top = int(np.argmax(score_normals(model, grid, variance, model.count).log))
     root = np.eye(model.root.shape[1])
@@ -421,11 +438,21 @@ def mode_of(
 ) -> np.ndarray:
     """Return the mode u, (K,), of a linear model's posterior, with coefficients ≥ 0.
 
-    u contains the standard normal scores of the parameters, then the log deviation g of the damping and the relative
-    deviation h of the frequency at knots in time. root: matrix R where R Rᵀ is the prior covariance of u, (K, K).
-    variance: variance of the noise, in the record's unit squared. scores: scores towards which Marquardt's parameter
-    `hold` pulls the solution, (d,); it is the weight of that pull, in units of the information of the prior (1 per
-    score).
+    u contains the parameters, transformed to standard normal priors (scores), then the deviations from the laws at
+    knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h).
+
+    Parameters
+    ----------
+    model : LinearModel
+        The sum of squared residuals as a quadratic function of u.
+    root : ndarray, shape (K, K)
+        Matrix R, where R Rᵀ is the prior covariance of u.
+    variance : float
+        Variance of the noise, in the record's unit squared.
+    scores : ndarray, shape (d,)
+        Present scores, to which `hold` pulls the solution.
+    hold : float
+        Marquardt's damping parameter: weight of the pull, relative to the weight 1 of the prior of each score.
     """
     d, total, sd = model.positive.size, model.root.shape[1], np.sqrt(variance)
     stacked = np.concatenate([model.root @ root / sd, np.eye(total), np.sqrt(hold) * np.eye(d, total)])

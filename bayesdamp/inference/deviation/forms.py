@@ -1,11 +1,13 @@
-"""Compute the evidence of other forms of damping as rivals, and upper limits for them as additions to the best sum.
+"""Test other forms of damping: their evidence as rivals of the compared sums, and upper limits of their energy loss.
 
-In a rival, another form replaces a term with which it may be confused: Stribeck friction replaces Coulomb friction,
-damping that grows with the displacement replaces quadratic damping, and a power of the velocity replaces a whole sum.
-Where a rival is more probable than every compared sum, the true damping is probably none of these sums.
+A rival is a damping sum with a form of damping that is not in the comparison. In it, this form replaces a term with
+which it may be confused: Stribeck friction replaces Coulomb friction, damping that grows with the displacement replaces
+quadratic damping, and a power of the velocity replaces a whole sum. If a rival is more probable than every compared
+sum, the true damping is probably none of these sums.
 
-For an upper limit, one form is added to the best sum. The linear model about the mode of that sum gets one more column,
-the derivative of the motion by the form's coefficient at 0, so that nothing has to be fitted.
+For an upper limit, one form is added to the best sum, and the energy that it may dissipate is inferred. No further fit
+is needed: the linear model about the mode of the best sum gets one more column, the derivative of the motion by the
+coefficient of the form at 0.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,31 +34,32 @@ from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import SCORE_RATIO
 
 REPLACED = {"displacement": "quadratic", "stribeck": "coulomb"}
-"""Other forms of damping, each with the term that it replaces in a rival. A rival is a damping sum that is not in the
-comparison; its evidence is computed afterwards."""
+"""Other forms of damping (keys), each with the term that it replaces in a rival (value). A rival is a damping sum with
+a form that is not in the comparison; its evidence is computed after the comparison."""
 ALONE = "power"
-"""The form of damping that is a rival by itself: it replaces a whole sum. A rival is a damping sum that is not in the
-comparison; its evidence is computed afterwards."""
+"""The form of damping (one power of the velocity) that replaces a whole sum in a rival. A rival is a damping sum with a
+form that is not in the comparison; its evidence is computed after the comparison."""
 BEHIND = 7.0
-"""If the log evidence of a sum in the comparison is more than this many nats below the best, no other form with
-parameters of its own, such as a Stribeck velocity, is tried in place of one of its terms: the posterior probability of
-the result would be below 1 in 1,000."""
+"""A form of damping with parameters besides its coefficient, such as a Stribeck velocity, replaces a term only in
+compared sums whose log evidence is at most this many nats below the best. With any other sum, the posterior probability
+would be below 1 in 1,000."""
 FEW = 1000
 """Number of posterior draws from which the upper limit of another form of damping is computed."""
 SCORES = (-1.0, 1.0)
-"""The upper limit of another form of damping is computed at these standard normal scores of its parameters besides the
-coefficient (such as an exponent); the largest of the limits is used."""
+"""Values of the parameters of a form of damping besides its coefficient (such as an exponent) at which its upper limit
+is computed; the largest of these limits is used. They are standard normal scores: the parameters are transformed so
+that their priors are N(0, 1), and the values are low and high in the prior."""
 LEAST_WORK = 1e-6
-"""A form of damping counts as dissipating no energy if the absolute value of its net work is at most this fraction of
-the summed absolute works for positions on either side of the equilibrium."""
+"""A form of damping counts as dissipating no energy if the absolute value of its total work is at most this fraction of
+|work above the equilibrium| + |work below the equilibrium|, where above and below refer to the position."""
 
 
 def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
-    """Return the sum of viscous, Coulomb and quadratic damping that another sum becomes in a limit.
+    """Return the viscous, Coulomb and quadratic terms that a sum becomes at a limit of its terms' own parameters.
 
-    The result is empty if there is no such limit. The limit is one of the parameters that a term has besides its
-    coefficient: Stribeck friction, for example, becomes Coulomb friction. damping: names of the sum's terms. The result
-    contains the names of the terms too.
+    Own parameters are those that a term has besides its coefficient. Stribeck friction, for example, can become Coulomb
+    friction. damping: names of the sum's terms. The result contains names too. It is empty if the sum has no term with
+    own parameters that can become a simpler term.
     """
     if not any(TERMS.get(t).inferred and t in REPLACED for t in damping):
         return ()
@@ -67,12 +70,16 @@ def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
 def add_rivals(comparison: ModelComparison) -> ModelComparison:
     """Return a copy of the comparison whose field `forms` contains the results of the rivals.
 
-    A rival is a damping sum with a form of damping that is not compared; rivals are evaluated under the restoring law
-    of the best candidate. If `comparison.results` is empty, the comparison itself is returned.
+    A rival is a damping sum with a form of damping that is not compared. Rivals are evaluated under the restoring law
+    of the best candidate. These rivals are left out:
 
-    Rivals whose fit fails are left out. A form with inferred parameters of its own replaces its term only in sums whose
-    log evidence is at most `BEHIND` nats below the best. With another form, the sum of all terms is always fitted; a
-    smaller sum is left out if its log evidence is expected to be more than `REACH` nats below the best.
+    - a rival whose fit fails;
+    - a sum in which a form that has inferred parameters besides its coefficient replaces a term, if the log evidence of
+      the sum before this replacement is more than `BEHIND` nats below the best;
+    - a sum with a form without such parameters, if its log evidence is expected to be more than `REACH` nats below the
+      best. The sum of this form and all other terms is always fitted.
+
+    If `comparison.results` is empty, the comparison itself is returned.
     """
     if not comparison.results:
         return comparison
@@ -91,7 +98,7 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
             continue
         rest, solver = [t for t in paper if t != like], replace(plain, terms=(*paper, form))
         if TERMS.get(form).inferred:
-            # It replaces its term in the probable sums, and has at first the same force.
+            # The form replaces its term in the probable sums. Its fit starts with the force of this term.
             new, old = TERMS.get(form).parameter, TERMS.get(like).parameter
             near = sorted((s for s in close if like in s <= {*paper}), key=lambda s: (len(s), sorted(s)))
             each = {s: close[s].parameters.named(close[s].z) for s in near}
@@ -99,7 +106,7 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
                 (*(t for t in rest if t in s), form): {**at, new: at[old], old: 0.0} for s, at in each.items()
             }
         else:
-            # The sum of all terms predicts the evidence of the others, and their fits start from it.
+            # The fit of the sum of all terms predicts the evidence of the smaller sums, and their fits start from it.
             largest = _evaluate_rivals(comparison, solver, {(*rest, form): values})
             rivals += largest
             sums = {(*c, form): values for n in range(len(rest)) for c in combinations(rest, n)}
@@ -125,10 +132,20 @@ def _evaluate_rivals(
 ) -> list[CandidateResult]:
     """Fit rivals (sums with a form of damping that is not compared) and return their results.
 
-    Those whose fit fails are left out. sums: for each rival (names of its damping terms), the parameters by name near
-    which its fit starts. starts: values of parameters that terms have besides their coefficients, such as an exponent,
-    at which the fits may start; by default low, middle and high in their priors. All priors are the default ones; known
-    initial values and parameters of the restoring law are those of the best candidate.
+    All priors are the default ones. Known initial values and known parameters of the restoring law are those of the
+    best candidate. Rivals whose fit fails are left out.
+
+    Parameters
+    ----------
+    comparison : ModelComparison
+        The comparison; the rivals have the restoring law of its best candidate.
+    solver : Solver
+        Solver with the terms of the rivals.
+    sums : mapping
+        For each rival (names of its damping terms), the parameters by name near which its fit starts.
+    starts : sequence of mapping
+        Combinations of values at which the fits may start, by name, for parameters that terms have besides their
+        coefficients, such as an exponent; by default low, middle and high in their priors.
     """
     best, data, reference = comparison.best, comparison.data, comparison.reference
     restoring, places = best.candidate.restoring, best.solver.law_places
@@ -148,7 +165,7 @@ def _evaluate_rivals(
 
 @dataclass(frozen=True)
 class _Form:
-    """A form of damping force, per unit of its coefficient, for which an upper limit is computed.
+    """A damping force per unit of its coefficient, for which an upper limit of the energy loss is computed.
 
     Attributes
     ----------
@@ -158,8 +175,8 @@ class _Form:
         Values of the term's parameters besides its coefficient, such as an exponent, and of the references in its force
         (equilibrium, velocity, amplitude).
     less : mapping of str to float, optional
-        Values at which the term is equal to a simpler one. If given, the force is that at `values` minus that at
-        `less`.
+        Values at which the term is equal to a simpler one. If given, the force is the term's at `values` minus the
+        term's at `less`.
     signed : bool
         Whether the coefficient may be negative.
     """
@@ -175,11 +192,13 @@ def bound_other_forms(
 ) -> dict[str, float]:
     """Return, by name, 95 % upper limits of the fraction of the energy loss for each form that a candidate's sum lacks.
 
-    The fraction is the energy that the added form loses over the record, divided by that of the sum and the form. The
-    forms are the shipped terms with `DampingTerm.bounded`, except viscous, Coulomb and quadratic damping. The limit of
-    a form that has parameters besides its coefficient, such as an exponent, is the largest over several values of
-    these; for friction with such parameters it is on the part beyond Coulomb friction. It is 0 for a form that
-    dissipates no energy. The result is empty if the motion is unbounded.
+    The form is added to the sum. The fraction is the energy that it dissipates over the record, divided by the energy
+    that the sum and the form dissipate together. The forms are the shipped terms with `DampingTerm.bounded`, except
+    viscous, Coulomb and quadratic damping.
+
+    If a form has parameters besides its coefficient, such as an exponent, the limit is the largest over several of
+    their values. If it is friction with such parameters, only the part of the force beyond Coulomb friction counts. The
+    limit is 0 for a form that dissipates no energy. The result is empty if the motion is unbounded.
     """
     absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
     forms = [form for name in absent for form in _forms(comparison, result, name)]
@@ -197,7 +216,7 @@ def bound_other_forms(
     right = x > comparison.data.rest_under(result.candidate.restoring, result.law)
     sizes = np.zeros(len(forms))
     for i, form in enumerate(forms):
-        # Mean power of the form on either side of rest.
+        # Mean power of the form at positions on either side of the equilibrium.
         alone = replace(solver, terms=(form.name,))
         states = [form.values, *([form.less] if form.less else [])]
         further = np.array([[values[n] for n in alone.further] for values in states])
@@ -205,7 +224,7 @@ def bound_other_forms(
         sides = np.array([part[0] - part[1:].sum() for part in each])
         if abs(sides.sum()) > LEAST_WORK * np.abs(sides).sum():
             sizes[i] = SCORE_RATIO * viscous / abs(sides.sum())
-    # The model with all forms; that with a single one follows from it.
+    # Condense the model with all forms once; fixing the other coefficients at 0 gives the model with one form.
     d = result.fit.z.size
     whole = np.concatenate([columns[:, :d], more * sizes, columns[:, d:]], axis=1)
     positive = np.concatenate([parameters.positive, [not form.signed for form in forms]])
@@ -225,10 +244,12 @@ def bound_other_forms(
 
 
 def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> Iterator[_Form]:
-    """Yield the forces of a damping term for which upper limits are computed: at low and high values of its parameters.
+    """Yield the forces of one damping term for which upper limits are computed.
 
-    These are the parameters besides its coefficient, such as an exponent. If the term can be equal to a simpler one
-    (Stribeck to Coulomb friction), each force is the difference from the simpler term's. name: of the term.
+    Without parameters besides its coefficient, such as an exponent, a term has one force. Otherwise it has a force at
+    each of the `SCORES` of these parameters. If the term is equal to a simpler one at a certain value of a parameter
+    (Stribeck to Coulomb friction), this parameter has its value at the score 1, and the force of the simpler term is
+    subtracted. name: name of the term.
     """
     term, reference = TERMS.get(name), comparison.reference
     scales = reference.scales(comparison.data.rest_under(result.candidate.restoring, result.law))
@@ -250,12 +271,13 @@ def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> I
 
 
 def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return Jacobian (n, K) and target (n,) of the linear least-squares problem about a candidate's mode.
+    """Return Jacobian (n, K) and target (n,) of the linear least-squares problem about a candidate's posterior mode.
 
-    u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
-    (relative frequency), at knots in time. Under exact laws it contains only the scores. The target is the record minus
-    the constant part of the linearised motion, so that |Jacobian u − target|² is the sum of squared residuals. Both are
-    in the record's unit. None if the motion is unbounded.
+    Its unknowns u are the parameters, transformed to standard normal priors (scores), then the deviations from the laws
+    at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h). Under
+    exact laws u contains only the scores. The target is the record minus the constant part of the linearised motion, so
+    that |Jacobian u − target|² is the sum of squared residuals. Both are in the record's unit. None if the motion is
+    unbounded.
     """
     fit, linearisation = result.fit, result.linearisation
     if linearisation is None:
@@ -265,10 +287,11 @@ def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _nodes_and_middles(result: CandidateResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return times, displacements and velocities of a motion at its s nodes and half way between, (2s − 1,) each.
+    """Return times, displacements and velocities of a motion at its s nodes and half way between them, (2s − 1,) each.
 
-    They are in s, rad and rad/s (or m and m/s). A velocity of 0 is replaced by a tiny one with the sign of the velocity
-    before it (or after it, if that is 0 too), so that friction is not zero there.
+    Nodes are the times that divide each step of the ODE solver into equal parts (`Motion.refined`). Units are s, rad
+    and rad/s (or m and m/s). A velocity of 0 is replaced by a tiny one with the sign of the velocity before it (or
+    after it, if that is 0 too), so that friction is not zero there.
     """
     t, states = result.motion.refined
     step = np.diff(t)
@@ -288,9 +311,10 @@ def _nodes_and_middles(result: CandidateResult) -> tuple[np.ndarray, np.ndarray,
 def _tangents(comparison: ModelComparison, result: CandidateResult, forms: list[_Form]) -> np.ndarray | None:
     """Return the derivatives of the motion by the coefficients of f added forms, at coefficients of 0, (n, f).
 
-    The motion is that of the candidate at its mode, with its deviations; the derivatives are in the record's unit per
-    unit of the coefficient. None if the motion is unbounded. All terms are solved together, so the motion is solved
-    only as many times as one term has different values of its parameters.
+    The motion is that at the mode of the candidate's posterior, with its deviations from the laws. The derivatives are
+    in the record's unit per unit of the coefficient. None if the motion is unbounded. One solution gives the
+    derivatives for all terms, each at one set of its parameters, so the number of solutions is the largest number of
+    sets for a term.
     """
     solver = comparison.solvers[result.candidate.restoring]
     wider = replace(solver, terms=tuple(dict.fromkeys([*solver.terms, *(form.name for form in forms)])))

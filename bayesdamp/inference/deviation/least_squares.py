@@ -1,6 +1,7 @@
 """Fit a motion under exact laws to a record by Levenberg–Marquardt (Moré 1977), with coefficients ≥ 0.
 
-The first cycles are fitted first, and then longer and longer parts of the record, so that no cycle is skipped.
+The first cycles are fitted first, and then longer and longer parts of the record, so that the motion stays in phase
+with the record. Under exact laws, damping and restoring force have no deviations from their formulas.
 """
 
 from dataclasses import dataclass
@@ -15,19 +16,21 @@ from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import TOLERANCE
 
 LESS, MORE, AGAIN, MOST_DAMPING = 0.2, 8.0, 1e-6, 1e8
-"""How Marquardt's damping parameter λ changes in a fit: factor after a successful step; factor after a failed one;
-least λ to which the second factor is applied; and λ from which on no further step is tried (conventional)."""
+"""Rules for Marquardt's damping parameter λ in a fit (conventional). After a successful step λ is multiplied by `LESS`.
+After a failed step it is raised to at least `AGAIN` and then multiplied by `MORE`. From `MOST_DAMPING` on, no further
+step is tried."""
 MOST_STEPS = 40
 """Largest number of successful Levenberg–Marquardt steps in one search (conventional)."""
 ROUGH, CLOSE = 1e-2, 1e-6
-"""The search ends when a step decreases the sum of squares by less than this relative amount: the first value for parts
-of the record and for rough fits, the second for the last search over the whole record."""
+"""The search ends when a step decreases the sum of squares by less than this relative amount. `ROUGH` is for parts of
+the record and for rough fits, `CLOSE` for the last search over the whole record."""
 NOTHING = 0.1
-"""A step is tried only if the decrease of the sum of squares that the linear model predicts is at least this fraction
-of the decrease at which the search ends (`ROUGH`, `CLOSE`)."""
+"""A step is tried only if the linear model predicts a decrease of the sum of squares that is at least this fraction of
+the decrease at which the search ends (`ROUGH`, `CLOSE`); otherwise the search ends at once."""
 LARGEST = 1e100
-"""A fit fails if a derivative of the motion by a standard normal score of a parameter is larger than this: the motion
-depends chaotically on its start, and sums of squares overflow (conventional)."""
+"""A fit fails if a derivative of the motion is larger than this: the motion then depends chaotically on its start, and
+sums of squares overflow. The derivatives are by the inferred parameters, transformed to standard normal priors
+(conventional)."""
 FIRST_CYCLES = 2.0
 """Length in cycles of the first part of the record that is fitted; each further part is twice as long, and the last is
 the whole record."""
@@ -46,13 +49,13 @@ class LeastSquaresFit:
     parameters : Parameters
         Inferred and known parameters.
     active : ndarray of bool, shape (m,)
-        Which of the solver's m terms exert a force.
+        Marks which of the solver's m damping terms exert a force.
     z : ndarray, shape (d,)
-        Standard normal scores of the inferred parameters at the fit.
+        The inferred parameters at the fit, each transformed to a standard normal prior (scores).
     residual : ndarray, shape (n,)
         Record minus motion, in the record's unit.
     tangents : ndarray, shape (n, d)
-        Jacobian of the motion by these scores.
+        Jacobian of the motion by the scores z, in the record's unit.
     motion : Motion
         The motion at the fit.
     """
@@ -76,7 +79,7 @@ class LeastSquaresFit:
 
 
 def nonnegative(root: np.ndarray, target: np.ndarray, positive: np.ndarray) -> np.ndarray:
-    """Return the u, (d,), that minimises |root u − target|², where the elements marked by `positive` must be ≥ 0.
+    """Return the vector u, (d,), that minimises |root u − target|², where elements marked by `positive` must be ≥ 0.
 
     root: (n, d). target: (n,). positive: booleans, (d,).
     """
@@ -101,11 +104,11 @@ def fit(
     windows: bool = True,
     rough: bool = False,
 ) -> LeastSquaresFit | None:
-    """Fit the motion to a record by least squares, with the standard normal priors of the scores.
+    """Fit a motion under exact laws to a record by least squares, including the priors of the parameters.
 
-    It minimises |residual|² + variance |z|², where z are the parameters as standard normal scores, and variance is that
-    of the noise. No coefficient becomes negative. Return None where the motion at the start of the search is unbounded,
-    or a motion depends chaotically on its parameters.
+    It minimises |residual|² + variance |z|², where z are the parameters, transformed to standard normal priors
+    (scores), and `variance` is the variance of the noise. No coefficient becomes negative. Return None if the motion at
+    the start of the search is unbounded, or if a motion depends chaotically on its parameters.
 
     Parameters
     ----------
@@ -114,17 +117,19 @@ def fit(
     parameters : Parameters
         Inferred and known parameters.
     active : ndarray of bool, shape (m,)
-        Which of the solver's m terms exert a force.
+        Marks which of the solver's m damping terms exert a force.
     y : ndarray, shape (n,)
         The record, in the form in which the solver returns motions.
     z : ndarray, shape (d,)
         Standard normal scores of the inferred parameters from which the search starts.
     noise : float
-        Lower bound of the noise's sd in the record's unit. The sd, estimated from the residual, weights the priors.
+        Lower bound of the noise's sd, in the record's unit. The sd is estimated from the residual; its square is the
+        factor `variance` of the priors.
     windows : bool
-        Whether to fit the first two cycles first, and then longer and longer parts, so that no cycle is skipped.
+        Whether to fit the first two cycles first, and then longer and longer parts, so that the motion stays in phase
+        with the record. If false, the whole record is fitted at once.
     rough : bool
-        Whether to end early, for a fit that is only compared with those from other starts.
+        Whether to end early, with larger errors. This is for a fit that is only compared with fits from other starts.
     """
     stages: list[tuple[int | None, bool]] = []
     span = FIRST_CYCLES * 2 * np.pi / solver.frequency
@@ -152,9 +157,10 @@ def _search(
     noise: float,
     rough: bool,
 ) -> LeastSquaresFit | None:
-    """Fit the motion to the first values y, (n,), of a record, roughly or closely.
+    """Fit the motion to the first values y, (n,), of a record by Levenberg–Marquardt steps from the scores z.
 
-    Parameters are those of `fit`. Return None where `fit` does.
+    Parameters are those of `fit`. rough: whether to use the larger tolerances for parts of the record and for rough
+    fits. Return None if the motion at z is unbounded, or if a motion depends chaotically on its parameters.
     """
     tolerance, close = (SEARCHED, ROUGH) if rough else (TOLERANCE, CLOSE)
 
@@ -177,11 +183,11 @@ def _search(
         whole = np.asarray(np.linalg.qr(np.column_stack([jacobian, r]), mode="r"))
         d = jacobian.shape[1]
         triangle, target = whole[:d, :d], whole[:d, d]
-        # Linearised about z, the squares of residuals and scores are |plain u − wanted|² + left.
+        # Linearised about z, the cost (squared residuals + variance · squared scores) is |plain u − wanted|² + left.
         plain = np.concatenate([triangle, np.sqrt(variance) * np.eye(z.size)])
         wanted = np.concatenate([target + triangle @ z, np.zeros(z.size)])
         left = float(r @ r) - float(target @ target)
-        # Marquardt's scale includes the prior: else a score that does not change the motion would jump to 0.
+        # Marquardt's scale includes the prior; otherwise a score that does not change the motion would jump to 0.
         scale = np.linalg.norm(plain, axis=0)
         cost = float(r @ r) + variance * float(z @ z)
         while True:

@@ -1,7 +1,8 @@
-"""Posterior and evidence of a linear Gaussian model, over a grid of the hyperparameters of its deviations.
+"""Compute posterior and evidence of a linear Gaussian model, summed over a grid of hyperparameters of its deviations.
 
-The unknowns are the scores of the parameters, and the deviations from the laws: g (log damping) and h (relative
-frequency) at knots in time. The hyperparameters are the prior sds (sizes) and the correlation lengths of g and h.
+The unknowns are the parameters, transformed to standard normal priors (scores), and the deviations from the laws at
+knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h). The
+hyperparameters are the prior sds (sizes) and the correlation lengths of g and h.
 """
 
 from __future__ import annotations
@@ -17,21 +18,21 @@ from bayesdamp.numerics.orthant import draw, log_probability
 from bayesdamp.priors import SHARED_SIGMAS
 
 PROBABILITY_EXACT = 0.8
-"""Prior probability that a law holds exactly, separately for the damping and for the restoring force. Otherwise the
-damping (the frequency) deviates from its law during the record."""
+"""Prior probability that the law of the damping holds exactly during the record, and the same for the law of the
+restoring force, independently. Otherwise the damping, or the frequency, deviates from its law."""
 MEAN_G, MEAN_H = 0.03, 0.01
-"""Means of the exponential priors of the sizes (prior standard deviations) of g and h, where the law is not exact. g is
-the log deviation of the damping, h the relative deviation of the frequency."""
+"""Means of the exponential priors of the sizes (prior standard deviations, dimensionless) of the deviations g and h,
+for laws that are not exact. The damping force is multiplied by exp g, and the frequency by 1 + h."""
 SIZES_G = np.geomspace(0.002, 0.25, 9)
 SIZES_H = np.geomspace(0.0003, 0.03, 6)
-"""`SIZES_G` and `SIZES_H`: grid values of the sizes (prior standard deviations, dimensionless) of the deviations from
-the laws, g (log damping) and h (relative frequency)."""
+"""`SIZES_G` and `SIZES_H`: values of the sizes (prior standard deviations, dimensionless) of the deviations g and h
+that the grid of hyperparameters contains. The damping force is multiplied by exp g, and the frequency by 1 + h."""
 LENGTHS = (0.1, 0.3, 1.0)
-"""Grid values of the correlation lengths of the deviations from the laws, g (log damping) and h (relative frequency),
-as fractions of the record's duration."""
+"""Values of the correlation lengths of the deviations g and h that the grid of hyperparameters contains, as fractions
+of the record's duration. The damping force is multiplied by exp g, and the frequency by 1 + h."""
 JITTER = 1e-6
-"""Variance that is added to the diagonal of the prior covariance of a deviation, whose variance is 1, so that it has a
-Cholesky factor (conventional)."""
+"""Small variance that is added to the diagonal of the prior covariance matrix of a deviation, so that its Cholesky
+factor exists. The other variances on the diagonal are 1 (conventional)."""
 LEAST_KNOTS, MOST_KNOTS = 4, 16
 """Smallest and largest number of knots in time between which the deviation of the damping, or of the frequency, from
 its law is interpolated."""
@@ -39,11 +40,11 @@ its law is interpolated."""
 
 @dataclass(frozen=True)
 class Grid:
-    """Grid points: combinations of the hyperparameters of g and h, with their prior probabilities.
+    """Combinations of the hyperparameters of g and h (grid points), with their prior probabilities.
 
-    g and h, at n knots in time each, are the deviations of the damping (log) and of the frequency (relative) from their
-    laws. Their hyperparameters are sizes (prior standard deviations) and correlation lengths. For a record without
-    phases (`grid_of`), h has no knots.
+    g and h are deviations from the laws at n knots in time each: the damping force is multiplied by exp g, and the
+    frequency by 1 + h. Their hyperparameters are sizes (prior standard deviations) and correlation lengths. For a
+    record without phases (`grid_of`), h has no knots.
 
     Attributes
     ----------
@@ -54,7 +55,7 @@ class Grid:
     log_prior : ndarray, shape (c,)
         Log prior probability of each grid point.
     roots_g, roots_h : ndarray, shape (l, n, n)
-        Matrices R where R Rᵀ is the covariance of g (of h) for a size of 1, one for each correlation length.
+        Matrices R, where R Rᵀ is the covariance of g (or h) for a size of 1, one for each of the l correlation lengths.
     """
 
     size_g: np.ndarray
@@ -67,10 +68,10 @@ class Grid:
 
     @property
     def factors(self) -> np.ndarray:
-        """Return matrices F, (c, 2n, 2n), where F Fᵀ is the prior covariance of (g, h) at each of c grid points.
+        """Return for each of c grid points the matrix F, (c, 2n, 2n), where F Fᵀ is the prior covariance of (g, h).
 
-        A grid point is a combination of sizes (prior sds) and correlation lengths. g is the deviation of the log
-        damping, h the relative one of the frequency, at n knots in time each.
+        A grid point is one combination of sizes (prior sds) and correlation lengths of the deviations g and h, which
+        have values at n knots in time each. The damping force is multiplied by exp g, and the frequency by 1 + h.
         """
         n, total = self.roots_g.shape[1], self.roots_g.shape[1] + self.roots_h.shape[1]
         factors = np.zeros((self.log_prior.size, total, total))
@@ -80,25 +81,26 @@ class Grid:
 
     @cached_property
     def of_h(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the k different factors F of the prior covariances F Fᵀ of h, (k, n, n), and each point's index, (c,).
+        """Return factors F, (k, n, n), of the k different prior covariances F Fᵀ of h; and an index array, (c,).
 
-        h is the relative deviation of the frequency at n knots in time.
+        h is the relative deviation of the frequency from the restoring law, at n knots in time. The index array says
+        which of the k factors belongs to each of the c grid points (combinations of hyperparameters).
         """
         both = np.column_stack([self.size_h, self.length_h])
         _, first, places = np.unique(both, axis=0, return_index=True, return_inverse=True)
         return self.roots_h[self.length_h[first]] * self.size_h[first, None, None], places.ravel()
 
     def only(self, places: np.ndarray) -> Grid:
-        """Return the grid with only the points at the indices `places`, (k,)."""
+        """Return the grid with only the grid points at the indices `places`, (k,)."""
         names = ("size_g", "size_h", "length_g", "length_h", "log_prior")
         return replace(self, **{name: getattr(self, name)[places] for name in names})
 
 
 def knots_of(duration: float, cycles: float) -> np.ndarray:
-    """Return equidistant times, in s from 0 to `duration`, between which a deviation from a law is interpolated.
+    """Return the equidistant times of the knots between which a deviation from a law is interpolated, in s.
 
-    There is one knot for every two cycles and one more, but at least 4 and at most 16. cycles: number of cycles in the
-    record.
+    They extend from 0 to `duration`. Their number is half the number of cycles in the record (rounded) plus 1, but at
+    least 4 and at most 16. cycles: number of cycles in the record.
     """
     return np.linspace(0.0, duration, int(np.clip(round(cycles / 2) + 1, LEAST_KNOTS, MOST_KNOTS)))
 
@@ -111,20 +113,23 @@ def grid_of(
     absorbed: tuple[bool, bool] = (False, False),
     phases: bool = True,
 ) -> Grid:
-    """Return the grid of sizes and correlation lengths of the deviations g (log damping) and h (relative frequency).
+    """Return the grid of sizes (prior sds) and correlation lengths of the deviations g and h from the laws.
+
+    The damping force is multiplied by exp g, and the frequency by 1 + h.
 
     Parameters
     ----------
     knots : int
         Number of knots of each deviation, n.
     exact : bool
-        Whether the grid has only the point g = h = 0.
+        If true, the laws are exact: the grid has only one point, at which g = h = 0.
     coarse : bool
-        Whether the grid has only every other size, and only the shortest and the longest length.
+        If true, the grid has only every other size, and only the shortest and the longest length.
     absorbed : tuple of bool
-        Whether a parameter (a coefficient, the stiffness) has the same effect as a constant g, and as a constant h. The
-        deviation then has zero mean over the record. Otherwise the posterior would lie along a curve (coefficient times
-        exp g is constant), which a linear model does not follow.
+        Two flags: whether an inferred coefficient has the same effect as a constant g, and whether the inferred
+        stiffness has the same effect as a constant h. If true, the mean of the deviation over the record is fixed at
+        zero. Otherwise the posterior would extend along a curve (coefficient times exp g is constant), which a linear
+        model does not follow.
     phases : bool
         Whether the record has phases. Without them h has no effect, and the grid is for g alone.
     """
@@ -138,10 +143,12 @@ def grid_of(
 
 
 def _with_none(sizes: np.ndarray, mean: float, step: int) -> np.ndarray:
-    """Return the grid of one deviation: n sizes, indices of their lengths, and log prior probabilities, (3, n).
+    """Return the grid of one deviation, g or h, as an array (3, n): sizes, indices of correlation lengths, log prior.
 
-    The first grid point is "no deviation", with probability `PROBABILITY_EXACT`. At the others, the size has an
-    exponential prior with the given mean, and every `step`-th of `LENGTHS` is equally probable.
+    The three rows contain, for each of n grid points, the size (prior sd), the index of the correlation length in
+    `LENGTHS`, and the log prior probability. The first point is "no deviation", with probability `PROBABILITY_EXACT`.
+    At the others, the size has an exponential prior with the given mean, and every `step`-th of `LENGTHS` is equally
+    probable.
     """
     edges = np.concatenate([[0.0], np.sqrt(sizes[1:] * sizes[:-1]), [np.inf]])
     lengths = np.arange(len(LENGTHS))[::step]
@@ -153,9 +160,9 @@ def _with_none(sizes: np.ndarray, mean: float, step: int) -> np.ndarray:
 
 
 def _roots(knots: int, centred: bool) -> np.ndarray:
-    """Return a factor F of the prior covariance F Fᵀ of a deviation of size 1, for each of `LENGTHS`: (l, n, n).
+    """Return a factor F of the prior covariance F Fᵀ of a deviation with prior sd 1, for each of `LENGTHS`, (l, n, n).
 
-    centred: whether the deviation has zero mean over the record.
+    The deviation is g or h, at n knots in time. centred: whether its mean over the record is fixed at zero.
     """
     roots = np.array([smooth_root(knots, length) for length in LENGTHS])
     if not centred:
@@ -178,45 +185,47 @@ def smooth_root(knots: int, length: float) -> np.ndarray:
 
 
 NO_DEVIATIONS = grid_of(0, exact=True)
-"""The grid of exact laws: its one grid point has no deviations of damping (g) and frequency (h), which have no knots in
-time."""
+"""The grid of hyperparameters under exact laws. Its only point has no deviations of damping (g) and frequency (h), and
+no knots in time."""
 
 
 LARGEST_INFORMATION = 1e11
-"""Largest information about a deviation at a knot, relative to the prior's, up to which Cholesky factors and
-differences of squares keep at least five digits (measured)."""
+"""Largest information about a deviation at a knot, relative to the prior's, for which the fast method with sums of
+products is used; Cholesky factors and differences of squares then keep at least five digits (measured). Above it, a
+slower QR factorisation is used."""
 NEGLIGIBLE = 30.0
-"""The evidence is a sum over grid points (sizes and correlation lengths of the deviations) and values of the
-coefficients' common prior scale. A combination is left out if its log evidence is this many nats below an estimate of
-the best."""
+"""The evidence is a sum over grid points (sizes and correlation lengths of the deviations) and values of the common
+prior scale of coefficients. A combination is left out if an upper bound of its log evidence is more than this many nats
+below an estimate of the largest one."""
 LEFT_OUT = 1e-3
-"""Total posterior probability of the least probable combinations of grid point (sizes and correlation lengths of the
-deviations) and common prior scale that are left out. This lowers every log evidence by a thousandth of a nat."""
+"""The evidence is a sum over grid points (sizes and correlation lengths of the deviations) and values of the common
+prior scale of coefficients. The least probable combinations, with at most this total posterior probability, are left
+out. This lowers a log evidence by at most a thousandth of a nat."""
 
 
 @dataclass(frozen=True)
 class LinearModel:
     """The sum of squared residuals of a linearised candidate as a quadratic form: |root u − target|² + rest.
 
-    u contains the d standard normal scores of the parameters, then the deviations from the laws, g (log damping) and h
-    (relative frequency), at knots in time.
+    u contains the d parameters, transformed to standard normal priors (scores), then the deviations from the laws at
+    knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h).
 
     Attributes
     ----------
     root : ndarray, shape (K, K)
-        Upper triangular matrix.
+        Upper triangular matrix, from a QR factorisation of the Jacobian of the motion.
     target : ndarray, shape (K,)
         Right-hand side, in the record's unit.
     rest : float
-        Smallest sum of squares, in the record's unit squared, at root u = target.
+        Smallest sum of squared residuals, in the record's unit squared; u has this sum where root u = target.
     count : int
         Number of values of the record, n.
     positive : ndarray of bool, shape (d,)
-        Which scores must not be negative.
+        Marks the scores that must not be negative.
     shared : ndarray of bool, shape (d,)
-        Which scores are of coefficients whose half-normal priors have a common, unknown scale.
+        Marks the scores of coefficients whose half-normal priors have a common, unknown scale.
     damping : ndarray of bool, shape (d,)
-        Which scores are of parameters of damping terms.
+        Marks the scores of parameters of damping terms.
     """
 
     root: np.ndarray
@@ -228,13 +237,13 @@ class LinearModel:
     damping: np.ndarray
 
     def squares(self, u: np.ndarray) -> np.ndarray:
-        """Return the sum of squared residuals, (n,), in the record's unit squared, at n points u, (n, K)."""
+        """Return the sum of squared residuals, (n,), in the record's unit squared, for n vectors u, (n, K)."""
         return np.sum((u @ self.root.T - self.target) ** 2, axis=1) + self.rest
 
     def transform(self, u: np.ndarray, matrix: np.ndarray) -> LinearModel:
-        """Return the model as a function of new coordinates w, (K,), where the old ones are u + matrix (w − u).
+        """Return the model as a function of new coordinates w, (K,), where u₀ + matrix (w − u₀) replaces the unknowns.
 
-        u: fixed point, (K,). matrix: (K, K).
+        u₀ is the argument `u`, (K,), a point that does not change. matrix: (K, K).
         """
         target = self.target - self.root @ (u - matrix @ u)
         model = condense(self.root @ matrix, target, self.positive, self.shared, self.damping)
@@ -245,9 +254,10 @@ class LinearModel:
 class DampingLikelihood:
     """The likelihood of the damping's parameters, with all other unknowns integrated out.
 
-    The parameters are expressed as k scores x, which have standard normal priors. The logarithm of the likelihood (in
-    nats) at each of c grid points (sizes and correlation lengths of the deviations from the laws) is log + slopeᵀ x −
-    xᵀ information x / 2, with arrays of shape (c,), (c, k) and (c, k, k). It does not contain the prior of x.
+    The k parameters are transformed to standard normal priors; x are the transformed values (scores). The log
+    likelihood in nats at each of c grid points is log + slopeᵀ x − xᵀ information x / 2, with arrays of shape (c,), (c,
+    k) and (c, k, k). It does not contain the prior of x. A grid point is one combination of sizes (prior sds) and
+    correlation lengths of the deviations from the laws.
     """
 
     log: np.ndarray
@@ -268,9 +278,9 @@ class DampingLikelihood:
 class LinearPosterior:
     """The posterior of a linear model: a mixture of m normal distributions, cut off where coefficients are negative.
 
-    Each component has one grid point (sizes and correlation lengths of the deviations from the laws) and one value of
-    the common prior scale of coefficients. The d + 2n unknowns are the parameters as standard normal scores and the
-    deviations at n knots in time.
+    Each component belongs to one grid point (sizes and correlation lengths of the deviations from the laws) and to one
+    value of the common prior scale of coefficients. The K = d + 2n unknowns are the parameters, transformed to standard
+    normal priors (scores), and the deviations g and h at n knots in time each.
 
     Attributes
     ----------
@@ -281,14 +291,14 @@ class LinearPosterior:
     combos : ndarray of int, shape (m,)
         Index of each component's grid point.
     scales : ndarray of int, shape (m,), optional
-        Index of each component's common prior scale in `SHARED_SIGMAS`; None where no scores have a common scale.
+        Index of each component's common prior scale in `SHARED_SIGMAS`; None if no scores have a common scale.
     positive, shared : ndarray of bool, shape (d,)
-        Which scores must not be negative, and which have priors with the common scale.
+        Mark the scores that must not be negative, and the scores whose priors have the common scale.
     whole : callable
         Function that maps indices of grid points to the `Normals` there, under priors N(0, 1) and without the cut-off.
     damping_likelihood : callable, optional
-        Function without arguments that returns the likelihood of the damping's scores at each grid point of the
-        hyperparameters; None if there are none.
+        Function without arguments that returns the likelihood of the damping's scores at each grid point; None if there
+        are no such scores.
     """
 
     log_each: np.ndarray
@@ -303,8 +313,8 @@ class LinearPosterior:
     def posteriors(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return means (k, K) and covariance factors (k, K, K) of k components before the cut-off at zero.
 
-        Scores of coefficients are cut off where they would be negative. The covariance of a factor F is F Fᵀ. places:
-        indices of the components, (k,).
+        A factor F belongs to the covariance F Fᵀ. The cut-off removes negative scores of coefficients; it is not
+        included here. places: indices of the components in the mixture, (k,).
         """
         combos, rows = np.unique(self.combos[places], return_inverse=True)
         normals = self.whole(combos)
@@ -330,7 +340,7 @@ class LinearPosterior:
         return self._every[1]
 
     def only(self, which: np.ndarray) -> LinearPosterior:
-        """Return the posterior with only the components marked in `which`, booleans (m,).
+        """Return the posterior with only the components of the mixture marked in `which`, booleans (m,).
 
         Its log evidence is the log of the sum of their evidences, and its `damping_likelihood` is None.
         """
@@ -352,19 +362,21 @@ class LinearPosterior:
         return np.exp(self.log_each - self.log_evidence)
 
     def sds(self, combinations: np.ndarray) -> np.ndarray:
-        """Return the sd of each of n linear combinations of the unknowns u within the mixture's components, (n,).
+        """Return the sd of each of n linear combinations of the unknowns u within the components of the mixture, (n,).
 
-        u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
-        (relative frequency), at knots in time. combinations: coefficients of the n combinations, (n, K). The variance
-        is averaged over the components; it is that before the cut-off of coefficients at 0.
+        u contains the parameters, transformed to standard normal priors (scores), then the deviations g and h from the
+        laws at knots in time (the damping force is multiplied by exp g, the frequency by 1 + h). combinations:
+        coefficients of the n combinations, (n, K). The variance is averaged over the components; their different means
+        do not contribute. It is the variance before coefficients are cut off at 0.
         """
         return np.sqrt(self.weights @ np.sum((combinations @ self.factors) ** 2, axis=2))
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw the unknowns u, (count, K); return also the index of each draw's component in the mixture, (count,).
+        """Draw the unknowns u, (count, K); return them and the index of each draw's component in the mixture, (count,).
 
-        u contains the parameters as standard normal scores, then the deviations from the laws, g (log damping) and h
-        (relative frequency), at knots in time. The draws are ordered by component.
+        u contains the parameters, transformed to standard normal priors (scores), then the deviations from the laws at
+        knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h). The
+        draws are ordered by component.
         """
         numbers = rng.multinomial(count, self.weights / self.weights.sum())
         places = np.flatnonzero(numbers)
@@ -374,11 +386,12 @@ class LinearPosterior:
     def crank_nicolson_step(
         self, u: np.ndarray, places: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws u, (n, K), after one Crank–Nicolson step, which leaves each component's distribution unchanged.
+        """Move draws u, (n, K), by one Crank–Nicolson step, which does not change the distribution in each component.
 
-        With step s, a draw is moved to mean + √(1 − s²) (u − mean) + s times a random vector with the component's
-        covariance; s = 1 gives an independent draw. places: index of each draw's component, (n,). The step ignores the
-        cut-off at zero, so scores of coefficients may become negative.
+        The step moves a draw to mean + √(1 − s²) (u − mean) + s times a random vector with the covariance of the draw's
+        component. s is the argument `step`, from 0 to 1; 1 gives an independent draw. places: index of each draw's
+        component in the mixture, (n,). The step ignores the cut-off at zero, so scores of coefficients may become
+        negative.
         """
         means, factors = self.means[places], self.factors[places]
         noise = np.einsum("nij,nj->ni", factors, rng.standard_normal(u.shape))
@@ -401,11 +414,12 @@ def condense(
     r : ndarray, shape (n,)
         Record minus the constant part of the linearised motion.
     positive, shared, damping : ndarray of bool, shape (d,)
-        Which of the d standard normal scores, the first unknowns, must not be negative, have priors with a common
-        scale, or belong to damping terms; by default none is shared or belongs to the damping.
+        Mark which of the first d unknowns (parameters, transformed to standard normal priors) must not be negative,
+        which have priors with a common scale, and which belong to damping terms. By default none has a common scale,
+        and none belongs to damping terms.
     """
     k = columns.shape[1]
-    lacking = max(k + 1 - r.size, 0)  # equations 0 = 0 make up for too few
+    lacking = max(k + 1 - r.size, 0)  # if there are fewer than K + 1 equations, add equations 0 = 0
     whole = np.asarray(np.linalg.qr(np.pad(np.column_stack([columns, r]), ((0, lacking), (0, 0))), mode="r"))
     none = np.zeros(positive.size, bool)
     shared, damping = (none if mask is None else mask for mask in (shared, damping))
@@ -415,13 +429,14 @@ def condense(
 
 @dataclass(frozen=True)
 class Normals:
-    """Normal posteriors at c grid points, where each parameter has a standard normal score that may be negative.
+    """Normal posteriors at c grid points, where all transformed parameters have N(0, 1) priors and may be negative.
 
-    A grid point is a combination of the sizes (prior sds) and correlation lengths of the deviations g (log damping) and
-    h (relative frequency) from the laws.
+    A grid point is one combination of the sizes (prior sds) and correlation lengths of the deviations g and h from the
+    laws (the damping force is multiplied by exp g, the frequency by 1 + h).
 
-    log: log of evidence times prior probability of the grid point, in nats, (c,). means: (c, K). factors: F in the
-    covariances F Fᵀ, (c, K, L). The K unknowns are either the scores alone, or scores, g and h.
+    log: log of evidence times prior probability of the grid point, in nats, (c,). means: means of the K unknowns, (c,
+    K). factors: matrices F in the covariances F Fᵀ, (c, K, L). The unknowns are the parameters, transformed to N(0, 1)
+    priors (scores), either alone or followed by g and h at knots in time.
     """
 
     log: np.ndarray
@@ -429,13 +444,18 @@ class Normals:
     factors: np.ndarray
 
     def only(self, places: np.ndarray) -> Normals:
-        """Return the posteriors at some combinations of hyperparameters; places: their indices or a mask."""
+        """Return the posteriors at some of the grid points (combinations of hyperparameters).
+
+        places: indices of these grid points, or a mask (c,).
+        """
         return Normals(self.log[places], self.means[places], self.factors[places])
 
     def given(self, known: np.ndarray, values: np.ndarray) -> Normals:
-        """Return the posteriors of the other unknowns if some scores are known, with the evidence of this model.
+        """Return the posteriors of the other unknowns, given that some scores are known.
 
-        known: booleans, (K,). values: the known scores, (K,); those of unknown ones have no effect.
+        Scores are parameters transformed to N(0, 1) priors. The evidence in the result is that of a model with these
+        fixed values, without their priors. known: marks the known scores, booleans (K,). values: their values, (K,);
+        elements for other unknowns have no effect.
         """
         basis, triangle = np.linalg.qr(np.swapaxes(self.factors[:, known], 1, 2))
         off = np.linalg.solve(np.swapaxes(triangle, 1, 2), (values[known] - self.means[:, known])[:, :, None])
@@ -449,12 +469,12 @@ class Normals:
 
 @dataclass(frozen=True)
 class _Principal:
-    """A linear model whose scores are replaced by their principal coordinates v, relative to a fit without deviations.
+    """A linear model in which principal coordinates v replace the parameters, relative to a fit without deviations.
 
-    The scores are axes (at + v), where the matrix `axes`, (d, d), is orthogonal, and `at`, (d,), is the posterior mean
-    without deviations. In `model`, with the unknowns v, g and h, the information about v without deviations is
-    diagonal and the target is small, so that sums of their products keep their digits also where a record determines
-    some scores far better than others.
+    The parameters, transformed to standard normal priors (scores), are axes (at + v). The matrix `axes`, (d, d), is
+    orthogonal, and `at`, (d,), is the posterior mean without the deviations g and h from the laws. `model` has the
+    unknowns v, g and h. Without deviations its information about v is diagonal, and its target is small. Therefore sums
+    of products of its columns keep their digits, even if a record determines some scores far better than others.
     """
 
     model: LinearModel
@@ -463,7 +483,10 @@ class _Principal:
 
     @classmethod
     def of(cls, model: LinearModel, variance: float) -> _Principal:
-        """Change the coordinates of a model. variance: variance of the noise, in the record's unit squared."""
+        """Change the parameters of a model to principal coordinates (see the class).
+
+        variance: variance of the noise, in the record's unit squared.
+        """
         d = model.positive.size
         left, sizes, axes = np.linalg.svd(model.root[:, :d], full_matrices=False)
         at = sizes * (left.T @ model.target) / (sizes**2 + variance)
@@ -472,9 +495,10 @@ class _Principal:
         return cls(replace(model, root=root, target=target), axes.T, at)
 
     def keeps_digits(self, grid: Grid, variance: float) -> bool:
-        """Return whether the information about every deviation is less than `LARGEST_INFORMATION`.
+        """Return whether sums of products keep enough digits at all grid points, so that no QR factorisation is needed.
 
-        variance: least variance of the noise, in the record's unit squared.
+        This is so if the information about each deviation g and h is less than `LARGEST_INFORMATION`. variance: least
+        variance of the noise, in the record's unit squared.
         """
         root, n = self.model.root[:, self.at.size :], grid.roots_g.shape[1]
         of_g = np.sum((root[:, :n] @ grid.roots_g) ** 2, axis=1).max(initial=0.0) * grid.size_g.max() ** 2
@@ -486,10 +510,12 @@ class _Principal:
 class _Triangles:
     """Cholesky factors of the posterior's information matrix (inverse covariance) at c combinations of hyperparameters.
 
-    In coordinates w, which are the principal coordinates of the scores and independent coordinates of g and h with the
-    prior N(0, I) in some order, the log posterior is −wᵀ L Lᵀ w / 2 + bᵀ w + constant. lower: L, (c, K, K). half:
-    L⁻¹ b, (c, K). left: least value of |root u − target|² / noise variance + |scores|² + |w of g and h|², (c,), without
-    `LinearModel.rest`; if h is integrated out, plus the log determinant of the information about it.
+    The K coordinates w are principal coordinates of the parameters (`_Principal`) and coordinates of g and h with the
+    prior N(0, I), in some order. In them the log posterior is −wᵀ L Lᵀ w / 2 + bᵀ w + constant.
+
+    lower: L, (c, K, K). half: L⁻¹ b, (c, K). left: the smallest value of |root u − target|² / noise variance +
+    |scores|² + |w of g and h|², (c,), without the constant `LinearModel.rest`. If h is integrated out, `left` also
+    contains the log determinant of the information about h.
     """
 
     lower: np.ndarray
@@ -500,8 +526,9 @@ class _Triangles:
     def of(cls, principal: _Principal, grid: Grid, variance: np.ndarray, order: np.ndarray) -> _Triangles:
         """Factorise the information matrix at each grid point (combination of hyperparameters).
 
-        Hyperparameters are the sizes and correlation lengths of the deviations. variance: variance of the noise at each
-        of c grid points, (c,). order: the order of the unknowns w, as indices of scores, g and h.
+        Hyperparameters are the sizes (prior sds) and correlation lengths of the deviations from the laws. variance:
+        variance of the noise at each of c grid points, (c,). order: the order of the coordinates w, as indices of the
+        unknowns (scores, then g, then h).
         """
         model, d, total = principal.model, principal.at.size, principal.model.root.shape[1]
         white = np.empty((variance.size, total, total + 1))
@@ -511,7 +538,7 @@ class _Triangles:
         about = np.concatenate([principal.at, np.zeros(total - d)])[order]
         if principal.keeps_digits(grid, float(np.min(variance))):
             return cls.of_products(np.swapaxes(white, 1, 2) @ white, about)
-        # With hardly any noise the information matrix loses digits: minimise |white w − target|² + |w + about|² by QR.
+        # With hardly any noise, sums of products lose digits: minimise |white w − target|² + |w + about|² by QR.
         prior = np.broadcast_to(np.column_stack([np.eye(total), -about]), white.shape)
         upper = np.asarray(np.linalg.qr(np.concatenate([white, prior], axis=1), mode="r"))
         return cls(
@@ -520,10 +547,10 @@ class _Triangles:
 
     @classmethod
     def of_products(cls, products: np.ndarray, about: np.ndarray) -> _Triangles:
-        """Factorise the sums of products, (c, K + 1, K + 1), of the columns of K unknowns w and the target.
+        """Compute the Cholesky factors from products, (c, K + 1, K + 1), of the columns of K unknowns and the target.
 
-        They are in units of the noise variance, and are overwritten. The prior adds |w + about|² to the squares; about:
-        (K,).
+        The unknowns are the coordinates w of the class. Each product is a sum over the rows, divided by the variance of
+        the noise. The array is overwritten. The prior adds |w + about|² to the squares. about: (K,).
         """
         k = about.size
         products[:, np.arange(k), np.arange(k)] += 1.0
@@ -536,9 +563,9 @@ class _Triangles:
     def log_evidence(
         self, model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float
     ) -> np.ndarray:
-        """Return the log of evidence times prior probability at each grid point, in nats, (c,).
+        """Return the log of evidence times prior probability at each of c sets of hyperparameters, in nats, (c,).
 
-        Parameters are those of `normals`.
+        The parameters are those of `normals`.
         """
         log = grid.log_prior - 0.5 * (
             self.left + model.rest / variance + samples * np.log(2 * np.pi * variance)
@@ -547,18 +574,19 @@ class _Triangles:
 
 
 def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float) -> Normals:
-    """Compute the normal posterior of the standard normal scores and the deviations g and h at each grid point.
+    """Compute the normal posterior of the parameters and the deviations g and h from the laws at each grid point.
 
-    Scores may be negative. A grid point is a combination of the deviations' sizes (prior sds) and correlation lengths.
+    The parameters are transformed to standard normal priors (scores), which may be negative here. A grid point is one
+    combination of sizes (prior sds) and correlation lengths of the deviations.
 
     Parameters
     ----------
     model : LinearModel
-        The linear model about a motion.
+        The sum of squared residuals, linearised about a motion.
     grid : Grid
         Sizes (prior sds) and correlation lengths of the deviations.
     variance : float or ndarray, shape (c,)
-        Variance of the noise, in the record's unit squared; an array has one for each grid point.
+        Variance of the noise, in the record's unit squared; an array contains one for each grid point.
     samples : float
         Effective number of independent values in the record (see `linear_posterior`).
     """
@@ -574,15 +602,15 @@ def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, sample
 
 
 def score_normals(model: LinearModel, grid: Grid, variance: float, samples: float) -> Normals:
-    """Compute the normal posterior of the scores alone at each grid point, with the deviations integrated out.
+    """Compute the normal posterior of the parameters at each grid point, with the deviations g and h integrated out.
 
-    Scores are parameters transformed to standard normal priors, and may be negative. A grid point is a combination of
-    sizes (prior sds) and correlation lengths of the deviations g (log damping) and h (relative frequency). Parameters
-    are those of `linear_posterior`.
+    The parameters are transformed to standard normal priors (scores), which may be negative here. A grid point is one
+    combination of sizes (prior sds) and correlation lengths of the deviations from the laws. The arguments are those of
+    `linear_posterior`.
     """
     d, total = model.positive.size, model.root.shape[1]
     principal = _Principal.of(model, variance)
-    # With the scores behind the deviations, the last rows of the triangle are that of the scores alone.
+    # With the scores after the deviations, the last rows of the triangle belong to the scores alone.
     if principal.keeps_digits(grid, variance):
         triangles = _without_h(principal, grid, variance)
     else:
@@ -595,11 +623,11 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
 
 
 def _without_h(principal: _Principal, grid: Grid, variance: float) -> _Triangles:
-    """Factorise the information about g and the scores at each grid point, with h integrated out.
+    """Factorise the information about g and the parameters at each grid point, with h integrated out.
 
-    h, the relative deviation of the frequency, is integrated out only once for each of its sizes (prior sds) and
-    correlation lengths. g is the deviation of the log damping. variance: variance of the noise, in the record's unit
-    squared.
+    g is the deviation of the log damping, and h is the relative deviation of the frequency. A grid point is one
+    combination of their sizes (prior sds) and correlation lengths. This is fast, because h is integrated out only once
+    for each combination of its own size and length. variance: variance of the noise, in the record's unit squared.
     """
     model, d, n = principal.model, principal.at.size, grid.roots_g.shape[1]
     columns = np.column_stack([model.root[:, d : d + n], model.root[:, :d], model.target])
@@ -608,7 +636,7 @@ def _without_h(principal: _Principal, grid: Grid, variance: float) -> _Triangles
     information = np.swapaxes(white, 1, 2) @ white / variance + np.eye(white.shape[2])
     both = np.swapaxes(white, 1, 2) @ columns / variance
     products = columns.T @ columns / variance - np.swapaxes(both, 1, 2) @ np.linalg.solve(information, both)
-    # Change to the independent coordinates of g for a size of 1 and each correlation length.
+    # Change from g to coordinates with independent N(0, 1) priors, first for a size of 1 and each correlation length.
     change = np.tile(np.eye(n + d + 1), (len(grid.roots_g), 1, 1))
     change[:, :n, :n] = grid.roots_g
     products = np.swapaxes(change, 1, 2) @ products[:, None] @ change
@@ -622,21 +650,22 @@ def _without_h(principal: _Principal, grid: Grid, variance: float) -> _Triangles
 def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: float) -> LinearPosterior:
     """Compute the posterior and the evidence of a linear model under white noise.
 
-    Each score has the prior N(0, 1); scores marked in `model.shared` have N(0, σ²) instead, with a common scale σ,
-    which is summed over the values `SHARED_SIGMAS`. Scores marked in `model.positive` have half-normal priors, cut off
-    below zero.
+    The parameters are transformed to standard normal priors (scores). Scores marked in `model.shared` have the prior
+    N(0, σ²) instead, with a common scale σ; the evidence is summed over the values `SHARED_SIGMAS` of σ. Priors of
+    scores marked in `model.positive` are half-normal: cut off below zero.
 
     Parameters
     ----------
     model : LinearModel
-        The linear model about a motion.
+        The sum of squared residuals, linearised about a motion.
     grid : Grid
-        Sizes (prior sds) and correlation lengths of the deviations.
+        Sizes (prior sds) and correlation lengths of the deviations, over which the evidence is summed too.
     variance : float
         Variance of the noise, in the record's unit squared.
     samples : float
-        Effective number N of independent values: n / κ for n values, if correlated residuals inflate the variance by κ.
-        The log likelihood is −N/2 · log(2π variance) − (sum of squares) / (2 variance).
+        Effective number N of independent values: n / κ for n values, where κ ≥ 1 is the factor by which correlated
+        residuals increase the variance. The log likelihood is −N/2 · log(2π variance) − (sum of squares) / (2
+        variance).
     """
     posteriors = score_normals(model, grid, variance, samples)
     posterior = with_priors(posteriors, model.positive, model.shared)
@@ -647,27 +676,29 @@ def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: f
 
 
 def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, combos: np.ndarray) -> Normals:
-    """Return the normal posteriors of scores and deviations at the k grid points with the indices `combos`, (k,).
+    """Return the normal posteriors of parameters and deviations at the k grid points with the indices `combos`, (k,).
 
-    A grid point is a combination of sizes and correlation lengths of the deviations. The other arguments are those of
-    `normals`.
+    A grid point is one combination of sizes (prior sds) and correlation lengths of the deviations from the laws. The
+    other arguments are those of `normals`.
     """
     return normals(model, grid.only(combos), variance, samples)
 
 
 def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -> LinearPosterior:
-    """Replace the N(0, 1) priors of scores by the actual priors; return the posterior over grid points and scales.
+    """Replace the N(0, 1) priors of scores by their actual priors; return the posterior as a mixture.
 
-    A grid point is a combination of sizes and correlation lengths of the deviations from the laws. Positive scores get
-    half-normal priors, and shared scores priors with each value of the common scale σ in `SHARED_SIGMAS`, all equally
-    probable. The result has the unknowns of `posteriors` and no `damping_likelihood`.
+    A score is a parameter, transformed to a standard normal prior. Scores marked in `positive` get half-normal priors.
+    Scores marked in `shared` get priors with a common scale σ, whose values `SHARED_SIGMAS` are equally probable. The
+    mixture has a component for each grid point (sizes and correlation lengths of the deviations from the laws) or, with
+    shared scores, for each pair of grid point and σ that is not negligible. The result has the unknowns of
+    `posteriors`, and its `damping_likelihood` is None.
 
     Parameters
     ----------
     posteriors : Normals
         Posteriors under N(0, 1) priors.
     positive, shared : ndarray of bool, shape (d,)
-        Which scores must not be negative, and which have priors with the common scale.
+        Mark the scores that must not be negative, and the scores whose priors have the common scale.
     """
     places = np.flatnonzero(positive)
     scaled, scales, combos, log_each = None, None, np.arange(posteriors.log.size), posteriors.log
@@ -680,7 +711,7 @@ def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -
             means, factors = posteriors.means[:, places], posteriors.factors[:, places]
         else:
             means, factors = scaled.posteriors(combos, scales, places)
-        # Half-normal densities are 2^k times normal ones; the evidence is that times the probability of all scores ≥ 0.
+        # The densities of k half-normal priors are 2^k times normal ones. Multiply by the probability that all are ≥ 0.
         inside = log_probability(means, factors @ np.swapaxes(factors, 1, 2))
         log_each = log_each + (means.shape[1] * np.log(2.0) + inside)
     evidence = float(np.logaddexp.reduce(log_each))
@@ -691,13 +722,15 @@ def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -
 class _ScaledPriors:
     """Normal posteriors for every scale σ of the shared scores, whose prior is N(0, σ²) instead of N(0, 1).
 
-    Let u = mean + F x with x ~ N(0, I); the shared scores are m + S x. The other prior adds δ |m + S x|² / 2 to −log p,
-    δ = 1/σ² − 1. With S = U D Wᵀ this changes x only along the k columns of W.
+    Shared scores are coefficients, transformed to standard normal priors, whose priors have the common scale σ. Let u =
+    mean + F x, with x ~ N(0, I), be the unknowns for σ = 1; the shared scores are then m + S x. The other prior adds δ
+    |m + S x|² / 2 to −log p, with δ = 1/σ² − 1. With the singular value decomposition S = U D Wᵀ, this changes x only
+    along the k columns of W.
 
-    normals: the posteriors for σ = 1, at c grid points. inside: indices among the shared scores of those that must not
-    be negative, (i,). log: log of evidence times prior probability, before the cut-off at zero, for each grid point and
-    each of s scales, (c, s). aim: Uᵀ m, (c, k). sizes: D, (c, k). left: U, (c, k, k). right: W, (c, K, k). extra: δ,
-    (s,).
+    normals: the posteriors for σ = 1, at c grid points (sizes and correlation lengths of the deviations). inside:
+    indices, among the shared scores, of those that must not be negative, (i,). log: log of evidence times prior
+    probability, before the cut-off at zero, for each grid point and each of s scales, (c, s). aim: Uᵀ m, (c, k). sizes:
+    D, (c, k). left: U, (c, k, k). right: W, (c, K, k). extra: δ, (s,).
     """
 
     normals: Normals
@@ -724,10 +757,11 @@ class _ScaledPriors:
     def probable(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the pairs of grid point and common prior scale σ that have nearly all posterior probability.
 
-        They are given by their indices, (m,) each; a grid point is a combination of sizes and correlation lengths of
-        the deviations. Left out are pairs that are `NEGLIGIBLE` nats below the best, and the least probable others,
-        with a total probability of at most `LEFT_OUT`. The probabilities are from an upper bound of the evidence, for
-        which only the least probable of the conditions "coefficient ≥ 0" is applied.
+        Two arrays contain the indices of the grid points and of the scales, (m,) each. A grid point is one combination
+        of sizes (prior sds) and correlation lengths of the deviations from the laws. Two kinds of pairs are left out:
+        those that are more than `NEGLIGIBLE` nats below the best, and of the others the least probable ones, with a
+        total probability of at most `LEFT_OUT`. The probabilities are computed from an upper bound of the evidence: of
+        the conditions "coefficient ≥ 0" it contains only the least probable one.
         """
         top = np.unravel_index(int(np.argmax(self.log)), self.log.shape)
         least = float(self._bound(*map(np.atleast_1d, top))[0]) - NEGLIGIBLE
@@ -742,8 +776,9 @@ class _ScaledPriors:
     def _bound(self, combos: np.ndarray, scales: np.ndarray) -> np.ndarray:
         """Return an upper bound of log(evidence × prior probability) for m pairs of grid point and prior scale, (m,).
 
-        A grid point is a combination of sizes and correlation lengths of the deviations. Of the conditions that
-        coefficients are ≥ 0, only the least probable one is applied. combos, scales: indices of the grid points and of
+        A grid point is one combination of sizes (prior sds) and correlation lengths of the deviations from the laws.
+        The exact value would need the probability that all coefficients are ≥ 0. The bound contains only the
+        probability for the one coefficient for which it is smallest. combos, scales: indices of the grid points and of
         the scales, (m,).
         """
         log = self.log[combos, scales]
@@ -760,9 +795,9 @@ class _ScaledPriors:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the normal posteriors for m pairs of grid point and common prior scale, before the cut-off at zero.
 
-        They are means, (m, K), and factors F of the covariances F Fᵀ, (m, K, K). A grid point is a combination of sizes
-        and correlation lengths of the deviations. combos, scales: indices of the grid points and of the scales, (m,).
-        rows: which of the K unknowns to return, by default all.
+        The results are means, (m, K), and factors F of the covariances F Fᵀ, (m, K, K). A grid point is one combination
+        of sizes (prior sds) and correlation lengths of the deviations from the laws. combos, scales: indices of the
+        grid points and of the scales, (m,). rows: which of the K unknowns to return, by default all.
         """
         sizes, right, extra = self.sizes[combos], self.right[combos], self.extra[scales][:, None]
         factors = self.normals.factors[:, rows][combos]
@@ -775,21 +810,22 @@ class _ScaledPriors:
 
 
 def damping_likelihood(posteriors: Normals, places: np.ndarray, log_prior: np.ndarray) -> DampingLikelihood:
-    """Compute the likelihood of the damping's parameters at each grid point.
+    """Compute the likelihood of the damping's parameters at each grid point, with all other unknowns integrated out.
 
-    The parameters are expressed as standard normal scores, and all other unknowns are integrated out.
+    The parameters are transformed to standard normal priors (scores).
 
     Parameters
     ----------
     posteriors : Normals
-        Posteriors under N(0, 1) priors.
+        Posteriors under N(0, 1) priors at each grid point (sizes and correlation lengths of the deviations from the
+        laws).
     places : ndarray of int, shape (k,)
-        Indices of the damping's scores.
+        Indices of the damping's scores among the unknowns.
     log_prior : ndarray, shape (c,)
-        Log prior probabilities of the grid points (sizes and correlation lengths of the deviations).
+        Log prior probability of each grid point.
     """
     left, sizes, _ = np.linalg.svd(posteriors.factors[:, places], full_matrices=False)
-    # Information of the likelihood: that of the posterior minus that of the prior, in its principal directions.
+    # Information of the likelihood in its principal directions: that of the posterior minus that of the prior.
     gained = np.maximum(1.0 / sizes**2 - 1.0, 0.0)
     aim = np.einsum("cij,ci->cj", left, posteriors.means[:, places])
     information = np.einsum("cij,cj,ckj->cik", left, gained, left)
