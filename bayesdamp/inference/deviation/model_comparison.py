@@ -175,7 +175,10 @@ class CandidateResult:
 
     @property
     def z(self) -> np.ndarray:
-        """Return the standard normal scores of the inferred parameters at the mode, (d,)."""
+        """Return the inferred parameters at the mode as standard normal scores, (d,).
+
+        A score stands for a parameter and has the prior N(0, 1).
+        """
         return self.fit.z if self.linearisation is None else self.linearisation.z
 
     @property

@@ -115,7 +115,8 @@ class Parameters(Scores):
     def values(self, z: np.ndarray) -> np.ndarray:
         """Return all k parameters of the equation of motion, (..., k), at standard normal scores z, (..., d).
 
-        They are in the order of `names` and in their units.
+        A score stands for an inferred parameter and has the prior N(0, 1). The result is in the order of `names`, in
+        the parameters' units.
         """
         p = np.empty((*z.shape[:-1], self._fixed.size))
         p[...] = self._fixed
@@ -129,10 +130,11 @@ class Parameters(Scores):
         return dict(zip(self.names, map(float, self.values(z)), strict=True))
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the standard normal scores of the inferred parameters, (d,), for values by name.
+        """Return the inferred parameters as standard normal scores, (d,), for values by name.
 
-        `values` must contain each of them; other names have no effect. An infinite score, such as that of 0 under a
-        log-normal prior, becomes ±6, and nan becomes 0.
+        A score stands for a parameter and has the prior N(0, 1). `values` must contain each inferred parameter; other
+        names have no effect. An infinite score, such as that of 0 under a log-normal prior, becomes ±6, and nan becomes
+        0.
         """
         scores = [float(self.priors[n].score(values[n])) for n in self.free_names]
         return np.nan_to_num(scores, posinf=6.0, neginf=-6.0)

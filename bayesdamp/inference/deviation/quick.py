@@ -102,7 +102,7 @@ def compare_signal(
         noises=noises,
     )
     known_under = [dict(known(law) if callable(known) else known or {}) for law in laws]
-    # Averaged motions have only approximately the phase of a known start.
+    # An averaged motion starts only approximately at known initial values.
     start_known = any(name in values for values in known_under for name in START)
     # The matrices have a few dozen rows, so that threads of the linear algebra library would only cost time.
     with threadpool_limits(1, "blas"):

@@ -250,12 +250,12 @@ class _Problem:
         return Normals(log, u[:, :k], np.linalg.cholesky(covariance[:, :k, :k]))
 
     def _value(self, u: np.ndarray, b: np.ndarray, big: np.ndarray, precision: np.ndarray) -> np.ndarray:
-        """Return the log posterior density at b points u, (b, k + n), up to a constant, as (b,).
+        """Return the log posterior density, (b,), up to a constant, at b points u, (b, k + n).
 
         u contains the k standard normal scores of the specimen's parameters, then the log factors η of the n records,
         whose coefficients are those of the specimen times exp η. b, big: slopes (b, n, k) and information (b, n, k, k)
-        of the records' log likelihoods at each point's grid point. precision: inverse prior variances of u, (b, k + n):
-        1 for scores, 1/s² for log factors with the spread s.
+        of the records' log likelihoods at each point's combination of hyperparameters. precision: inverse prior
+        variances of u, (b, k + n): 1 for scores, 1/s² for log factors with the spread s.
         """
         y = self._record_parameters(u)[0]
         fit = np.sum((b - 0.5 * (big @ y[..., None])[..., 0]) * y, axis=(1, 2))
@@ -330,9 +330,10 @@ def _invert(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scores(priors: Mapping[str, Prior], values: np.ndarray) -> np.ndarray:
-    """Return the standard normal scores, (k,), of parameter values, (k,), which are in the order of `priors`.
+    """Return parameter values, (k,), as standard normal scores, (k,); the values are in the order of `priors`.
 
-    An infinite score, such as that of 0 under a log-normal prior, becomes ±6, and nan becomes 0.
+    A score stands for a parameter and has the prior N(0, 1). An infinite score, such as that of 0 under a log-normal
+    prior, becomes ±6, and nan becomes 0.
     """
     scores = np.array([float(p.score(v)) for p, v in zip(priors.values(), values, strict=True)])
     return np.clip(np.nan_to_num(scores, posinf=6.0, neginf=-6.0), -1e9, 1e9)

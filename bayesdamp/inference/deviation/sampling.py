@@ -46,8 +46,8 @@ LOOSER_TOLERANCES = (3e-6, 1e-6, 3e-7)
 fractions of the amplitude (conventional). The first tolerance that is accurate enough (`LARGEST_ERROR`) is used."""
 LARGEST_ERROR = 0.05
 """Largest allowed error of a draw's motion that a loose tolerance of the solver causes: norm of the error over all
-samples, in standard deviations of the noise. It shifts no parameter by more than this fraction of the parameter's
-sd."""
+samples, in standard deviations of the noise. Such an error shifts no parameter by more than this fraction of the
+parameter's sd."""
 TRIED_DRAWS = 4
 """Number of draws for which `draw_solver` compares the motion with a more accurate one (conventional)."""
 T = TypeVar("T")

@@ -233,8 +233,7 @@ class Single:
 
     @property
     def oscillator(self) -> Oscillator:
-        """Return the oscillator with the candidate's damping terms and restoring law, without deviations from the laws.
-        """
+        """Return the oscillator with the candidate's damping terms and restoring law, without deviations from them."""
         candidate = self.result.candidate
         return Oscillator(candidate.damping, candidate.restoring)
 
@@ -301,7 +300,10 @@ class Single:
 
     @cached_property
     def noise_sds(self) -> dict[str, float]:
-        """Return the sd of each inferred parameter, in its unit, that noise alone would cause, by name."""
+        """Return, by name, the sd of each inferred parameter, in its unit, that noise alone would cause.
+
+        It would be the posterior sd if the laws were exact.
+        """
         return noise_sds(self.comparison, self.result)
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
@@ -314,8 +316,7 @@ class Single:
 
     @property
     def knots(self) -> Array:
-        """Return the times, in s from the start of the record, at which the deviations from the laws have their knots,
-        (k,).
+        """Return the times, in s from the start of the record, of the k knots of the deviations from the laws, (k,).
 
         The deviations change linearly between knots.
         """
@@ -370,11 +371,11 @@ class Single:
         return linearisation.u[None]
 
     def log_likelihoods(self, motions: Array) -> Array:
-        """Return the log likelihood of each of the n values of the record (`Data.y`) under motions, (..., n), in nats,
-        (..., n).
+        """Return the log likelihood of each of the record's n values (`Data.y`) under motions, (..., n), in nats.
 
-        The sum over the values is the log likelihood that the evidence uses. If residuals are correlated, the variance
-        of the noise contains a factor κ > 1; the normalisation of each value then counts only 1/κ.
+        The result has the shape of `motions`. The sum over the values is the log likelihood that the evidence uses. If
+        residuals are correlated, the variance of the noise contains a factor κ > 1; the normalisation of each value
+        then counts only 1/κ.
         """
         comparison = self.comparison
         variance, kappa = comparison.variance, comparison.inflation
