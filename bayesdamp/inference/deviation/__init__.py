@@ -2,7 +2,9 @@
 
 The model of a record y at times t is
 
-    θ̈ = −e^g(t) Σ c_i f_i(θ, θ̇) − (1 + 2 h(t)) F(θ),    y = θ + noise.
+    θ̈ = −exp(g(t)) Σ c_i f_i(θ, θ̇) − (1 + 2 h(t)) F(θ),    y = θ + noise.
+
+θ is the displacement, an angle or a length. If the record is a velocity or an acceleration, θ̇ or θ̈ replaces θ in y.
 
 Words
 -----
@@ -10,16 +12,18 @@ Words
   coefficient, such as an exponent. Coefficients may have half-normal priors with a common, unknown scale.
 - *restoring law*: the force F with its parameters. *candidate*: a damping sum under a restoring law.
 - *motion*: a solution of the equation above, at the samples of the record.
-- *score*: the standard normal score z of a parameter. Its prior maps z ~ N(0, 1) to the parameter.
-- *deviations*: g, the log deviation of the damping, and h, the relative deviation of the frequency. They are linear
-  between equidistant *knots*. u = (scores, g and h at the knots) contains all unknowns of a candidate.
-- *exact laws*: g = h = 0. Each of g and h has prior probability 0.8 to be 0; otherwise it is a Gaussian process whose
-  size and correlation length (the *hyperparameters*) are summed over a grid (`linear.Grid`).
+- *score*: a number z that stands for a parameter and has the prior N(0, 1). The parameter is a function of z, which is
+  defined by the parameter's prior.
+- *deviations*: g, the log deviation of the damping, and h, the relative deviation of the frequency. Both change
+  linearly in time between equidistant *knots*. u = (scores, g and h at the knots) contains all unknowns of a candidate.
+- *exact laws*: g = h = 0. Each of g and h has prior probability 0.8 to be 0; otherwise it is a Gaussian process.
+- *hyperparameters*: the sizes (prior standard deviations) and the correlation lengths of g and h. The evidence is
+  summed over a grid of them (`linear.Grid`). *grid point*: one combination of hyperparameters.
 - *linear posterior*: near a motion the record is nearly linear in u. At each grid point this linear model has a normal
   posterior, cut off where coefficients would be negative. The linear posterior is their mixture over the grid.
 - *evidence*: the probability density of the record under a candidate, with all parameters integrated out.
-- *other form*: damping that is not in the compared sums. *rival*: a sum with another form, whose evidence is computed
-  after that of the candidates.
+- *other form*: a form of damping that no compared sum contains. *rival*: a sum with another form. The evidence of
+  rivals is computed after that of the candidates.
 
 Modules
 -------
@@ -31,10 +35,13 @@ Modules
    mode.
 3. Compare. `linear`: posterior and evidence of a linear model. `model_comparison`: all candidates. `forms`: rivals, and
    limits for other forms. `slices`: the exponent of a power law.
-4. Sample. `sampling`: draws of the motions instead of the linear model, with the sampler of `tempered`, from
-   the linear models of `slices` where a damping term has a parameter of its own.
+
+Further steps use this comparison:
+
+4. Sample. `sampling` draws from the posterior and solves the motion of each draw, with the sampler of `tempered`. It
+   starts from a linear posterior. If a damping term has own parameters, it may start from several (`slices`).
 5. Findings. `draws`: damping ratio at an amplitude. `findings`: the numbers of a verdict and the arrays of a picture.
 
-`single` is one candidate and its probability density. `specimen` compares one damping on several records, which
-`repeats` joins.
+`single` fits one candidate and computes its posterior density. `specimen` compares dampings on several records of one
+specimen, and `repeats` computes their joint posterior.
 """

@@ -1,4 +1,8 @@
-"""Fit all candidates to one record, choose its noise, and compute the evidence of each candidate."""
+"""Fit all candidates to one record, choose its noise model, and compute the evidence of each candidate.
+
+A candidate is a sum of damping terms under a restoring law. Its evidence is the probability density of the record, with
+all parameters integrated out.
+"""
 
 from __future__ import annotations
 
@@ -53,35 +57,41 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Friction, Reference, Refusal
 
 SHARES = (0.05, 0.02, 0.01, 0.005, 0.002, 0.0005, 0.0001)
-"""Widths ε of dry friction, as fractions of the peak velocity, that are tried if none is given; the prior is uniform in
-log ε. ε is the width of the velocity range in which friction changes its sign."""
+"""Values of the width ε of dry friction that are tried if the user gives none, as fractions of the peak velocity
+(conventional). ε is the width of the velocity range in which the friction force changes its sign. Its prior is uniform
+in log ε."""
 BETWEEN, CLEAR = 4, 1.0
-"""Largest number of further widths ε that are tried, and number of nats by which the best width must be ahead of a
-neighbour for another width to be tried between the two."""
+"""`BETWEEN`: largest number of widths ε of dry friction that are tried in addition to `SHARES`. `CLEAR`: such a width
+is tried only if the best width has a log likelihood at least this many nats above that of one of its two neighbours
+(conventional). ε is the width of the velocity range in which friction changes its sign."""
 LEAD = 3.0
-"""The width ε of friction in use is replaced by the most probable one only if this has a log posterior density at least
-this many nats larger."""
+"""The width ε of dry friction is changed to the most probable width only if the log posterior density is more than this
+many nats larger there (conventional). ε is the width of the velocity range in which friction changes its sign."""
 SHARPER = 0.25
-"""If the variance of the noise under the chosen noise model is less than this fraction of the least-squares one, the
-width ε of friction is chosen again under this model, because least squares do not determine ε from values that are
-rounded to coarse steps."""
+"""The width ε of dry friction is chosen again under the chosen noise model if the noise variance of this model is less
+than this fraction of the variance from least squares (conventional). Least squares do not determine ε from values that
+are rounded to coarse steps. ε is the width of the velocity range in which friction changes its sign."""
 Known = Mapping[str, float] | Callable[[str], Mapping[str, float]]
 """Known values of parameters by name, or a function that returns them for the name of a restoring law."""
 ROUNDS = 2
-"""Number of times that averaged motions are corrected by the full equation of motion and all candidates are fitted
-again."""
+"""Number of rounds of corrections for a record of very many cycles, whose motions are computed by averaging over
+cycles. Each round corrects the averaged motions with the full equation of motion and repeats the fits."""
 REACH = 20.0
-"""A candidate is not fitted if its log evidence, predicted from the fit of the sum of all terms
-(`ModelComparison.expected_evidences`), is more than this many nats below the best (of 385 candidates on 22 simulated
-records this left out 135, none of which was closer than 18 nats)."""
+"""A candidate (a damping sum under a restoring law) is not fitted if its predicted log evidence is more than this many
+nats below the best prediction. The prediction is from the fit of the sum of all terms
+(`ModelComparison.expected_evidences`). Of 385 candidates on 22 simulated records this left out 135, none of which was
+closer than 18 nats."""
 BEHIND = f"its log evidence is expected to be more than {REACH:g} nats below the best"
-"""Reason, in `ModelComparison.refused`, why a candidate is not fitted: its log evidence is expected to be too small
-(`REACH`)."""
+"""Reason, stored in `ModelComparison.refused`, for a candidate that is not fitted because its predicted log evidence is
+too small (see `REACH`)."""
 
 
 @dataclass(frozen=True)
 class CandidateResult:
-    """The fit, the posterior and the evidence of one candidate.
+    """The fit, the posterior and the evidence of one candidate (a damping sum under a restoring law) on one record.
+
+    Deviations are time-dependent departures of the forces from their laws: g (log damping) and h (relative frequency).
+    The mode is the most probable point.
 
     Attributes
     ----------
@@ -94,15 +104,15 @@ class CandidateResult:
     fit : LeastSquaresFit
         The fit under exact laws (without deviations g and h).
     variance, exact_variance : float
-        Variance of the noise behind `posterior`, and behind `exact_posterior`, in the record's unit squared. They are
-        equal without a linearisation with deviations.
+        Variance of the noise with which `posterior` and `exact_posterior` are computed, in the record's unit squared.
+        They are equal if `linearisation` is None.
     exact_posterior : LinearPosterior
         The posterior of the linear model about the fit under exact laws.
     linearisation, approximate_posterior : optional
-        The linearisation about the mode with deviations, and its posterior; None where laws are assumed to be exact, or
-        no motion with deviations stays close to the record.
+        The linearisation about the mode with deviations, and its posterior. Both are None if laws are assumed to be
+        exact, or if the motion cannot be linearised.
     sampled : TemperedDraws, optional
-        Draws by sequential Monte Carlo, in which the equation of motion is solved for each draw.
+        Draws by sequential Monte Carlo, in which the equation of motion is solved for each draw; None if not sampled.
     """
 
     candidate: MotionCandidate
@@ -118,18 +128,23 @@ class CandidateResult:
 
     @property
     def posterior(self) -> LinearPosterior:
-        """Return the posterior of the linear model about the mode, with deviations if possible, otherwise without."""
+        """Return the posterior of the linear model about the mode (the most probable motion).
+
+        It is `approximate_posterior`, which includes deviations from the laws, or `exact_posterior` if that is None.
+        """
         return self.exact_posterior if self.approximate_posterior is None else self.approximate_posterior
 
     @property
     def model(self) -> LinearModel:
-        """Return the linear model about the mode, from which `posterior` is computed."""
+        """Return the linear model of the motion about the mode, from which `posterior` is computed."""
         return exact_model(self.fit) if self.linearisation is None else self.linearisation.model
 
     def grid(self, coarse: bool = False) -> Grid:
-        """Return the grid of the deviations' hyperparameters behind `posterior`.
+        """Return the grid of sizes (prior sds) and correlation lengths of the deviations behind `posterior`.
 
-        coarse: whether to use every other size and only the shortest and the longest length.
+        The deviations are departures from the laws: g (log damping) and h (relative frequency). `posterior` is a
+        mixture over this grid. Without a `linearisation` the grid has only the point g = h = 0. coarse: whether to use
+        only every other size, and only the shortest and the longest correlation length.
         """
         return NO_DEVIATIONS if self.linearisation is None else self.linearisation.grid(coarse)
 
@@ -146,20 +161,24 @@ class CandidateResult:
 
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """Return the relative deviations of damping (exp g − 1) and frequency (h) at the mode, at the knots in time.
+        """Return the deviations from the laws at the mode: exp g − 1 of the damping and h of the frequency, (k,) each.
 
-        (None, None) under exact laws.
+        They are relative deviations at the k knots in time. Both are None if there is no `linearisation`, as under
+        exact laws.
         """
         return (None, None) if self.linearisation is None else self.linearisation.deviations
 
     @property
     def motion(self) -> Motion:
-        """Return the motion at the mode, with deviations if there is a `linearisation`, otherwise under exact laws."""
+        """Return the motion at the mode: with deviations from the laws if there is a `linearisation`, else without."""
         return self.fit.motion if self.linearisation is None else self.linearisation.motion
 
     @property
     def z(self) -> np.ndarray:
-        """Return the standard normal scores of the inferred parameters at the mode, (d,)."""
+        """Return the inferred parameters at the mode as standard normal scores, (d,).
+
+        A score stands for a parameter and has the prior N(0, 1).
+        """
         return self.fit.z if self.linearisation is None else self.linearisation.z
 
     @property
@@ -174,7 +193,7 @@ class CandidateResult:
 
     @property
     def further(self) -> np.ndarray:
-        """Return the terms' own parameters (such as exponents) and references in their forces at the mode, (1, e).
+        """Return the damping terms' own parameters (such as exponents) and their references at the mode, (1, e).
 
         References are the fixed equilibrium, amplitude or velocity that a force may contain. The order is that of
         `Solver.further`.
@@ -184,7 +203,7 @@ class CandidateResult:
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """The Bayesian comparison of all candidates on one record.
+    """The Bayesian comparison of all candidates (damping sums under restoring laws) on one record.
 
     Attributes
     ----------
@@ -197,29 +216,31 @@ class ModelComparison:
     frictions : tuple of Friction
         Values of ε and their probabilities; empty where ε is known or there is no friction.
     solvers : mapping of str to Solver
-        Solver of the sum of all terms of the candidates, by the name of the restoring law.
+        For each restoring law, by name, the solver of the sum of all damping terms of the candidates.
     variance, inflation : float
-        Variance of the noise, in the record's unit squared, and the factor κ ≥ 1 that it contains for correlated
-        residuals: their mean power near the oscillation relative to white noise (see `sample_noise.inflation`).
+        `variance` is the variance of the noise, in the record's unit squared. It contains the factor `inflation`, κ ≥
+        1, for correlated residuals: their mean power near the oscillation relative to white noise (see
+        `sample_noise.inflation`).
     noise : SampleNoise
         Noise model of the samples.
     approximate : bool
-        Whether deviations g and h from the laws are allowed; if False, laws are exact.
+        Whether the forces may deviate from their laws (deviations g of the log damping and h of the frequency); if
+        False, laws are exact.
     noise_known : bool
         Whether `variance` is also used under exact laws, because the noise's sd is given or the noise is not Gaussian.
     epsilon_known : bool
-        Whether ε is given.
+        Whether the user has given ε.
     refused : mapping of MotionCandidate to str
         Candidates without a result, with the reason.
     results : tuple of CandidateResult
         Results of the candidates that are not refused.
     forms : tuple of CandidateResult
-        Results of the rivals, which have other forms of damping.
+        Results of the rivals: damping sums with a form of damping that is not in the compared sums.
     exponents : tuple of float
-        Quantiles of the exponent of a power law, at the probabilities `slices.LEVELS`; empty without a result of a
-        power law alone.
+        Quantiles of the exponent p of a damping force c |v|^p, at the probabilities `slices.LEVELS`. Empty if this
+        force alone has no result.
     averaging : Averaging, optional
-        Error of averaged motions, where the record is reduced to amplitudes and phases.
+        Error of motions that are averaged over cycles; None unless the record is reduced to amplitudes and phases.
     """
 
     data: Data
@@ -250,22 +271,28 @@ class ModelComparison:
 
     @property
     def best(self) -> CandidateResult:
-        """Return the result with the largest evidence among the candidates, without the sums in `forms`."""
+        """Return the result with the largest evidence among the candidates; rivals (in `forms`) are not considered."""
         return max(self.results, key=lambda r: r.log_evidence)
 
     def result(self, candidate: MotionCandidate) -> CandidateResult:
-        """Return the result of a candidate, in `results` or `forms`; raise StopIteration if it has none."""
+        """Return the result of a candidate (a damping sum under a restoring law), which is in `results` or `forms`.
+
+        Raise StopIteration if it has none.
+        """
         return next(r for r in (*self.results, *self.forms) if r.candidate == candidate)
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Return the names of the candidates' damping terms, in the solvers' order, without those only in `forms`."""
+        """Return the names of all damping terms of the candidates, in the solvers' order.
+
+        Terms that occur only in the rivals (`forms`) are not included.
+        """
         return next(iter(self.solvers.values())).terms
 
     def compares(self, result: CandidateResult) -> bool:
-        """Return whether a result's evidence may be compared with those of the other results.
+        """Return whether a result's evidence may be compared with that of the other results.
 
-        It may if it includes deviations from the laws, or if no result's evidence includes them.
+        This is so if the result includes deviations from the laws, or if no result includes them.
         """
         every = (result, *self.results)
         return result.approximate_posterior is not None or all(r.approximate_posterior is None for r in every)
@@ -273,9 +300,9 @@ class ModelComparison:
     def exact_variance(self, fit: LeastSquaresFit) -> float:
         """Return the variance of the noise under exact laws, in the record's unit squared, from the residual of a fit.
 
-        It is `inflation`, the factor for correlated residuals, times the sum of squared residuals divided by the
-        degrees of freedom (number of values minus number of inferred parameters, at least 1), plus the variance of the
-        solver's error. If `noise_known`, it is `variance`.
+        It is κ S / (n − d), plus the variance of the solver's error. S is the sum of squared residuals of the n values,
+        d the number of inferred parameters (n − d is at least 1), and κ is `inflation`, the factor for correlated
+        residuals. If `noise_known`, the result is `variance` instead.
         """
         if self.noise_known:
             return self.variance
@@ -285,13 +312,15 @@ class ModelComparison:
     def expected_evidences(
         self, candidates: Iterable[MotionCandidate], whole: Linearisation
     ) -> dict[MotionCandidate, float]:
-        """Predict the log evidences of candidates, in nats, without fitting them.
+        """Predict the log evidences, in nats, of candidates (damping sums under one restoring law) without fits.
 
-        Each is the evidence of the linear model of a larger sum, `whole`, in which the coefficients of the terms that
-        the candidate does not have are 0. It is infinity for a candidate that has a term that `whole` does not have.
+        whole: a larger sum under the same law, linearised about its mode. The predicted evidence is that of this linear
+        model with coefficients of 0 for all terms that the candidate does not have. It is infinite if the candidate has
+        a term that `whole` does not have.
         """
         parameters = whole.fit.parameters
-        # The model is linear in a coefficient, whose score at 0 may be infinite under the user's prior.
+        # The score of a coefficient of 0 may be infinite under the user's prior. The model is linear in coefficients:
+        # `off` contains the score of 0 by linear extrapolation from the mode.
         coefficients = np.isin(parameters.free_names, [TERMS.get(t).parameter for t in TERMS.names()])
         off = whole.z - parameters.values(whole.z)[parameters.free] / parameters.rates(whole.z)
         off = np.where(coefficients, off, whole.z)
@@ -309,10 +338,10 @@ class ModelComparison:
         return {c: expected(c) for c in candidates}
 
     def evaluate(self, candidate: MotionCandidate, solver: Solver, fit: LeastSquaresFit) -> CandidateResult:
-        """Linearise a candidate about its mode, starting from its fit, and return its posterior and evidence.
+        """Linearise a candidate about its mode (most probable motion), and return its posterior and evidence.
 
-        fit: its fit under exact laws. If laws are exact or the linearisation fails, the result has only the posterior
-        under exact laws.
+        fit: the candidate's fit under exact laws, from which the search for the mode starts. If laws are assumed to be
+        exact, or if the linearisation fails, the result has only the posterior under exact laws.
         """
         mode = linearise_at_mode(solver, self.data, fit, self.variance) if self.approximate else None
         return self.evaluate_about(candidate, solver, fit, mode, self.exact_variance(fit))
@@ -325,11 +354,11 @@ class ModelComparison:
         linearisation: Linearisation | None,
         exact_variance: float,
     ) -> CandidateResult:
-        """Return posterior and evidence of a candidate that has been linearised about its mode.
+        """Compute posterior and evidence of a candidate from its linearisation about the mode (most probable motion).
 
-        fit: its fit under exact laws. exact_variance: variance of the noise under exact laws, in the record's unit
-        squared; with deviations it is `variance`. With `linearisation` None, the result has only the posterior under
-        exact laws.
+        fit: the candidate's fit under exact laws. linearisation: that about the mode with deviations from the laws; if
+        None, the result has only the posterior under exact laws. exact_variance: variance of the noise under exact
+        laws, in the record's unit squared; with deviations it is `variance`.
         """
         exact = linear_posterior(exact_model(fit), NO_DEVIATIONS, exact_variance, self.samples)
         variance, posterior = exact_variance, None
@@ -351,9 +380,10 @@ def compare_candidates(
     approximate: bool = True,
     noises: Sequence[str] = AUTOMATIC,
 ) -> ModelComparison:
-    """Fit every candidate and compute its evidence.
+    """Fit every candidate (a damping sum under a restoring law) and compute its evidence.
 
     Under each restoring law the sum of all terms is fitted first; the fits of the other candidates start from it.
+    Candidates with a much smaller predicted evidence are not fitted (`REACH`).
 
     Parameters
     ----------
@@ -362,12 +392,12 @@ def compare_candidates(
     candidates : iterable of MotionCandidate
         Damping sums under restoring laws.
     known : mapping or callable, optional
-        Values of parameters by name, which may include `noise_sd` (sd of a sample's noise, in the record's unit) and
-        `epsilon` (width ε of the sign change of dry friction, in rad/s or m/s), or a function from the name of a
-        restoring law to such a mapping.
+        Values of parameters by name, or a function from the name of a restoring law to such a mapping. They may include
+        `noise_sd` (sd of a sample's noise, in the record's unit) and `epsilon` (width ε of the velocity range in which
+        dry friction changes its sign, in rad/s or m/s). A known value of a coefficient has no effect: it is inferred.
     priors : mapping of str to Prior, optional
-        Priors by the name of the parameter; the others have default priors. A prior of a known parameter has no effect,
-        nor has a known value of a coefficient.
+        Priors by the name of the parameter; the others have default priors. Priors of parameters that are not inferred
+        have no effect.
     reference : Reference, optional
         Amplitude and frequency with which default priors scale; by default the record's own, to two digits.
     approximate : bool
@@ -378,7 +408,8 @@ def compare_candidates(
     Returns
     -------
     ModelComparison
-        Results of all candidates except the refused ones; its `forms`, other forms of damping, are empty.
+        The results of the candidates; those without a result are in `refused`. `forms`, the results for other forms of
+        damping, is empty.
 
     Raises
     ------
@@ -436,16 +467,16 @@ def choose_noise(
 ) -> tuple[ModelComparison, _CandidateFits, dict[str, Linearisation]]:
     """Choose the noise model and the variance of the noise, which are the same for all candidates.
 
-    They are chosen for the residual of the sum of all terms, under the restoring law with the smallest residual
-    variance; a known `noise_sd` (of a sample) gives the variance of Gaussian noise.
+    They are chosen for the residual of the sum of all damping terms, under the restoring law for which this residual
+    has the smallest variance. If `noise_sd` (sd of a sample's noise) is known, it gives the variance of Gaussian noise.
 
     Parameters
     ----------
     fits : _CandidateFits
         Fits to the record under Gaussian noise.
     frictions : tuple of Friction
-        Values of the width ε of dry friction and their probabilities; they and the fits are replaced if ε is chosen
-        again (`SHARPER`).
+        Values of the width ε of dry friction and their probabilities. They and the fits are replaced if ε is chosen
+        again under the noise model (`SHARPER`).
     noises : sequence of str
         Names of the models to choose from.
     approximate : bool
@@ -454,11 +485,12 @@ def choose_noise(
     Returns
     -------
     ModelComparison
-        The comparison, without results.
+        The comparison, still without results.
     _CandidateFits
-        Fits to the record, whose values are adapted to the noise model.
+        The fits, repeated if the record's values were adapted to a noise model that is not Gaussian.
     dict of str to Linearisation
-        For each restoring law, the largest sum linearised about its mode.
+        For each restoring law, by name: the candidate with the most terms, linearised about its mode (most probable
+        motion).
 
     Raises
     ------
@@ -510,14 +542,14 @@ def choose_noise(
 
 
 class _CandidateFits:
-    """Fits of candidates to one record, with one width ε of dry friction.
+    """Fits of candidates (damping sums under restoring laws) to one record, with one width ε of dry friction.
 
     ε is the width of the velocity range in which friction changes its sign.
 
     `fits` contains the fits that have been made, by candidate. A candidate that cannot be fitted is added to `refused`
-    with the reason. terms: names of all damping terms of the candidates. plain: those of them whose only parameter is
-    the coefficient. laws: names of the restoring laws. solvers: solver of the sum of all terms, by law. scales:
-    references (equilibrium, amplitude, velocity) in the terms' forces, by law.
+    with the reason. terms: names of all damping terms of the candidates. plain: names of the terms whose only parameter
+    is the coefficient. laws: names of the restoring laws. solvers: by law, the solver of the sum of all terms. scales:
+    by law, the fixed references (equilibrium, amplitude, peak velocity) that forces may contain.
     """
 
     def __init__(
@@ -548,10 +580,10 @@ class _CandidateFits:
         return self.solvers[self.laws[0]].epsilon
 
     def known_under(self, law: str) -> Mapping[str, float]:
-        """Return the known values of parameters under a restoring law.
+        """Return the known values of parameters, by name, under a restoring law.
 
-        Velocities and accelerations do not determine the position of the equilibrium, which is then fixed at 0 unless
-        it has a given value or prior.
+        A record of velocities or accelerations does not determine the position of the equilibrium. The parameter of
+        this position is therefore fixed at 0 for such a record, unless it has a given value or prior.
         """
         stated, shift = self.known(law) if callable(self.known) else self.known, LAWS.get(law).shift
         if shift and self.data.quantity != "angle" and shift not in self.priors:
@@ -559,10 +591,10 @@ class _CandidateFits:
         return stated
 
     def _scales(self, law: str) -> dict[str, float]:
-        """Return, by name, the fixed references in the terms' forces: equilibrium, amplitude and peak velocity.
+        """Return, by name, the fixed references in the damping forces: equilibrium, amplitude and peak velocity.
 
-        If a term needs the equilibrium, it comes from a fit with viscous damping; otherwise the record's midline is
-        used.
+        If a term needs the equilibrium, it is computed from a fit with viscous damping under the restoring law.
+        Otherwise, or if the fit fails, it is the record's midline.
         """
         data, rest, known = self.data, self.data.rest, self.known_under(law)
         if "rest" in self.solvers[law].further:
@@ -574,10 +606,10 @@ class _CandidateFits:
         return self.reference.scales(rest)
 
     def fit_fullest(self, law: str) -> None:
-        """Fit the sum of all terms under a restoring law, and store the fit in `fits`.
+        """Fit the sum of all damping terms under a restoring law, and store the fit in `fits`.
 
-        If some terms have parameters besides their coefficient, such as an exponent, the sum of the other terms is
-        fitted and stored first, and the fit starts from it.
+        Some terms may have parameters besides their coefficient, such as an exponent. Then the sum of the other terms
+        is fitted and stored first, and the fit of all terms starts from it.
         """
         if self.plain and self.plain != self.terms:
             self._fit(MotionCandidate(self.plain, law), None)
@@ -587,13 +619,13 @@ class _CandidateFits:
     def fullest(self) -> list[MotionCandidate]:
         """Return, for each restoring law, the candidate with all damping terms.
 
-        If it could not be fitted, it is the candidate with all terms whose only parameter is the coefficient.
+        If it could not be fitted, the candidate has only the terms whose single parameter is the coefficient.
         """
         every = [MotionCandidate(self.terms, law) for law in self.laws]
         return [c if c in self.fits else MotionCandidate(self.plain, c.restoring) for c in every]
 
     def fit_of(self, c: MotionCandidate) -> LeastSquaresFit | None:
-        """Return the fit of a candidate; None if the fit fails.
+        """Return the fit of a candidate (a damping sum under a restoring law); None if the fit fails.
 
         If it does not exist yet, it is computed, starting from the fit of the sum of all terms.
         """
@@ -603,10 +635,11 @@ class _CandidateFits:
         return self.fits.get(c)
 
     def _fit(self, c: MotionCandidate, near: LeastSquaresFit | None) -> None:
-        """Fit a candidate, starting at the fit `near` of a larger sum; if this fails, or `near` is None, at guesses.
+        """Fit a candidate (a damping sum under a restoring law), and store the fit in `fits`.
 
-        From guesses, the first cycles are fitted first, and then longer and longer parts of the record. The fit is
-        stored in `fits`, or the reason of its failure in `refused`.
+        The fit starts at `near`, the fit of a larger sum. If this fails, or if `near` is None, it starts at guesses: it
+        then begins with the first cycles and goes on to longer and longer parts of the record. If both fail, the reason
+        is stored in `refused`.
         """
         data, solver = self.data, self.solvers[c.restoring]
         known = {**self.scales[c.restoring], **self.known_under(c.restoring)}
@@ -625,8 +658,9 @@ class _CandidateFits:
     def corrected_solvers(self) -> dict[str, Solver]:
         """Return, by restoring law, solvers whose averaged motions have a correction (`AveragedSolver.with_defect`).
 
-        The correction is the motion under the full equation minus the averaged motion, both at the fit with the most
-        damping terms. Laws for which it fails are left out.
+        An averaged motion is computed by averaging over cycles. The correction is the motion under the full equation
+        minus the averaged motion, both for the fit with the most damping terms. Laws for which it cannot be computed
+        are left out.
         """
         most = {
             c.restoring: fit for c, fit in sorted(self.fits.items(), key=lambda item: len(item[0].damping))
@@ -643,9 +677,10 @@ class _CandidateFits:
     def refitted(
         self, data: Data | None = None, solvers: Mapping[str, Solver] | None = None
     ) -> _CandidateFits:
-        """Return a copy with all fits repeated to other data or with other solvers; a failed fit stays as it was.
+        """Return a copy in which all fits are repeated, with other data or other solvers.
 
-        By default data and solvers remain. solvers: by restoring law; laws that it does not contain keep theirs.
+        data: the new data; None for the present ones. solvers: new solvers by restoring law; the other laws keep their
+        solver. A fit that fails is replaced by the earlier fit.
         """
         other = copy(self)
         other.data, other.solvers = data or self.data, {**self.solvers, **(solvers or {})}
@@ -655,7 +690,7 @@ class _CandidateFits:
         return other
 
     def with_width(self, epsilon: float) -> _CandidateFits:
-        """Return a copy with all fits repeated with another width of dry friction; self if it has this width already.
+        """Return a copy with all fits repeated for another width of dry friction; self if the width is the present one.
 
         epsilon: width of the velocity range in which friction changes its sign, in rad/s or m/s.
         """
@@ -665,9 +700,10 @@ class _CandidateFits:
         return fits if self.data.averaged is None else fits.refitted(solvers=fits.corrected_solvers())
 
     def modes(self) -> dict[str, Linearisation]:
-        """Linearise the candidate of each restoring law in `fullest` (with the most terms) about its mode.
+        """Linearise the candidate with the most damping terms (`fullest`) about its mode, for each restoring law.
 
-        Return the linearised candidates by the name of the law. Those that cannot be linearised are left out.
+        The mode is the most probable motion. Return the linearised candidates by the name of the law. Those that cannot
+        be linearised are left out.
         """
         whole = [c for c in self.fullest if c in self.fits]
         modes = at_once(
@@ -680,8 +716,8 @@ class _CandidateFits:
     ) -> tuple[tuple[Friction, ...], float]:
         """Compute the probabilities of values of the width ε of dry friction, and choose the ε to use.
 
-        ε is the width of the velocity range in which friction changes its sign, in rad/s or m/s. The candidate with the
-        smallest sum of squared residuals is fitted with each ε.
+        ε is the width of the velocity range in which friction changes its sign, in rad/s or m/s. The candidate whose
+        fit has the smallest sum of squared residuals is fitted again with each ε.
 
         Parameters
         ----------
@@ -691,11 +727,12 @@ class _CandidateFits:
 
         Returns
         -------
-        tuple
-            First a `Friction` for each fitted ε, the largest first: ε, its posterior probability, and the fitted
-            coefficients. It is empty if the best fit has no friction or no fit succeeds. Then the ε to use. It is
-            `self.epsilon`, unless another ε is clearly better: the ε with the largest posterior density (per unit of ln
-            ε) is used if its log density is more than `LEAD` nats above that of the fitted ε nearest to `self.epsilon`.
+        frictions : tuple of Friction
+            For each fitted ε, the largest first: ε, its posterior probability, and the fitted coefficients. Empty if
+            the best fit has no friction or no fit succeeds.
+        epsilon : float
+            The ε to use. It is the ε with the largest posterior density (per unit of ln ε) if its log density is more
+            than `LEAD` nats above that of the fitted ε nearest to `self.epsilon`. Otherwise it is `self.epsilon`.
         """
         switching = [i for i, t in enumerate(self.terms) if TERMS.get(t).switches]
         if not self.fits:
@@ -705,9 +742,10 @@ class _CandidateFits:
         m, peak = len(self.terms), self.reference.peak_velocity
 
         def under(share: float) -> tuple[float, float, LeastSquaresFit] | None:
-            """Fit with one width ε; return ε, the log likelihood (nats, up to a constant; white noise), and the fit.
+            """Fit with one width ε; return ε (rad/s or m/s), its log likelihood in nats, and the fit; None on failure.
 
-            share: ε as a fraction of the peak velocity. None if the fit fails.
+            share: ε as a fraction of the peak velocity. The log likelihood is that of white noise, up to a constant;
+            with `adapting` it is the log evidence of the noise model.
             """
             own = replace(solver, epsilon=share * peak)
             if isinstance(own, AveragedSolver):  # its correction depends on ε
@@ -739,7 +777,7 @@ class _CandidateFits:
         tried.sort(key=lambda width: -width[0])
         widths, logs = np.array([e for e, _, _ in tried]), np.array([log for _, log, _ in tried])
         if adapting is None and self.data.averaged is None:
-            # Correlated residuals contain fewer independent values. The best width leaves the least of its own misfit.
+            # Correlated residuals contain fewer independent values. With the best width the residual has least misfit.
             fit = tried[int(np.argmax(logs))][2]
             logs /= inflation(self.data.t, fit.residual, self.data.frequency, fit.z.size)
         # Quadrature over log ε: each width has a cell that ends half way to its neighbours.
@@ -758,10 +796,11 @@ class _CandidateFits:
 
 
 def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
-    """Return the log of a further width ε to try, near the top of a parabola through the best one and its neighbours.
+    """Return the log of another width ε of dry friction to try: near the maximum of a parabola through three widths.
 
-    None if the best width is the first or the last one, or if it is less than `CLEAR` nats ahead of each neighbour. at,
-    logs: log widths and log likelihoods in nats, (k,) each.
+    The three are the best width and its two neighbours. Return None if the best width is the first or the last, or if
+    its log likelihood is less than `CLEAR` nats above that of each neighbour. at, logs: log widths, and their log
+    likelihoods in nats, (k,) each.
     """
     order = np.argsort(at)
     at, logs = at[order], logs[order]
@@ -772,7 +811,7 @@ def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
     curvature, slope, _ = np.polyfit(at[three] - at[i], logs[three], 2)
     top = -0.5 * slope / curvature
     sd = 1 / np.sqrt(-2 * curvature)
-    if abs(top) < sd:  # the best width is at the maximum already: try one nearer than its further neighbour
+    if abs(top) < sd:  # the best width is at the maximum already: try one towards its more distant neighbour
         wide = at[i + 1] - at[i] > at[i] - at[i - 1]
         top = min(2 * sd, 0.5 * (at[i + 1] - at[i])) if wide else -min(2 * sd, 0.5 * (at[i] - at[i - 1]))
     return float(at[i] + np.clip(top, 0.75 * (at[i - 1] - at[i]), 0.75 * (at[i + 1] - at[i])))

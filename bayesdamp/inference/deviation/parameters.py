@@ -1,4 +1,8 @@
-"""Map standard normal scores to the parameters of a candidate, in the order in which its solver takes them."""
+"""Map standard normal scores to the parameters of a candidate, in the order in which its solver takes them.
+
+A candidate is a sum of damping terms under a restoring law. A score stands for an inferred parameter and has the prior
+N(0, 1); the parameter's own prior defines the map.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,13 +17,16 @@ from bayesdamp.physics.restoring import LAWS, RestoringLaw
 from bayesdamp.priors import Prior, log_prior_of
 
 DERIVATIVE_STEP = 1e-6
-"""Step of numerical derivatives of parameters by straight coordinates, in which motions are more nearly linear
-(`StraightParameters`), in prior standard deviations."""
+"""Step of numerical derivatives of parameters by straight coordinates, in the unit of the coordinate (conventional).
+Straight coordinates replace some standard normal scores, and make motions more nearly linear (`StraightParameters`)."""
 
 
 @dataclass(frozen=True)
 class Parameters(Scores):
     """The inferred parameters of an equation of motion with their priors, and the values of its other parameters.
+
+    Methods take inferred parameters as standard normal scores z: each parameter is a function of its score, which has
+    the prior N(0, 1).
 
     Attributes
     ----------
@@ -55,14 +62,14 @@ class Parameters(Scores):
 
     @property
     def positive(self) -> np.ndarray:
-        """Return which parameters must not be negative, booleans (d,): those with half-normal priors."""
+        """Return a boolean mask, (d,), of the inferred parameters that must be ≥ 0: those with half-normal priors."""
         return self.reflected
 
     @cached_property
     def damping(self) -> np.ndarray:
-        """Return which inferred parameters belong to damping terms, booleans (d,).
+        """Return a boolean mask, (d,), of the inferred parameters that belong to damping terms.
 
-        They are coefficients and parameters that a term has besides its coefficient, such as an exponent.
+        These are the coefficients, and the parameters that a term has besides its coefficient, such as an exponent.
         """
         terms = [TERMS.get(name) for name in TERMS.names()]
         own = {n for t in terms for n in (t.parameter, *(p.name for p in t.inferred))}
@@ -70,7 +77,11 @@ class Parameters(Scores):
 
     @property
     def masks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the boolean masks `positive`, `shared` (priors with a common scale) and `damping`, (d,) each."""
+        """Return three boolean masks of the d inferred parameters: `positive`, `shared` and `damping`, (d,) each.
+
+        positive: must not be negative. shared: coefficients whose priors have a common, unknown scale. damping: belong
+        to damping terms.
+        """
         return self.positive, self.shared, self.damping
 
     @property
@@ -82,16 +93,17 @@ class Parameters(Scores):
     def absorbs(self) -> tuple[bool, bool]:
         """Return whether an inferred parameter acts like a constant g, and whether one acts like a constant h.
 
-        g is the log deviation of the damping: a coefficient has the same effect. h is the relative deviation of the
-        frequency: the stiffness has the same effect.
+        g and h are the deviations from the laws. g is the log deviation of the damping; a coefficient has the same
+        effect. h is the relative deviation of the frequency; the stiffness has the same effect.
         """
         return bool(np.any(self.positive)), "stiffness" in self.priors
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
         """Return the log prior density, (...), of standard normal scores z, (..., d).
 
-        It is the density of z, not of the parameters, and −∞ where a score that must be ≥ 0 is negative. The common
-        scale of the priors of coefficients is averaged over `SHARED_SIGMAS`.
+        It is the density of z, not of the parameters, and −∞ where a score that must be ≥ 0 is negative. Some
+        coefficients have half-normal priors with a common, unknown scale; the density is averaged over its possible
+        values (`SHARED_SIGMAS`).
         """
         value = log_prior_of(z, self.shared) + int(self.positive.sum()) * np.log(2.0)
         return np.where(np.all(z[..., self.positive] >= 0, axis=-1), value, -np.inf)
@@ -103,7 +115,8 @@ class Parameters(Scores):
     def values(self, z: np.ndarray) -> np.ndarray:
         """Return all k parameters of the equation of motion, (..., k), at standard normal scores z, (..., d).
 
-        They are in the order of `names` and in their units.
+        A score stands for an inferred parameter and has the prior N(0, 1). The result is in the order of `names`, in
+        the parameters' units.
         """
         p = np.empty((*z.shape[:-1], self._fixed.size))
         p[...] = self._fixed
@@ -117,10 +130,11 @@ class Parameters(Scores):
         return dict(zip(self.names, map(float, self.values(z)), strict=True))
 
     def scores(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the standard normal scores of the inferred parameters, (d,), for values by name.
+        """Return the inferred parameters as standard normal scores, (d,), for values by name.
 
-        `values` must contain each of them; other names have no effect. An infinite score, such as that of 0 under a
-        log-normal prior, becomes ±6, and nan becomes 0.
+        A score stands for a parameter and has the prior N(0, 1). `values` must contain each inferred parameter; other
+        names have no effect. An infinite score, such as that of 0 under a log-normal prior, becomes ±6, and nan becomes
+        0.
         """
         scores = [float(self.priors[n].score(values[n])) for n in self.free_names]
         return np.nan_to_num(scores, posinf=6.0, neginf=-6.0)
@@ -133,17 +147,18 @@ class Parameters(Scores):
         return tangents[:, self.free] * self.rates(z)
 
     def plain(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores at coordinates z, both (..., d); in this class z itself.
+        """Convert coordinates z to standard normal scores, both (..., d); here they are equal, and z is returned.
 
-        A subclass has other coordinates for some parameters.
+        The subclass `StraightParameters` has other coordinates for some parameters.
         """
         return z
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
         """Return by how much the log prior density at z differs from that of d independent N(0, 1) coordinates.
 
-        z: coordinates of the d parameters, (..., d). In this class all are standard normal scores, so that the result,
-        (...), is 0. A subclass has other coordinates for some parameters.
+        z: coordinates of the d inferred parameters, (..., d). The result, (...), is 0 in this class, where all
+        coordinates are standard normal scores. The subclass `StraightParameters` has other coordinates for some
+        parameters.
         """
         return np.zeros(z.shape[:-1])
 
@@ -152,10 +167,11 @@ class Parameters(Scores):
 class StraightParameters(Parameters):
     """Parameters with straight coordinates v in place of the scores of θ₀ and of the restoring law's parameters.
 
-    Scores are parameters transformed to standard normal priors; motions are more nearly linear in v. v = z₀ + J (ν −
-    ν₀). Here ν are the natural coordinates of the law, which a record determines well, such as the frequency
-    (`RestoringLaw.natural`); z₀ and ν₀ are the scores and the natural coordinates at one point, the anchor; and J is
-    the derivative of the scores by ν there, so that v agrees with the scores to first order.
+    Scores are parameters transformed to standard normal priors; θ₀ is the displacement at the first sample. Motions are
+    more nearly linear in v = z₀ + J (ν − ν₀). Here ν are the natural coordinates of the law (`RestoringLaw.natural`),
+    quantities such as the frequency, which a record determines well. z₀ and ν₀ are the scores and the natural
+    coordinates at one point, the anchor. J is the derivative of the scores by ν at the anchor, so that v agrees with
+    the scores to first order.
 
     Attributes
     ----------
@@ -164,7 +180,7 @@ class StraightParameters(Parameters):
     places : ndarray of int, shape (b,)
         Indices of the coordinates v among all d coordinates.
     at : tuple of str
-        Names of the parameters whose scores v replaces.
+        Names of the b parameters whose scores v replaces.
     anchor, origin : ndarray, shape (b,)
         z₀ and ν₀.
     inverse_jacobian : ndarray, shape (b, b)
@@ -181,28 +197,31 @@ class StraightParameters(Parameters):
     def with_fixed(self, name: str, value: float) -> Self:
         """Return a copy in which the inferred parameter `name` is fixed at a value, in the parameter's unit.
 
-        It must not be one of the parameters `at`, which have straight coordinates.
+        name: a parameter whose coordinate is a standard normal score; parameters in `at` have straight coordinates and
+        cannot be fixed.
         """
         before = self.free_names.index(name) < self.places
         return replace(super().with_fixed(name, value), places=self.places - before)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Return all k parameters of the equation of motion at coordinates z, (..., d): (..., k).
+        """Return all k parameters of the equation of motion, (..., k), at coordinates z, (..., d).
 
-        They are NaN where no valid parameters have these coordinates.
+        z: standard normal scores of the inferred parameters or, for θ₀ and the restoring law, straight coordinates (see
+        the class). The parameters `at` are NaN where no valid parameters have these coordinates.
         """
         p = super().values(z)
         p[..., self.free[self.places]] = self._law_values(z[..., self.places])
         return p
 
     def _law_values(self, v: np.ndarray) -> np.ndarray:
-        """Return the parameters `at`, in their units, for straight coordinates v (see the class), both (..., b).
+        """Return the parameters in `at`, (..., b), in their units, for their straight coordinates v, (..., b).
 
-        They are NaN where no valid parameters have these coordinates.
+        Straight coordinates are those in which motions are more nearly linear (see the class). At least one parameter
+        is NaN where no valid parameters have these coordinates.
         """
         natural = self.origin + (v - self.anchor) @ self.inverse_jacobian.T
         values = self.law.from_natural({name: natural[..., i] for i, name in enumerate(self.at)})
-        assert values is not None  # see `straighten_at`
+        assert values is not None  # `straighten_at` has checked this
         return np.stack([values[name] for name in self.at], axis=-1)
 
     def by_scores(self, tangents: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -216,27 +235,29 @@ class StraightParameters(Parameters):
         return columns
 
     def plain(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores at coordinates z, both (..., d).
+        """Convert coordinates z to standard normal scores, both (..., d).
 
-        They are NaN where no valid parameters have these coordinates.
+        z: standard normal scores or, for θ₀ and the restoring law, straight coordinates (see the class). The scores are
+        NaN where no valid parameters have these coordinates.
         """
         scores = z.copy()
         scores[..., self.places] = self._law_scores(z)
         return scores
 
     def _law_scores(self, z: np.ndarray) -> np.ndarray:
-        """Return the standard normal scores of the parameters `at`, (..., b).
+        """Return the standard normal scores, (..., b), of the parameters in `at`, which have straight coordinates.
 
-        These are the parameters that have straight coordinates (see the class). z: coordinates of all d inferred
-        parameters, (..., d).
+        z: coordinates of all d inferred parameters, (..., d): standard normal scores or, for θ₀ and the restoring law,
+        straight coordinates (see the class).
         """
         values = self._law_values(z[..., self.places])
         return np.stack([self.priors[name].score(values[..., i]) for i, name in enumerate(self.at)], axis=-1)
 
     def retract(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
-        """Return `new`, the end of a straight step from z, unchanged: in these coordinates no curve is needed.
+        """Return `new`, the end of a step from z, unchanged.
 
-        In the base class, whose coordinates are scores, the step follows a curved ridge of the posterior.
+        The base class, whose coordinates are scores, bends the step so that it follows a curved ridge of the posterior.
+        In straight coordinates the ridge is nearly straight, so that this is not needed.
         """
         return new
 
@@ -256,9 +277,10 @@ class StraightParameters(Parameters):
         return ratios
 
     def slopes(self, z: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the parameters `at` by their straight coordinates v (see the class), (..., b, b).
+        """Return the derivatives of the parameters in `at` by their straight coordinates v, (..., b, b).
 
-        z: coordinates of all d inferred parameters, (..., d).
+        Straight coordinates are those in which motions are more nearly linear (see the class). Rows are parameters, in
+        their units, and columns are coordinates. z: coordinates of all d inferred parameters, (..., d).
         """
         v, steps = z[..., self.places], DERIVATIVE_STEP * np.eye(self.places.size)
         changes = [self._law_values(v + step) - self._law_values(v - step) for step in steps]
@@ -266,11 +288,12 @@ class StraightParameters(Parameters):
 
 
 def straighten_at(parameters: Parameters, restoring: str, z: np.ndarray) -> StraightParameters | None:
-    """Return the parameters with straight coordinates, in which motions are more nearly linear (`StraightParameters`).
+    """Return parameters with straight coordinates, in which motions are more nearly linear (see `StraightParameters`).
 
-    z: standard normal scores at which straight coordinates and scores agree to first order, (d,). None if the restoring
-    law has no natural coordinates, if θ₀ or a parameter of the law is not inferred, or if the derivatives of the scores
-    by the natural coordinates at z are (nearly) singular.
+    restoring: name of the restoring law. z: standard normal scores of the inferred parameters, (d,); near them straight
+    coordinates and scores agree to first order. Return None if the law has no natural coordinates, if θ₀ (displacement
+    at the first sample) or a parameter of the law is not inferred, or if the derivatives of the scores by the natural
+    coordinates at z are infinite or (nearly) singular.
     """
     law = LAWS.get(restoring)
     at = (*law.parameters, "theta0")

@@ -1,6 +1,7 @@
 """Compare all candidates on one record within seconds, on averaged motions where these are accurate.
 
-The docstring of `bayesdamp.inference.deviation` explains the words and the steps.
+A candidate is a sum of damping terms under a restoring law. The docstring of `bayesdamp.inference.deviation` explains
+the words and the steps.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,9 +32,9 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Reference, Signal
 
 NEAR = 10.0
-"""For a record of very many cycles, motions are computed by averaging over cycles. That of a candidate (a damping sum
-under a restoring law) is corrected by the full equation of motion if the candidate's log evidence is at most this many
-nats below the best."""
+"""For a record of very many cycles, motions are computed by averaging over cycles. The motion of a candidate (a damping
+sum under a restoring law) is then corrected by the full equation of motion if the candidate's log evidence is at most
+this many nats below the best (conventional)."""
 
 
 def compare_signal(
@@ -49,22 +50,23 @@ def compare_signal(
 ) -> ModelComparison:
     """Compare damping sums under restoring laws on a record, by their evidence.
 
-    A record of hundreds of cycles is reduced to amplitudes and phases, unless initial values are known. If this shifts
-    a parameter by more than a tenth of its sd, the samples are compared instead, unless the record has more than
-    `MOST_CYCLES` cycles.
+    A record of hundreds of cycles is reduced to amplitudes and phases, and its motions are averaged over cycles, unless
+    the initial displacement or velocity is known. If averaging shifts a parameter by more than a tenth of its sd, the
+    samples are compared instead, unless the record has more than `MOST_CYCLES` cycles.
 
     Parameters
     ----------
     signal : Signal
         The record.
-    damping, restoring : sequence of str
-        Damping sums (names of terms joined by +, such as "viscous+coulomb") and names of restoring laws. By default
-        these are the seven sums of viscous, Coulomb and quadratic damping, and all laws, but for a record in another
-        unit than rad only laws of a translation.
+    damping : sequence of str
+        Damping sums: names of terms joined by +, such as "viscous+coulomb". By default the seven sums of viscous,
+        Coulomb and quadratic damping.
+    restoring : sequence of str
+        Names of restoring laws. By default all laws; but if the record's unit is not rad, only laws of a translation.
     known : mapping or callable, optional
         Values of parameters by name, or a function from the name of a restoring law to such a mapping. They may include
         `theta0` and `omega0` (initial displacement and velocity), `noise_sd` (sd of a sample's noise, in the record's
-        unit) and `epsilon` (width of the sign change of dry friction, in rad/s or m/s).
+        unit) and `epsilon` (width of the velocity range in which dry friction changes its sign, in rad/s or m/s).
     priors : mapping of str to Prior, optional
         Priors by the name of the parameter; the others have default priors.
     reference : Reference, optional
@@ -77,13 +79,13 @@ def compare_signal(
     Returns
     -------
     ModelComparison
-        The candidates that are not refused, with their evidences; the rivals, which are sums with another form of
-        damping; and the exponent of a power law.
+        The fitted candidates with their evidences, the rivals (damping sums with a form of damping that is not
+        compared), and the quantiles of the exponent of a power law.
 
     Raises
     ------
     InputError
-        If a restoring law has no stable rest position with the known values.
+        If a known value that the restoring law requires to be above 0, such as a stiffness, is not above 0.
     Refusal
         Where the record does not oscillate, no motion stays in phase with it, no candidate can be compiled, or none of
         the noise models applies.
@@ -100,7 +102,7 @@ def compare_signal(
         noises=noises,
     )
     known_under = [dict(known(law) if callable(known) else known or {}) for law in laws]
-    # Averaged motions have only approximately the phase of a known start.
+    # An averaged motion starts only approximately at known initial values.
     start_known = any(name in values for values in known_under for name in START)
     # The matrices have a few dozen rows, so that threads of the linear algebra library would only cost time.
     with threadpool_limits(1, "blas"):
@@ -120,11 +122,12 @@ def compare_signal(
 
 
 def _correct_averages(comparison: ModelComparison) -> ModelComparison:
-    """Return the comparison with averaged motions corrected by the full equation of motion at each candidate's mode.
+    """Return a copy of the comparison in which averaged motions are corrected by the full equation of motion.
 
-    It is for a record that is reduced to amplitudes and phases of blocks of cycles, and for candidates within `NEAR`
-    nats of the best. A candidate whose correction fails stays as it was. The solver of the best candidate becomes that
-    of its restoring law in `solvers`.
+    Averaged motions are used for a record that is reduced to amplitudes and phases of blocks of cycles. The correction
+    is computed at the mode of each candidate within `NEAR` nats of the best, and the candidate is fitted again. If this
+    fails, the candidate keeps its result. In `solvers`, the solver of the best candidate replaces that of its restoring
+    law.
     """
     top = comparison.best.log_evidence
 
@@ -144,10 +147,10 @@ def _correct_averages(comparison: ModelComparison) -> ModelComparison:
 
 
 def averaging_of(comparison: ModelComparison) -> Averaging | None:
-    """Return the error that averaging over cycles causes in the best candidate's parameters; None if not averaged.
+    """Return the error in the best candidate's parameters that is caused by averaging motions over cycles.
 
-    Motions are averaged for a record of very many cycles. The error is infinite if the motion cannot be solved. The
-    result is None also if the comparison has no results.
+    Motions are averaged for a record of very many cycles. The error is infinite if the motion cannot be solved. Return
+    None if the record is not averaged, or if the comparison has no results.
     """
     if comparison.data.averaged is None or not comparison.results:
         return None

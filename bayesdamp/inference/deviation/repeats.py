@@ -1,13 +1,14 @@
 """Infer one damping from several records of one specimen.
 
-The coefficients of a record are those of the specimen times exp η, η ~ N(0, s²), where the spread s is inferred; own
-parameters of a term, such as an exponent, are the same in all records. Start, spring, offset, noise and deviations
-differ between records and are already integrated out: each record only contributes the likelihood of its damping
-parameters. The hyperparameters of the deviations are common to all records, because they belong to the damper.
+A record's coefficients are those of the specimen times a factor exp η, η ~ N(0, s²). The spread s between records is
+inferred. Own parameters of a damping term, such as an exponent, are the same in all records. Initial state, spring,
+offset, noise and deviations from the laws differ between records. They are already integrated out: each record only
+contributes the likelihood of its damping parameters. The hyperparameters of the deviations (their sizes and correlation
+lengths) are common to all records, because they belong to the damper. A grid point is one combination of them.
 
-Given s and a grid point of the hyperparameters, coefficients and the factors exp η are integrated out by Laplace's
-approximation about the mode, which is exact for s = 0. The cut-off of coefficients at zero and their common prior scale
-are then treated as for one record (`linear.with_priors`).
+At a given s and grid point, the coefficients and the factors exp η are integrated out by Laplace's approximation about
+the mode, which is exact for s = 0. Afterwards the evidence allows for coefficients ≥ 0 and for the unknown common scale
+of their priors, as for one record (`linear.with_priors`).
 """
 
 from __future__ import annotations
@@ -25,41 +26,42 @@ from bayesdamp.priors import Prior, SharedHalfNormal
 SPREAD_SCALE = 0.1
 """Scale of the half-normal prior of the spread s, the sd of the log coefficients between records (conventional)."""
 SPREADS = np.geomspace(5e-4, 0.45, 27)
-"""Grid of values of the spread s, the sd of the log coefficients between records; the prior probability beyond the last
-is below 1e-5. With half as many values the upper end of a wide interval of s was a tenth to a fifth too large
-(measured)."""
+"""Grid of values of the spread s, the sd of the log coefficients between records. The prior probability of s beyond the
+last value is below 1e-5. With half as many values the upper end of a wide interval of s was a tenth to a fifth too
+large (measured)."""
 SPREAD_EDGES = np.concatenate([[0.0], np.sqrt(SPREADS[1:] * SPREADS[:-1]), [np.inf]])
-"""Boundaries of the cells around the grid values of the spread between records (sd of log coefficients): geometric
-means of neighbours, 0 and ∞."""
+"""Boundaries of the cells around the grid values `SPREADS` of the spread between records (sd of log coefficients): 0,
+the geometric means of neighbouring values, and ∞."""
 JOINT_DRAWS = 4000
-"""Number of draws from the joint posterior of a specimen's damping, given all its records."""
+"""Number of draws from the joint posterior of a specimen's damping, given all its records (conventional)."""
 NO_SPREAD = 1e-9
-"""Spread s with a single record, which does not determine it: practically 0, but the prior of the factors is divided by
-it."""
+"""Spread s (sd of the log coefficients between records) that is used for a single record, which does not determine s.
+It is practically 0; it is not 0 because the computation divides by s."""
 MOST_STEPS, SETTLED_GAIN = 60, 1e-7
-"""Largest number of Gauss–Newton steps, rejected ones included, to the joint mode of the specimen's parameters and the
-records' factors. The steps end earlier if the predicted gain of the log posterior is below the second value, in
-nats."""
+"""Limits of the Gauss–Newton search for the joint mode of the specimen's parameters and the records' factors.
+`MOST_STEPS`: largest number of steps, rejected ones included. `SETTLED_GAIN`: the search ends if a step is predicted to
+increase the log posterior by less than this, in nats."""
 NATS_BEHIND = 18.0
-"""A combination of sizes and correlation lengths of the deviations from the laws is left out if its log evidence is
-this many nats below the best, both at the smallest and at the largest spread between records."""
+"""A grid point (a combination of sizes and correlation lengths of the deviations from the laws) is left out if its log
+evidence is at least this many nats below the best. This must be so at the smallest and at the largest spread between
+records."""
 
 
 @dataclass(frozen=True)
 class RecordLikelihood:
-    """The likelihood of one record as a function of its damping parameters.
+    """The likelihood of one record as a function of the k parameters of its damping.
 
     Attributes
     ----------
     names : tuple of str
-        Names of the k parameters of the damping.
+        Names of the parameters.
     coefficients : ndarray of bool, shape (k,)
-        Which of these parameters are coefficients.
+        Which of them are coefficients of damping terms; the others are own parameters of a term, such as an exponent.
     mode : ndarray, shape (k,)
-        Values of the parameters at the mode of this record alone.
+        Values of the parameters at the mode of this record alone, in their units.
     likelihood : DampingLikelihood
-        The likelihood of the parameters, in their units, at each grid point (sizes and correlation lengths of the
-        deviations from the laws).
+        The likelihood of the parameters, in their units, at each grid point (combination of sizes and correlation
+        lengths of the deviations from the laws).
     """
 
     names: tuple[str, ...]
@@ -73,15 +75,17 @@ class RecordLikelihood:
     ) -> RecordLikelihood:
         """Convert the likelihood of standard normal scores to the likelihood of the parameters in their units.
 
+        A score stands for a parameter and has the prior N(0, 1).
+
         Parameters
         ----------
         priors : mapping of str to Prior
-            Priors of the damping's parameters, in the order of the scores.
+            Priors of the k damping parameters, in the order of the scores; they define the maps from scores to
+            parameters.
         coefficients : sequence of str
-            Names of the coefficients among them.
+            Names of the parameters that are coefficients.
         z : ndarray, shape (k,)
-            Scores at the mode, about which the maps from scores to parameters are linearised (half-normal priors have
-            linear maps).
+            Scores at the mode, about which the maps are linearised (for half-normal priors they are linear).
         likelihood : DampingLikelihood
             The likelihood of the scores.
         """
@@ -97,7 +101,7 @@ class RecordLikelihood:
 
 @dataclass(frozen=True)
 class Repeats:
-    """The joint posterior of one damping from several records.
+    """The joint posterior of one damping from several records of one specimen.
 
     Attributes
     ----------
@@ -108,7 +112,7 @@ class Repeats:
     draws : ndarray, shape (n, k)
         Draws of the specimen's parameters, in their units and in the order of `names`.
     spreads : ndarray, shape (n,)
-        Spread s of each draw: the sd of the log coefficients between records.
+        For each draw, the spread between records: the sd of the log coefficients.
     """
 
     log_evidence: float
@@ -124,10 +128,10 @@ def join_runs(
     *,
     seed: int = 0,
 ) -> Repeats:
-    """Compute the evidence and the joint posterior of one damping sum, with common coefficients, for several records.
+    """Compute the evidence and the joint posterior of one damping sum from several records of one specimen.
 
-    A factor multiplies the coefficients in each record. Its spread between records is inferred; with a single record,
-    which does not determine it, the spread is `NO_SPREAD`.
+    In each record the specimen's coefficients are multiplied by a factor. The spread of the log factors between records
+    is inferred; with a single record, which does not determine it, the spread is `NO_SPREAD`.
 
     Parameters
     ----------
@@ -136,9 +140,15 @@ def join_runs(
     priors : mapping of str to Prior
         Priors of the specimen's parameters, in the order of the likelihoods' names.
     log_sizes : ndarray, shape (c,)
-        Log prior probability of the first c grid points of the hyperparameters, the only ones that are used.
+        Log prior probabilities of the first c grid points (sizes and correlation lengths of the deviations from the
+        laws); the other grid points of the likelihoods are not used.
     seed : int
         Seed of the random stream.
+
+    Returns
+    -------
+    Repeats
+        The log evidence, and `JOINT_DRAWS` draws of the parameters and of the spread.
 
     Raises
     ------
@@ -146,7 +156,10 @@ def join_runs(
         If there is no record, or if records and priors have different parameters.
     """
     if not runs or any(r.names != runs[0].names for r in runs) or tuple(priors) != runs[0].names:
-        raise ValueError("at least one record is needed; all need the same parameters, and a prior of each")
+        raise ValueError(
+            "join_runs: no run is given, or parameters differ; give at least one run, and runs and priors with the "
+            "same names of parameters in the same order"
+        )
     about = _scores(priors, np.mean([r.mode for r in runs], axis=0))
     values, slopes = _linear_maps(priors, about)
     spreads, masses = np.array([NO_SPREAD]), np.ones(1)
@@ -158,7 +171,7 @@ def join_runs(
     )
     problem = _Problem(log, slope, information, values - slopes * about, slopes, runs[0].coefficients)
     probable = every = np.arange(log_sizes.size)
-    if every.size > 1:  # keep grid points that are probable at the least or the largest spread
+    if every.size > 1:  # keep grid points that are probable at the smallest or the largest spread
         ends = {spreads[0], spreads[-1]}
         logs = np.stack(
             [problem.integrate_factors(every, np.full(every.size, s)).log + log_sizes for s in ends]
@@ -183,12 +196,13 @@ def join_runs(
 
 @dataclass(frozen=True)
 class _Problem:
-    """The likelihoods of n records at c grid points, as functions of the damping's parameters x = offset + scale z.
+    """The likelihoods of n records at c grid points, as functions of the k damping parameters x = offset + scale z.
 
-    A grid point is a combination of sizes and correlation lengths of the deviations from the laws. z are the standard
-    normal scores of the parameters, (k,); offset and scale are the linear map of the priors. log (n, c), slope (n, c,
-    k) and information (n, c, k, k) are those of each record's `DampingLikelihood`, by x. which: booleans, (k,), that
-    mark the coefficients, which are multiplied by a factor exp η in each record.
+    A grid point is a combination of sizes and correlation lengths of the deviations from the laws. z, (k,), are the
+    standard normal scores of the parameters; `offset` and `scale`, (k,) each, are the linear map from scores to
+    parameters that the priors define. log (n, c), slope (n, c, k) and information (n, c, k, k) are those of each
+    record's `DampingLikelihood` as a function of x. which: booleans, (k,), that mark the coefficients, which are
+    multiplied by a factor exp η in each record.
     """
 
     log: np.ndarray
@@ -199,13 +213,14 @@ class _Problem:
     which: np.ndarray
 
     def integrate_factors(self, combos: np.ndarray, spreads: np.ndarray) -> Normals:
-        """Integrate out the factors exp η of the records by Laplace's approximation, at b grid points and spreads.
+        """Integrate out the records' factors exp η by Laplace's approximation, at b grid points and spreads.
 
-        The coefficients of a record are those of the specimen times exp η. A grid point is a combination of sizes and
-        correlation lengths of the deviations from the laws. combos, spreads: indices of the grid points and spreads s,
-        the standard deviations of the log factors η, (b,) each. The result has log evidence (b,), means (b, k) and
-        Cholesky factors of the covariances (b, k, k) of the scores z, under priors N(0, 1) that allow negative scores;
-        prior probabilities of grid points and spreads are not included.
+        A record's coefficients are those of the specimen times exp η. A grid point is a combination of sizes and
+        correlation lengths of the deviations from the laws; a spread is the standard deviation s of η. combos, spreads:
+        b pairs of the index of a grid point and a value of s, (b,) each. The result contains for each pair the log
+        evidence, (b,), and the means, (b, k), and Cholesky factors of the covariance, (b, k, k), of the scores z. The
+        scores have priors N(0, 1) here, and may be negative. Prior probabilities of grid points and spreads are not
+        included.
         """
         k, n = self.scale.size, self.log.shape[0]
         b, big = np.moveaxis(self.slope[:, combos], 0, 1), np.moveaxis(self.information[:, combos], 0, 1)
@@ -235,21 +250,23 @@ class _Problem:
         return Normals(log, u[:, :k], np.linalg.cholesky(covariance[:, :k, :k]))
 
     def _value(self, u: np.ndarray, b: np.ndarray, big: np.ndarray, precision: np.ndarray) -> np.ndarray:
-        """Return the log posterior, (b,), up to a constant, at b points u, (b, k + n).
+        """Return the log posterior density, (b,), up to a constant, at b points u, (b, k + n).
 
         u contains the k standard normal scores of the specimen's parameters, then the log factors η of the n records,
         whose coefficients are those of the specimen times exp η. b, big: slopes (b, n, k) and information (b, n, k, k)
-        of the log likelihoods. precision: inverse prior variances of u, (b, k + n): 1 for scores, 1/s² for log factors.
+        of the records' log likelihoods at each point's combination of hyperparameters. precision: inverse prior
+        variances of u, (b, k + n): 1 for scores, 1/s² for log factors with the spread s.
         """
         y = self._record_parameters(u)[0]
         fit = np.sum((b - 0.5 * (big @ y[..., None])[..., 0]) * y, axis=(1, 2))
         return fit - 0.5 * np.sum(precision * u**2, axis=1)
 
     def _record_parameters(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the damping's parameters in each record, and the factors exp η that they contain, (b, n, k) each.
+        """Return the damping parameters in each record, and the factors exp η that they contain, (b, n, k) each.
 
-        u: standard normal scores of the specimen's parameters and log factors η of the records, (b, k + n); η is
-        limited to ±5. The factor of a parameter that is not a coefficient is 1.
+        u: at b points, the standard normal scores of the specimen's k parameters, then the log factors η of the n
+        records, (b, k + n); η is limited to ±5. Only coefficients are multiplied by exp η; for other parameters the
+        factor is 1.
         """
         k = self.scale.size
         grown = np.exp(np.clip(u[:, k:], -5.0, 5.0))
@@ -259,10 +276,10 @@ class _Problem:
     def _derivatives(
         self, u: np.ndarray, b: np.ndarray, big: np.ndarray, precision: np.ndarray, whole: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the gradient of `_value`, (b, k + n), and its negative Hessian, (b, k + n, k + n).
+        """Return the gradient by u of the log posterior `_value`, and its negative Hessian.
 
-        b, big, precision: as in `_value`. whole: whether to use the full Hessian instead of its Gauss–Newton
-        approximation.
+        Their shapes are (b, k + n) and (b, k + n, k + n). u, b, big, precision: as in `_value`. whole: True for the
+        full Hessian, False for its Gauss–Newton approximation.
         """
         k, own = self.scale.size, np.arange(self.scale.size, u.shape[1])
         y, factors = self._record_parameters(u)
@@ -283,22 +300,25 @@ class _Problem:
 
 
 def _to_unit_diagonal(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return matrices (b, m, m) scaled to unit diagonals, and the square roots of their diagonals, (b, m)."""
+    """Return b symmetric matrices scaled to a diagonal of 1, (b, m, m), and the roots of their diagonals, (b, m)."""
     root = np.sqrt(np.maximum(np.diagonal(square, axis1=1, axis2=2), 1e-300))
     return square / (root[:, :, None] * root[:, None, :]), root
 
 
 def solve(square: np.ndarray, aim: np.ndarray) -> np.ndarray:
-    """Solve the linear systems square x = aim, (b, m, m) and (b, m), for x, (b, m)."""
+    """Solve b linear systems square x = aim for x, (b, m), with matrices scaled to a unit diagonal.
+
+    square: symmetric matrices, (b, m, m). aim: right-hand sides, (b, m).
+    """
     part, root = _to_unit_diagonal(square)
     part = part + 1e-13 * np.eye(part.shape[1])
     return np.linalg.solve(part, (aim / root)[:, :, None])[:, :, 0] / root
 
 
 def _invert(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the log determinants, (b,), and the inverses of symmetric matrices, (b, m, m).
+    """Return the log determinants, (b,), and the inverses, (b, m, m), of symmetric matrices, (b, m, m).
 
-    The log determinant is NaN if a matrix is not positive definite.
+    The log determinant is NaN for a matrix that is not positive definite; its inverse is then not valid.
     """
     part, root = _to_unit_diagonal(square)
     values, vectors = np.linalg.eigh(part)
@@ -310,18 +330,20 @@ def _invert(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scores(priors: Mapping[str, Prior], values: np.ndarray) -> np.ndarray:
-    """Return the standard normal scores of parameter values, (k,), which are in the order of `priors`.
+    """Return parameter values, (k,), as standard normal scores, (k,); the values are in the order of `priors`.
 
-    An infinite score, such as that of 0 under a log-normal prior, becomes ±6, and nan becomes 0.
+    A score stands for a parameter and has the prior N(0, 1). An infinite score, such as that of 0 under a log-normal
+    prior, becomes ±6, and nan becomes 0.
     """
     scores = np.array([float(p.score(v)) for p, v in zip(priors.values(), values, strict=True)])
     return np.clip(np.nan_to_num(scores, posinf=6.0, neginf=-6.0), -1e9, 1e9)
 
 
 def _linear_maps(priors: Mapping[str, Prior], z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the parameters at scores z, (k,), and their derivatives by the scores, (k,).
+    """Return the k parameters at scores z, (k,), and their derivatives by the scores, (k,).
 
-    The map of a half-normal prior is continued linearly to negative scores.
+    A score stands for a parameter and has the prior N(0, 1). A parameter with a half-normal prior is proportional to
+    its score, also for negative scores.
     """
     each = list(zip(priors.values(), z.tolist(), strict=True))
     slopes = np.array([float(prior.rate(1.0 if prior.reflected else score)) for prior, score in each])

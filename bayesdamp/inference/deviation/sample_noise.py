@@ -1,10 +1,12 @@
 """Choose the noise model of a record's samples, and adapt the record so that least squares are correct under it.
 
-Fits and evidence assume white Gaussian noise. Another noise model changes two things. First, each residual of the
-record is replaced by a working residual: minus the derivative of the log noise density by the residual, times a
-variance. In it an outlier has little effect, and rounding none. Second, the variance of the noise is that of white
-noise with the same information about the oscillation. Both depend on the motion, so motion and working residuals are
-updated in turn.
+Fits and evidence assume white Gaussian noise. Another noise model changes two things:
+
+- Each residual (record minus motion) is replaced by a working residual: minus the derivative of the log noise density
+  by the residual, times a variance. An outlier then has little effect, and rounding has none.
+- The variance of the noise is that of white noise with the same information about the oscillation.
+
+Both depend on the motion, so motion and working residuals are updated in turn.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,22 +25,26 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal, Signal
 
 AUTOMATIC = (GAUSSIAN, CORRELATED, "student_t", "quantised")
-"""Noise models from which the best one is chosen by default."""
+"""Names of the noise models from which the best is chosen by default."""
 LEAD_NATS = 5.0
-"""Another noise model is chosen instead of Gaussian noise only if its log evidence is larger by at least this many nats
+"""Another noise model is chosen instead of Gaussian noise only if its log evidence is at least this many nats larger
 (conventional)."""
 AUTOREGRESSION_ORDER = 8
 """Number of preceding residuals from which `predictable_nats` predicts each residual (conventional)."""
 OSCILLATION_BAND = (0.3, 2.0)
-"""Limits of the frequency band that counts as near the oscillation, where residuals affect the damping, in units of the
-oscillation's frequency."""
+"""Lower and upper limit of the frequency band that counts as near the oscillation, in units of the oscillation's
+frequency (conventional). Residuals in this band affect the inferred damping."""
 STRETCHES, MOST_SAMPLES = 64, 50_000
-"""The noise model of a long record is chosen from part of its samples: from this number of stretches along the record,
-with this number of samples in all, which determine its parameters to one per cent (conventional)."""
+"""Limits of the number of samples from which the noise model is chosen, for a record that is reduced to amplitudes and
+phases (conventional). Of more than `MOST_SAMPLES` samples about this many are used, in `STRETCHES` stretches along the
+record. They determine the parameters of the noise to one per cent."""
 
 
 def noises_of(asked: str | Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the noise models to choose from: those given, or for "auto" `AUTOMATIC` and all plug-ins."""
+    """Return the names of the noise models to choose from.
+
+    asked: one or several names, or "auto" for the models `AUTOMATIC` and all noise models that plug-ins have added.
+    """
     names = (asked,) if isinstance(asked, str) else tuple(asked)
     return (*AUTOMATIC, *NOISES.added()) if names == ("auto",) else names
 
@@ -50,11 +56,12 @@ def prepare_for_noises(
     priors: Mapping[str, Prior],
     average: bool,
 ) -> Data:
-    """Prepare the data of a signal, and choose the noise model if they are amplitudes and phases.
+    """Prepare a signal for fits, and choose the noise model if the signal is reduced to amplitudes and phases.
 
-    A record of very many cycles is reduced to amplitudes and phases. They are the most probable ones under the noise
-    model that is chosen for the residual of the samples in their fit; it is in `Data.noise_model`. Otherwise `adapt`
-    chooses the noise model later, for the residual of a motion.
+    A record of very many cycles is reduced to amplitudes and phases. The noise model is then chosen for the residual of
+    the samples from a fit of these; it is in `Data.noise_model`. Unless it is Gaussian or correlated noise, amplitudes
+    and phases are estimated again under it. For other records, `adapt` chooses the noise model later, for the residual
+    of a motion.
 
     Parameters
     ----------
@@ -63,7 +70,7 @@ def prepare_for_noises(
     names : sequence of str
         Names of the noise models to choose from.
     known, priors : mapping
-        Values and priors, by name, of the noise's parameters, in place of the default priors; other names have no
+        Values and priors of the noise's parameters, by name, in place of the default priors; other names have no
         effect.
     average : bool
         Whether the record may be reduced to amplitudes and phases.
@@ -97,12 +104,33 @@ def prepare_for_noises(
 def _choose_noise(
     names: Sequence[str], residual: np.ndarray, fit_one: Callable[[str, np.ndarray], FittedNoise]
 ) -> tuple[SampleNoise, float]:
-    """Choose the noise model of residuals, (m,); return it with all fitted models, and `predictable_nats(residual)`.
+    """Choose the noise model of residuals, (m,), by its evidence.
 
-    It is the model with the largest evidence, but Gaussian noise if its lead over Gaussian noise is less than
-    `LEAD_NATS` or `predictable_nats`, because predictable residuals may be a second mode of oscillation or the misfit
-    of a law. If Gaussian noise is among the models, correlated noise is never chosen. fit_one: function that fits the
-    noise model with this name to residuals. Models that do not apply are left out; raises Refusal if none applies.
+    Gaussian noise, if it is among the models, is replaced by the model with the largest evidence only if this has a log
+    evidence larger by at least `LEAD_NATS` and by at least `predictable_nats(residual)`: predictable residuals may be a
+    second mode of oscillation or the misfit of a law. Correlated noise never replaces it.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the noise models.
+    residual : ndarray, shape (m,)
+        Record minus motion at each sample.
+    fit_one : callable
+        Function that fits the noise model with a name (first argument) to residuals (second argument). It raises
+        Refusal if the model does not apply, which is then left out.
+
+    Returns
+    -------
+    SampleNoise
+        The chosen model, and all fitted models.
+    float
+        `predictable_nats(residual)`.
+
+    Raises
+    ------
+    Refusal
+        If no model applies.
     """
     models: list[FittedNoise] = []
     refused: list[str] = []
@@ -130,14 +158,14 @@ class AdaptedData:
     Attributes
     ----------
     data : Data
-        The record, whose values are replaced by the motion plus working residuals, with which least squares give the
-        most probable motion under this noise; unchanged under Gaussian noise.
+        The record, in which the values are replaced by motion plus working residuals; unchanged under Gaussian noise.
+        With these values, least squares give the most probable motion under the noise model.
     noise : SampleNoise
         The noise model.
     variance : float
         Variance of the equivalent white noise, the same for every value of `data`, in the record's unit squared. Under
-        Gaussian noise it is only a lower bound: 0, or for correlated residuals the variance of the noise near the
-        oscillation.
+        Gaussian noise it is only a lower bound for the variance: 0, or for correlated residuals the variance of the
+        noise near the oscillation.
     """
 
     data: Data
@@ -165,9 +193,9 @@ def adapt(
     solver : Solver
         Solver of the motions.
     at : Linearisation
-        The candidate with all terms, linearised about its mode under Gaussian noise.
+        The candidate with all damping terms, linearised about its most probable motion (mode) under Gaussian noise.
     known, priors : mapping
-        Values and priors of parameters, by name, in place of the default priors; only those of noise models have an
+        Values and priors of the noise's parameters, by name, in place of the default priors; other names have no
         effect.
     approximate : bool
         Whether deviations from the laws are allowed when the motion is fitted again to the adapted values.
@@ -175,8 +203,8 @@ def adapt(
     Returns
     -------
     AdaptedData or None
-        None where Gaussian noise is the only choice, where the record is reduced to amplitudes and phases, whose noise
-        model is chosen before, or where the motion is unbounded.
+        None if Gaussian noise is the only choice, if the record is reduced to amplitudes and phases (whose noise model
+        is chosen by `prepare_for_noises`), or if the motion is unbounded.
 
     Raises
     ------
@@ -223,9 +251,9 @@ def adapt(
 
 
 def _at_samples(solver: Solver, record: Signal, at: Linearisation) -> np.ndarray | None:
-    """Return the linearised candidate's motion at each of the m samples of the record, (m,); None if it is unbounded.
+    """Return a candidate's motion at the m samples of the record, (m,), in the record's unit; None if it is unbounded.
 
-    It is in the record's unit, and not averaged over windows.
+    at: the linearised candidate; the motion is that at the point of the linearisation. It is not averaged over windows.
     """
     every = solver.at(np.array(record.t, float), solver.quantity)
     motion = every.solve(at.values, at.fit.active, *at.deviations, NONE)
@@ -233,9 +261,9 @@ def _at_samples(solver: Solver, record: Signal, at: Linearisation) -> np.ndarray
 
 
 def predictable_nats(residual: np.ndarray) -> float:
-    """Return by how many nats an autoregression explains residuals, (m,), better than white noise; at least 0.
+    """Return by how many nats an autoregression explains residuals, (m,), better than white noise does; at least 0.
 
-    The residuals are in order of time and count as equidistant. The autoregression has the order
+    The residuals are in order of time and count as equidistant. The order of the autoregression is
     `AUTOREGRESSION_ORDER`. The result is the difference of the log evidences, approximated by least squares and
     Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978)).
     """
@@ -252,13 +280,14 @@ def inflation(
 ) -> float:
     """Return κ ≥ 1, the mean power of a residual near the oscillation divided by that of white noise.
 
-    The power is averaged over the frequencies in `OSCILLATION_BAND`. κ is 1 if fewer than three Fourier frequencies are
-    in this band, or if the variance is 0.
+    κ is the factor by which the variance of white noise is multiplied because residuals are correlated. The power is
+    averaged over the frequencies in `OSCILLATION_BAND`. κ is 1 if fewer than three Fourier frequencies are in this
+    band, or if the variance is 0.
 
     Parameters
     ----------
     t : ndarray, shape (n,)
-        Times in s; the residual is interpolated to equidistant ones.
+        Times in s; the residual is interpolated to equidistant times.
     left : ndarray, shape (n,)
         Residual of a fit, in the record's unit.
     frequency : float

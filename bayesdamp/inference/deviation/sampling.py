@@ -1,10 +1,13 @@
 """Sample the most probable candidates: posteriors and evidence with exact motions instead of a linear model.
 
-Sampling starts from a linear model, in straight coordinates (`StraightParameters`) if the restoring law has them. If a
-damping term has a parameter of its own, it starts from the linear models in several slices of this parameter. Straight
-coordinates are needed because a record determines the equilibrium angle and the frequency far better than gravity: the
-posterior of stiffness, gravity and spring angle is curved, and a linear model in the scores is accurate only within a
-few posterior sds of the mode.
+A candidate is a sum of damping terms under a restoring law. Exact motions are solutions of the equation of motion, one
+for each draw. Sampling starts from the posterior of a linear model about the candidate's mode. If a damping term has a
+parameter of its own, such as an exponent, it may start from several linear models, one in each slice of this parameter.
+
+If the restoring law allows it, the linear model has straight coordinates (`StraightParameters`) in place of some of the
+standard normal scores, which stand for the parameters. They are needed because a record determines the equilibrium
+angle and the frequency far better than gravity: the posterior of stiffness, gravity and spring angle is curved, and a
+linear model in the scores is accurate only within a few posterior sds of the mode.
 """
 
 from __future__ import annotations
@@ -27,24 +30,26 @@ from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.kernel.solve import NONE, TOLERANCE
 
 MOST_ANCHORS = 3
-"""Straight coordinates, in which motions are more nearly linear (`StraightParameters`), agree with standard normal
-scores near one point, their anchor. This is the largest number of times that the anchor is moved to the new mode."""
+"""Largest number of times that the anchor of straight coordinates is moved to the new mode (conventional). In straight
+coordinates motions are more nearly linear (`StraightParameters`); near the anchor, a point, they agree with the
+standard normal scores of the parameters."""
 ANCHOR_CHANGE = 0.1
-"""The anchor of straight coordinates (see `MOST_ANCHORS`) is moved to the mode if one of the coordinates differs there
-by more than this from the standard normal score that it replaces."""
+"""The anchor of straight coordinates (see `MOST_ANCHORS`) is moved to the mode again if, at the mode, one of the
+coordinates differs by at least this from the standard normal score that it replaces (conventional)."""
 NATS_BEHIND = 5.0
-"""A candidate is sampled if its log evidence is less than this many nats below the best. Sampling has never changed a
-log evidence by more (measured)."""
+"""A candidate (a damping sum under a restoring law) is sampled if its log evidence is less than this many nats below
+the best. Sampling has never changed a log evidence by more (measured)."""
 MOST_SAMPLED = 6
-"""Largest number of damping sums that are sampled, other forms of damping included (conventional)."""
+"""Largest number of candidates and rivals (damping sums under restoring laws) that are sampled (conventional)."""
 LOOSER_TOLERANCES = (3e-6, 1e-6, 3e-7)
-"""Tolerances for the motions of draws, which are tried in this order: errors of an integration step, as fractions of
-the amplitude."""
+"""Tolerances with which the motions of draws may be solved, the loosest first: errors of an integration step, as
+fractions of the amplitude (conventional). The first tolerance that is accurate enough (`LARGEST_ERROR`) is used."""
 LARGEST_ERROR = 0.05
-"""Largest allowed error of a draw's motion: norm of the error over all samples, in standard deviations of the noise. It
-shifts no parameter by more than this fraction of the parameter's sd."""
+"""Largest allowed error of a draw's motion that a loose tolerance of the solver causes: norm of the error over all
+samples, in standard deviations of the noise. Such an error shifts no parameter by more than this fraction of the
+parameter's sd."""
 TRIED_DRAWS = 4
-"""Number of draws for which `draw_solver` compares the motion with a more accurate one."""
+"""Number of draws for which `draw_solver` compares the motion with a more accurate one (conventional)."""
 T = TypeVar("T")
 
 
@@ -52,9 +57,9 @@ T = TypeVar("T")
 class DrawSolver:
     """Solver of the motions of draws, with a loose tolerance and one correction that is added to each motion.
 
-    The correction is the motion with the tolerance of fits (`TOLERANCE`) minus that with `tolerance`, for the mean of
-    the proposal. It is nearly the same for all motions nearby (defect correction; H. J. Stetter, Numer. Math. 29, 425
-    (1978)).
+    The correction is the motion with the tolerance of fits (`TOLERANCE`) minus that with `tolerance`, computed at the
+    mean of the distribution from which sampling starts. It is nearly the same for all motions nearby (defect
+    correction; H. J. Stetter, Numer. Math. 29, 425 (1978)).
 
     Attributes
     ----------
@@ -77,12 +82,17 @@ class DrawSolver:
     correction: np.ndarray | float = 0.0
 
     def at_each(self, rows: np.ndarray, use: Callable[[np.ndarray | None], T]) -> list[T]:
-        """Solve the motion of each row, apply `use` to it, and return the list of the results.
+        """Solve the motion of each draw in `rows`, apply the function `use` to it, and return the list of m results.
 
-        rows: the d parameters as standard normal scores, or the coordinates that `parameters` has in their place, (m,
-        d), optionally followed by the deviations from the laws at knots in time, g (log damping) and h (relative
-        frequency), (m, K). The argument of `use` is the motion in the form of the data, with the correction, (n,), or
-        None if the motion is unbounded or the scores have no finite parameters.
+        Parameters
+        ----------
+        rows : ndarray, shape (m, d) or (m, d + 2 k)
+            Each row has the d parameters as standard normal scores, or in the coordinates that `parameters` uses
+            instead. The deviations from the laws may follow, at k knots in time: g (log damping), then h (relative
+            frequency). Without them the laws are exact.
+        use : callable
+            Function of a motion in the form of the data, (n,), with the correction. It gets None if the motion is
+            unbounded, or if the scores correspond to no finite parameters.
         """
         d, n = self.parameters.free.size, self.solver.knots.size
         values, deviations = self.parameters.values(rows[:, :d]), rows[:, d:]
@@ -101,9 +111,10 @@ class DrawSolver:
 def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal) -> DrawSolver:
     """Return the solver for draws with the loosest tolerance that is accurate enough.
 
-    Its motions, after a common correction, differ by less than `LARGEST_ERROR` from those with the tolerance of fits
-    (`TOLERANCE`), which is used if none of `LOOSER_TOLERANCES` is accurate enough. This is checked at the mean of the
-    proposal `start` and at `TRIED_DRAWS` draws from it; if one of these motions is unbounded, `TOLERANCE` is used.
+    Its motions, after a common correction, must differ by less than `LARGEST_ERROR` from those with the tolerance of
+    fits (`TOLERANCE`). This is checked at `TRIED_DRAWS` draws from `start`, the distribution from which sampling
+    starts; the correction is computed at its mean. `TOLERANCE` is used if no tolerance in `LOOSER_TOLERANCES` is
+    accurate enough, or if one of these motions is unbounded.
     """
     usual, sd = DrawSolver(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
     drawn = start.draws(TRIED_DRAWS, np.random.default_rng(0))[0]
@@ -122,11 +133,11 @@ def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal)
 
 @dataclass(frozen=True)
 class LinearProposal:
-    """The posterior of a linear model, from which sampling starts (the proposal).
+    """The distribution from which sampling starts (the proposal): the posterior of a linear model.
 
-    Its K unknowns u are the parameters, as standard normal scores or straight coordinates (in which motions are more
-    nearly linear), then the deviations from the laws at knots in time. parameters: maps the first elements of u to
-    parameters. model: the linear model. posterior: its posterior.
+    Its unknowns u, (K,), are the parameters, as standard normal scores or straight coordinates (in which motions are
+    more nearly linear), then the deviations from the laws, g (log damping) and h (relative frequency), at knots in
+    time. parameters: maps the first elements of u to parameters. model: the linear model. posterior: its posterior.
     """
 
     parameters: Parameters
@@ -142,46 +153,49 @@ class LinearProposal:
     def middle(self) -> np.ndarray:
         """Posterior mean of the unknowns u, (K,), in the most probable component of the mixture.
 
-        A component has one combination of sizes and correlation lengths of the deviations. The cut-off of coefficients
-        at zero is ignored.
+        A component has one combination of sizes and correlation lengths of the deviations from the laws, and one value
+        of the common prior scale of coefficients. The cut-off of coefficients at zero is ignored.
         """
         return self.posterior.means[int(np.argmax(self.posterior.log_each))]
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw the unknowns u, (count, K); return also the index of each draw's mixture component, (count,)."""
+        """Draw the unknowns u, (count, K); return also the index of each draw's mixture component, (count,).
+
+        u contains the parameters, as standard normal scores or straight coordinates, then the deviations from the laws.
+        """
         return self.posterior.draws(count, rng)
 
     def crank_nicolson_step(
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws u, (n, K), after a Crank–Nicolson step, which leaves this proposal distribution unchanged.
+        """Return draws u, (n, K), after a random Crank–Nicolson step, which leaves the proposal distribution as it is.
 
-        step: size of the step in posterior sds, up to 1, which gives independent draws. combos: index of each draw's
-        mixture component, (n,). Scores of coefficients may become negative.
+        u: the draws before the step. combos: index of each draw's mixture component, (n,). step: size of the step in
+        posterior sds, between 0 and 1; a step of 1 gives independent draws. Scores of coefficients may become negative.
         """
         return self.posterior.crank_nicolson_step(u, combos, step, rng)
 
     def scores(self, u: np.ndarray) -> np.ndarray:
-        """Return u itself: draws of this proposal are already in the coordinates of `parameters`."""
+        """Return u itself, (n, K): draws of this proposal are already in the coordinates of `parameters`."""
         return u
 
     def log_ratio(self, u: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
         """Return the log importance weights of draws u, (n,): log posterior minus log proposal density.
 
-        Neither density is normalised, so the mean weight is the evidence with exact motions (the equation of motion is
-        solved for each draw) divided by that of the linear model. squares: sums of squared residuals of the exact
-        motions, (n,). variance: variance of the noise, in the record's unit squared.
+        The weights are such that their mean is the evidence with exact motions divided by the evidence of the linear
+        model. For exact motions the equation of motion is solved for each draw. squares: sums of squared residuals of
+        the exact motions, (n,). variance: variance of the noise, in the record's unit squared.
         """
         prior = self.parameters.log_prior_ratio(u[:, : self.parameters.free.size])
         return 0.5 * (self.model.squares(u) - squares) / variance + prior
 
 
 def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | SlicedProposal:
-    """Return the posterior of a linear model from which the sampling of a candidate starts.
+    """Return the distribution from which the sampling of a candidate starts.
 
-    It is in straight coordinates, in which motions are more nearly linear (`StraightParameters`), if these exist, and a
-    mixture over slices (`SlicedProposal`) if a damping term has a parameter of its own that the record determines
-    poorly (see `slice_proposal`). Otherwise it is the posterior of the candidate's linear model about its mode.
+    It is the posterior of the candidate's linear model about its mode, in straight coordinates (`StraightParameters`)
+    if these exist. If a damping term has a parameter of its own that the record determines poorly, such as an exponent,
+    it is a mixture of such posteriors over slices of this parameter (see `slice_proposal`).
     """
     start = _straighten(comparison, result)
     if start is None:
@@ -190,10 +204,10 @@ def proposal_of(comparison: ModelComparison, result: CandidateResult) -> LinearP
 
 
 def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearProposal | None:
-    """Return linear model and posterior of a candidate about its mode, in straight coordinates.
+    """Return the linear model and the posterior of a candidate about its mode, in straight coordinates.
 
-    In these coordinates (`StraightParameters`) motions are more nearly linear. None if there are no such coordinates
-    (see `straighten_at`), or if the motion is unbounded.
+    In these coordinates (`StraightParameters`) motions are more nearly linear. Return None if the coordinates do not
+    exist (see `straighten_at`), or if the motion cannot be linearised.
     """
     data, solver, law = comparison.data, result.solver, result.candidate.restoring
     coordinates = straighten_at(result.fit.parameters, law, result.z)
@@ -228,9 +242,9 @@ def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearP
 def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
     """Return a copy of the comparison in which the most probable candidates and rivals have draws in `sampled`.
 
-    Rivals are sums with a form of damping that is not compared. Sampled are at most `MOST_SAMPLED`, with a log evidence
-    within `NATS_BEHIND` nats of the best, among the results for which `ModelComparison.compares` is true. Equal seeds
-    give equal draws.
+    Rivals are damping sums with a form of damping that is not compared. At most `MOST_SAMPLED` results are sampled:
+    those with the largest log evidence, within `NATS_BEHIND` nats of the best. Only results whose evidence may be
+    compared with the others are considered (`ModelComparison.compares`). Equal seeds give equal draws.
     """
     every = [r for r in (*comparison.results, *comparison.forms) if comparison.compares(r)]
     if not every:
@@ -249,8 +263,8 @@ def sampled_result(
 ) -> CandidateResult:
     """Return a copy of a candidate's result with draws from its posterior in `sampled`.
 
-    The equation of motion is solved for each draw.     `sampled.draws` contain the parameters as standard normal
-    scores, then the deviations g (log damping) and h (relative frequency), also if the sampling used other coordinates.
+    The equation of motion is solved for each draw. `sampled.draws` contains the parameters as standard normal scores,
+    then the deviations g (log damping) and h (relative frequency), even if other coordinates are used in the sampling.
     draws: number of draws. Equal seeds give equal draws of the same candidate; different candidates have different
     random streams.
     """
@@ -261,9 +275,9 @@ def sampled_result(
         return np.inf if motion is None else float(np.sum((y - motion) ** 2))
 
     def ratio(w: np.ndarray) -> np.ndarray:
-        """Return the log importance weights of draws w, (n, K), from the proposal `start`: (n,).
+        """Return the log importance weights, (n,), of draws w, (n, K), from the proposal `start`.
 
-        They are −∞ where a coefficient that must be ≥ 0 is negative.
+        They are −∞ where a coefficient that must be ≥ 0 is negative, or where the motion is unbounded.
         """
         ratios = np.full(len(w), -np.inf)
         inside = np.flatnonzero(np.all(w[:, np.flatnonzero(start.parameters.positive)] >= 0, axis=1))
@@ -276,7 +290,7 @@ def sampled_result(
     sampled = sample_posterior(ratio, start, draws=draws, seed=own_seed)
     w = sampled.draws
     if isinstance(start, SlicedProposal):
-        # All draws have their parameter at the middle of a slice: a Metropolis step moves it within the slice.
+        # In all draws the sliced parameter is at the middle of a slice: a Metropolis step moves it within the slice.
         rng = np.random.default_rng([own_seed, 1])
         new = start.redraw_within_slice(w, rng)
         accepted = np.log(rng.random(len(w))) < ratio(new) - sampled.log_ratios

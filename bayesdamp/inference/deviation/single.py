@@ -52,21 +52,24 @@ Array = NDArray[np.float64]
 ESCAPED = (
     'the equation of motion cannot be solved near the fit with deviations from its laws; use deviation "none"'
 )
-"""Message of the Refusal when a `Single` cannot be computed, because its motion is unbounded."""
+"""Message of the Refusal if a `Single` (one candidate with deviations from its laws) cannot be computed, because the
+motion near the fit is unbounded or cannot be linearised."""
 NEGLIGIBLE_PROBABILITY = 1e-8
 """`Single.mode` leaves out combinations of sizes and correlation lengths of the deviations from the laws if their
-posterior probability, in the linear model about the mode, is smaller than this."""
+posterior probability, in the linear model about the mode, is at most this (conventional)."""
 LINEAR_DRAWS = 4000
 """Number of draws in `Single.scores`, from the posterior of the linear model about the mode: the ends of a 95 %
 interval are then accurate to a thirtieth of its width."""
 SEED_STEP = 1_000_003
-"""Difference between the random seeds of independent chains."""
+"""Difference between the random seeds of independent chains, so that they have different random streams
+(conventional)."""
 
 
 class DeviatingTrajectories(Trajectories):
     """Motions with fixed deviations g and h from the laws, in the form of the fitted data.
 
-    This form is samples, means of neighbouring samples, or amplitudes and phases of blocks of cycles.
+    g is the log deviation of the damping, h the relative deviation of the frequency. The data are samples, means of
+    neighbouring samples, or amplitudes and phases of blocks of cycles.
 
     Parameters
     ----------
@@ -96,23 +99,26 @@ class DeviatingTrajectories(Trajectories):
 
 @dataclass(frozen=True)
 class FitState:
-    """The stored result of a fit, from which a `Single` is rebuilt without fitting again.
+    """The stored result of a candidate's fit, from which a `Single` is rebuilt without fitting again.
+
+    The candidate is a sum of damping terms under a restoring law. A score stands for an inferred parameter and has the
+    prior N(0, 1). Deviations from the laws are g (log damping) and h (relative frequency) at knots in time.
 
     Attributes
     ----------
     terms : tuple of str
-        Terms of the solver; the candidate's terms are those of them with an inferred coefficient.
+        Damping terms of the solver. The candidate has only those of them whose coefficient is inferred.
     reference : Reference
         Amplitude and frequency with which default priors scale.
     priors, known : mapping
-        Priors of the inferred parameters, and values of the others, by name.
+        Priors of the inferred parameters, and values of the other parameters, by name.
     z : ndarray, shape (d,)
-        Scores of the fit under exact laws.
+        Scores of the fit under exact laws (without deviations).
     u : ndarray, shape (K,)
-        Scores, g and h at the mode with deviations.
+        Scores, g and h at the mode (most probable point) with deviations.
     variance, inflation : float
-        Variance of the noise, in the record's unit squared, and the factor κ ≥ 1 that it contains for correlated
-        residuals (see `sample_noise.inflation`).
+        `variance` is the variance of the noise, in the record's unit squared. It contains the factor `inflation`, κ ≥
+        1, for correlated residuals (see `sample_noise.inflation`).
     exact_variance : float
         Variance of the noise if laws are exact, in the record's unit squared.
     epsilon : float
@@ -124,8 +130,8 @@ class FitState:
     noise : FittedNoise
         Noise model of the samples.
     working : ndarray, shape (n,), optional
-        The values to which the motion is fitted by least squares, if the noise is not Gaussian: the motion plus working
-        residuals (see `sample_noise`).
+        The values to which the motion is fitted by least squares if the noise is not Gaussian: motion plus working
+        residuals (see `sample_noise`). None if they are the recorded values.
     """
 
     terms: tuple[str, ...]
@@ -146,12 +152,14 @@ class FitState:
 
 @dataclass(frozen=True)
 class Single:
-    """One candidate with deviations from its laws, linearised about its mode.
+    """One candidate (a damping sum under a restoring law) with deviations from its laws, linearised about its mode.
+
+    The deviations are g (log damping) and h (relative frequency). The mode is the most probable point.
 
     Attributes
     ----------
     comparison, result
-        A `ModelComparison` of this candidate alone, and its `CandidateResult`.
+        A `ModelComparison` with this candidate as its only result, and its `CandidateResult`.
     state : FitState
         The stored result of the fit.
     """
@@ -164,10 +172,10 @@ class Single:
     def mode(self) -> Mode:
         """Return the mode of the posterior of the parameters, with the deviations g and h from the laws integrated out.
 
-        Its z are the standard normal scores of the parameters at the joint mode of scores and deviations, about which
-        the motion is linear in the deviations. `information` is the inverse covariance of the scores (without g and h)
-        in the draws `scores` of the linear model's posterior, which are also in `linear`. Raises Refusal if the motion
-        with deviations is unbounded.
+        The parameters are standard normal scores. `z` of the result are the scores at the joint mode of scores and
+        deviations; the motion is linear in the deviations about this point. `linear` contains the draws `scores` of the
+        linear model's posterior, without g and h. `information` is the inverse of their covariance. Raises Refusal if
+        the motion with deviations is unbounded.
         """
         comparison, data, result = self.comparison, self.comparison.data, self.result
         solver, parameters = result.solver, result.fit.parameters
@@ -214,18 +222,18 @@ class Single:
         """Return `LINEAR_DRAWS` draws of all K unknowns from the posterior of the linear model about the mode, (n, K).
 
         A draw contains the parameters as standard normal scores, then the deviations g (log damping) and h (relative
-        frequency) at knots in time.
+        frequency) at knots in time. The seed is fixed, so that the draws are always the same.
         """
         return self.result.posterior.draws(LINEAR_DRAWS, np.random.default_rng(0))[0]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the names of the inferred parameters, in the order in which draws contain their scores."""
+        """Return the names of the inferred parameters, in the order of their scores in a draw."""
         return self.result.fit.parameters.free_names
 
     @property
     def oscillator(self) -> Oscillator:
-        """Return the oscillator with the candidate's damping terms and restoring law, which hold exactly."""
+        """Return the oscillator with the candidate's damping terms and restoring law, without deviations from them."""
         candidate = self.result.candidate
         return Oscillator(candidate.damping, candidate.restoring)
 
@@ -233,8 +241,9 @@ class Single:
     def known(self) -> dict[str, float]:
         """Return, by name, the values of the parameters that are not inferred.
 
-        They are the known parameters of the motion, the parameters of the noise (for Gaussian noise `noise_sd`), and,
-        if a term is dry friction, the width `epsilon` of the velocity range in which it changes its sign.
+        These are the known parameters of the motion, and the parameters of the noise (for Gaussian noise `noise_sd`).
+        If a term is dry friction, there is also `epsilon`, the width of the velocity range in which it changes its
+        sign.
         """
         comparison = self.comparison
         own = (*self.oscillator.parameters, "noise_sd")
@@ -248,21 +257,26 @@ class Single:
     def values(self, u: Array) -> Array:
         """Return the inferred parameters in their units, (..., p), in the order of `names`.
 
-        u: draws of all unknowns, (..., K), of which the first p are the parameters as standard normal scores.
+        u: draws of all unknowns, (..., K), whose first p elements are the parameters as standard normal scores.
         """
         parameters = self.result.fit.parameters
         return parameters.values(u[..., : parameters.free.size])[..., parameters.free]
 
     def with_parts_of_sds(self, posterior: Posterior) -> Posterior:
-        """Return a posterior with the two parts of each parameter's sd in its summaries (`with_parts_of_sd`)."""
+        """Return a copy of a posterior whose summaries contain two parts of each parameter's sd.
+
+        `sd_noise` is the part that noise alone would cause, and `sd_law` the part from deviations from the laws (see
+        `with_parts_of_sd`).
+        """
         each = posterior.summaries.items()
         return replace(posterior, summaries={n: with_parts_of_sd(s, self.noise_sds[n]) for n, s in each})
 
     def draw_deviations(self, draws: np.ndarray, seed: int) -> Array:
-        """Draw the deviations g and h given draws of the parameters, (chain, draw, p); return u, (chain, draw, K).
+        """Draw the deviations g and h given draws of the parameters, (chain, draw, p), and return u, (chain, draw, K).
 
-        u contains the parameters as standard normal scores, then g (log damping) and h (relative frequency) at knots in
-        time. Given the parameters, the motion is linear in g and h about the mode.
+        draws: the inferred parameters in their units. u contains the parameters as standard normal scores, then g (log
+        damping) and h (relative frequency) at knots in time. Given the parameters, the motion is linear in g and h
+        about the mode.
         """
         scores = [self.state.priors[n].score(draws[..., i]) for i, n in enumerate(self.names)]
         z = np.stack(scores, axis=-1).reshape(-1, len(scores))
@@ -276,7 +290,7 @@ class Single:
     def quantities(self) -> dict[str, Quantity]:
         """Return median, 95 % interval and parts of the sd (see `Quantity`) of each inferred parameter, by name.
 
-        They are from draws of the linear model about the mode, in the parameter's unit.
+        They are computed from draws of the linear model about the mode (`scores`), and are in the parameter's unit.
         """
         values, noise = self.values(self.scores), self.noise_sds
         return {
@@ -286,27 +300,34 @@ class Single:
 
     @cached_property
     def noise_sds(self) -> dict[str, float]:
-        """Return the sd of each inferred parameter, in its unit, that noise alone would cause, by name."""
+        """Return, by name, the sd of each inferred parameter, in its unit, that noise alone would cause.
+
+        It would be the posterior sd if the laws were exact.
+        """
         return noise_sds(self.comparison, self.result)
 
     def deviations(self, u: Array) -> tuple[Array, Array]:
         """Return the deviations g (log damping) and h (relative frequency) at k knots in time, (n, k) each.
 
-        u: the draws of all unknowns, (n, K), which contain g and h after the scores of the parameters.
+        u: n draws of all unknowns, (n, K), which contain g and h after the scores of the parameters.
         """
         g, h = np.split(u[:, self.result.fit.z.size :], 2, axis=1)
         return g, h
 
     @property
     def knots(self) -> Array:
-        """Return the times at which the deviations from the laws have their knots, in s from the start, (k,)."""
+        """Return the times, in s from the start of the record, of the k knots of the deviations from the laws, (k,).
+
+        The deviations change linearly between knots.
+        """
         return self.result.solver.knots * self.result.solver.slowness
 
     def sizes(self, u: Array) -> tuple[Array, Array]:
-        """Return the energy-weighted means over the record of |g − mean of g| and |h − mean of h|, (n,) each.
+        """Return for each draw the mean size over the record of the deviations g and h from the laws, (n,) each.
 
-        g is the log deviation of the damping, h the relative deviation of the frequency. u: draws of all unknowns, (n,
-        K).
+        g is the log deviation of the damping, h the relative deviation of the frequency. The size is the mean of |g −
+        mean of g| or |h − mean of h|; all means over the record are weighted by the oscillation's energy. u: draws of
+        all unknowns, (n, K).
         """
         g, h = self.deviations(u)
         return mean_deviation(self.result, g), mean_deviation(self.result, h)
@@ -314,19 +335,21 @@ class Single:
     def ratios(self, amplitudes: Sequence[float], u: Array, sensor: float) -> tuple[Ratio, ...]:
         """Return median, 95 % interval and parts of the sd (`Quantity`) of the damping ratio at each amplitude.
 
-        Amplitudes are in rad or m. The numbers are from draws u of all unknowns, (n, K), and include the deviations.
-        sensor: relative sd of the sensor's linearity and clock; each draw is multiplied by a random factor with this
-        sd. All numbers but the amplitude are nan where no orbit has it.
+        amplitudes: in rad or m. u: draws of all unknowns, (n, K), from which the numbers are computed; the ratio
+        includes the deviation of the damping from its law. sensor: relative sd of the sensor's linearity and clock;
+        each draw is multiplied by a random factor with this sd. All numbers but the amplitude are nan if no orbit has
+        this amplitude.
         """
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
         return tuple(ratio_at(self.comparison, [drawn], a, sensor, rng) for a in amplitudes)
 
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
-        """Return the motions, (n, m), of draws u of all unknowns, (n, K), at times t, (m,); NaN if unbounded.
+        """Return the motions, (n, m), of n draws u of all unknowns, (n, K); a motion that is unbounded is NaN.
 
-        t: in s from the first sample, between the first and the last of `knots`. The motions are in the record's unit.
-        quantity: angle, velocity or acceleration. By default they have the times, the quantity and the form of the
-        fitted data (samples, means, or amplitudes and phases).
+        By default motions have the form of the fitted data (samples, means, or amplitudes and phases). If t is given,
+        they are values at the m times t instead, in s from the first sample, between the first and the last of `knots`.
+        quantity: angle, velocity or acceleration, only used with t; by default the recorded quantity. The motions are
+        in the record's unit.
         """
         fit, solver = self.result.fit, self.result.solver
         if t is not None:
@@ -338,7 +361,7 @@ class Single:
 
     @property
     def best(self) -> Array:
-        """Return the mode of all unknowns with deviations from the laws, as a row, (1, K).
+        """Return the mode (most probable point) of all unknowns with deviations from the laws, as a row, (1, K).
 
         It contains the parameters as standard normal scores, then the deviations g (log damping) and h (relative
         frequency) at knots in time.
@@ -348,10 +371,11 @@ class Single:
         return linearisation.u[None]
 
     def log_likelihoods(self, motions: Array) -> Array:
-        """Return the log likelihood of each of the n values in `Data.y` under motions (..., n), in nats, (..., n).
+        """Return the log likelihood of each of the record's n values (`Data.y`) under motions, (..., n), in nats.
 
-        The sum over the values is the log likelihood that the evidence uses. If residuals are correlated (κ > 1), the
-        variance of the noise is κ times larger, and the normalisation of each value counts only 1/κ.
+        The result has the shape of `motions`. The sum over the values is the log likelihood that the evidence uses. If
+        residuals are correlated, the variance of the noise contains a factor κ > 1; the normalisation of each value
+        then counts only 1/κ.
         """
         comparison = self.comparison
         variance, kappa = comparison.variance, comparison.inflation
@@ -382,7 +406,7 @@ def fit_single(
     reference: Reference,
     noises: Sequence[str] = AUTOMATIC,
 ) -> Single:
-    """Fit one candidate and compute its evidence.
+    """Fit one candidate (a damping sum under a restoring law) with deviations from its laws, and compute its evidence.
 
     The noise and the width of friction are chosen with the sum of `PAPER_TERMS` and the candidate's other terms, as in
     a comparison, so that two dampings under one restoring law are compared under the same noise.
@@ -396,7 +420,8 @@ def fit_single(
     restoring : str
         Name of its restoring law.
     known : mapping of str to float
-        Values of parameters that are not inferred, by name; they may include `noise_sd` and `epsilon`.
+        Values of parameters that are not inferred, by name. They may include `noise_sd` (sd of a sample's noise) and
+        `epsilon` (width of the velocity range in which dry friction changes its sign).
     priors : mapping of str to Prior
         Priors by the name of the parameter; the others have default priors.
     reference : Reference
@@ -430,7 +455,7 @@ def fit_single(
 def state_of(comparison: ModelComparison, result: CandidateResult) -> FitState:
     """Return the values from which `rebuild_single` restores a candidate's result without fitting again.
 
-    Raises Refusal if the result has no deviations from the laws.
+    comparison: the comparison that contains `result`. Raises Refusal if the result has no deviations from the laws.
     """
     if result.linearisation is None:
         raise Refusal(ESCAPED)
@@ -456,8 +481,8 @@ def state_of(comparison: ModelComparison, result: CandidateResult) -> FitState:
 def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
     """Rebuild the result of a candidate from its stored fit, without fitting it again.
 
-    signal: the complete record to which the candidate was fitted. restoring: name of the candidate's restoring law; the
-    damping terms are in `state`. Raises Refusal if the motion is unbounded.
+    signal: the complete record to which the candidate was fitted. restoring: name of the candidate's restoring law.
+    state: the stored fit, which also determines the damping terms. Raises Refusal if the motion is unbounded.
     """
     damping = tuple(t for t in state.terms if TERMS.get(t).parameter in state.priors)
     return _rebuild(
@@ -470,7 +495,8 @@ def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
 def _rebuild(data: Data, candidate: MotionCandidate, state: FitState) -> Single:
     """Rebuild the result of a candidate from its stored fit, and linearise it about the stored motion.
 
-    Raises Refusal if the motion is unbounded, for example because the fit belongs to another record.
+    data: the record, prepared as for the fit. state: the stored fit. Raises Refusal if the motion is unbounded, for
+    example because the fit belongs to another record.
     """
     knots = knots_of(data.end, data.cycles)
     if state.working is not None:
@@ -499,11 +525,10 @@ def _rebuild(data: Data, candidate: MotionCandidate, state: FitState) -> Single:
 
 
 def sample_motions(single: Single, chains: int, draws: int, seed: int) -> tuple[Posterior, Array]:
-    """Draw from the posterior by solving the motion of each draw, without a linear model.
+    """Draw from the posterior of a candidate by solving the motion of each draw, without a linear model.
 
-    Each chain is an independent run of sequential Monte Carlo.
-
-    The first chain has the draws of `sampling.sampled_result` with this seed, in another order.
+    Each chain is an independent run of sequential Monte Carlo. The first chain has the draws of
+    `sampling.sampled_result` with this seed, in another order.
 
     Parameters
     ----------
@@ -518,10 +543,12 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> tuple[
     -------
     posterior : Posterior
         Its `draws` are the inferred parameters, (chain, draw, parameter), in the order of `Single.names`. Its
-        `diagnostics` are the log of the mean evidence of the chains in nats, and the standard error of this. Effective
-        sample sizes are at most the number of different draws, because resampling makes copies.
+        `diagnostics` are `log_evidence`, the log of the mean evidence of the chains in nats, and `stderr`, the standard
+        error of this. Effective sample sizes are at most the number of different draws, because resampling makes
+        copies.
     u : ndarray, shape (chain, draw, K)
-        Draws of all unknowns: the parameters as standard normal scores, then the deviations g and h from the laws.
+        Draws of all unknowns: the parameters as standard normal scores, then the deviations from the laws, g (log
+        damping) and h (relative frequency), at knots in time.
     """
     began, runs, rows = time.perf_counter(), [], []
     for chain in range(chains):

@@ -1,17 +1,18 @@
-"""Damping terms with a parameter of their own: a proposal for sampling them, one linear model in each slice of it.
+"""Linear models in slices of the range of one damping parameter, such as an exponent, from which sampling starts.
 
-The motion is far from linear in a Stribeck velocity or in the exponent of a power law. At a fixed value of this
-parameter it is nearly linear in all others. So the range of its standard normal score, a, is cut into slices of equal
-width. At the middle of each slice we find the mode of all other parameters and linearise the motion about it (compare
-the integration over hyperparameters by H. Rue, S. Martino and N. Chopin, J. R. Stat. Soc. B 71, 319, 2009).
+The motion is far from linear in a parameter that a damping term has besides its coefficient, such as a Stribeck
+velocity or the exponent of a power law. At a fixed value of this parameter it is nearly linear in all others. So the
+range of the parameter's standard normal score, a, is cut into slices of equal width. At the middle of each slice we
+find the mode of all other parameters and linearise the motion about it (compare the integration over hyperparameters by
+H. Rue, S. Martino and N. Chopin, J. R. Stat. Soc. B 71, 319, 2009).
 
-Letters in this module: c is the score of the coefficient of the term with the parameter a. s is the score of a further
-parameter of this term that multiplies c, if there is one (see `SlicedProposal`), and t = s c / pivot, where the pivot
-is c at the mode; without s, t = c.
+Letters in this module: c is the standard normal score of the coefficient of the term with the parameter a. This term
+may have a further parameter that multiplies c; s is its score, and t = s c / pivot, where the pivot is c at the mode.
+Without such a parameter, t = c.
 
-The exponent p of a damping force c |v|^p is inferred from such slices: the posterior of p is interpolated between them.
-A model that is linear in p would fail unless the record determines p well, because p and the log deviation of the
-damping, g, are nearly degenerate: a g that changes with the amplitude has the same effect as another p, and along this
+The exponent p of a damping force c |v|^p is inferred from such slices: the log evidence is interpolated between them. A
+model that is linear in p would fail unless the record determines p well, because p and the log deviation of the
+damping, g, are nearly degenerate. A g that changes with the amplitude has the same effect as another p, and along this
 degeneracy the coefficient c follows a curve.
 """
 
@@ -37,44 +38,46 @@ from bayesdamp.physics.kernel import Solver
 
 SLICE_WIDTH = 1.0
 """Width of a slice of the range of one damping parameter, such as an exponent, in posterior sds of its standard normal
-score. At this spacing the sum over slices has no visible error: for a normal density the relative error of the sum is 2
+score. With this width the sum over slices has no visible error: for a normal density the relative error of the sum is 2
 exp(−2π²)."""
 ONE_SLICE_SD = 0.05
-"""If the posterior sd of the damping parameter that would be sliced is below this, in prior sds, one linear model is
-enough and `slice_proposal` returns None (measured at 0.01: the effective number of draws is 98 %)."""
+"""Smallest posterior sd of a damping parameter's standard normal score for which `slice_proposal` cuts the parameter's
+range into slices; it is relative to the prior sd. Below it one linear model is enough (measured at 0.01: the effective
+number of draws is 98 %)."""
 LARGEST_SCORE = 4.0
-"""Largest absolute value, at the middle of a slice, of the standard normal score of the sliced damping parameter; there
-are no slices beyond (conventional)."""
+"""Largest absolute value of the standard normal score of the sliced damping parameter at the middle of a slice; there
+are no slices further out (conventional)."""
 LAST_NATS = 8.0
-"""On each side of the mode, slices are added until the log evidence of one, with its prior, is this many nats below the
-best slice (conventional)."""
+"""On each side of the mode, slices of a damping parameter's range are added until the log evidence of a slice is this
+many nats below that of the best slice (conventional). The log evidence includes the prior of the parameter."""
 MOST_SLICES = 12
 """Largest number of slices of a damping parameter's range on either side of the mode (conventional)."""
 MOST_GROWTH = 1.0
-"""Largest change, across a slice, of the logarithm of t, the standard normal score that stands for the size of the
-damping term with the sliced parameter (`SlicedProposal`). Slopes are reduced to this where the record determines only a
-combination of the sliced parameter and t (conventional)."""
+"""Limit of the slopes of a slice (`Slice.slopes`): across a slice they change the logarithm of the standard normal
+score with the index `SlicedProposal.size` by at most this; larger slopes are reduced (conventional). These occur where
+the record determines only a combination of the sliced damping parameter and this score."""
 LEAST_COEFFICIENT = 1e-3
-"""Smallest standard normal score c of a term's coefficient, relative to its value at the mode, for which s = t pivot /
-c is computed (`SlicedProposal`); at smaller ones s would overflow (conventional)."""
+"""Lower bound of a coefficient's standard normal score c, relative to its value at the mode (the pivot), in the formula
+s = t pivot / c of `SlicedProposal` (conventional). For smaller c, s would overflow."""
 MOVING_SDS = 3.0
-"""The mode of a coefficient is shifted with the sliced damping parameter only if it is more than this many posterior
-sds above zero (conventional)."""
+"""The mode of a coefficient moves with the sliced damping parameter only if it is more than this many posterior sds
+above zero (conventional)."""
 
 
 @dataclass(frozen=True)
 class Slice:
     """A slice of the range of a damping parameter, such as an exponent, with the linear model at its middle.
 
-    a is the standard normal score of this parameter; it is fixed in the linear model.
+    a is the standard normal score of this parameter; it is fixed in the linear model. The other unknowns are the
+    remaining d − 1 scores, and the deviations g (log damping) and h (relative frequency) from the laws.
 
     Attributes
     ----------
     middle : float
         The value of a at which the motion is linearised.
     model, posterior
-        The linear model as a function of the other d − 1 standard normal scores (with t in place of s, if there is an
-        s; see `SlicedProposal`) and the deviations g and h from the laws, and its posterior.
+        The linear model as a function of the other unknowns, and its posterior. If the term has a score s that
+        multiplies its coefficient, the model has t in place of s (see `SlicedProposal`).
     slopes : ndarray, shape (d − 1,)
         Derivatives by a of the mode of the other scores, divided by the score `SlicedProposal.size`; 0 for coefficients
         whose mode is near zero (`MOVING_SDS`).
@@ -93,17 +96,17 @@ class Slice:
 class SlicedProposal:
     """The distribution from which sampling starts: a mixture of posteriors of linear models, one for each slice.
 
-    A slice is a part of the range of one damping parameter, such as an exponent. u, (K,), are a candidate's standard
-    normal scores and deviations; a is the score of the sliced parameter, which belongs to one damping term. Draws are
+    A slice is a part of the range of one damping parameter, such as an exponent; a is the standard normal score of this
+    parameter. u, (K,), contains all unknowns of a candidate: its scores, then the deviations from the laws. Draws are
     made in other coordinates w, (K,), in which the motion is more nearly linear. w contains a too, at the middle of a
     slice; `redraw_within_slice` moves it within the slice. Two transformations lead from w to u:
 
-    - c and t instead of c and s. c is the score of the coefficient of the term with the parameter a. If the term has a
-      further parameter with the score s that multiplies c (such as the static excess of friction), the force is linear
-      in c and t = s c / pivot, but not in c and s. Without such a parameter t is c.
+    - w contains t where u contains s. c is the score of the coefficient of the term with the parameter a. If the term
+      has a further parameter that multiplies c (such as the static excess of friction), s is the score of this
+      parameter. The force is linear in c and t = s c / pivot, but not in c and s. Without such a parameter t is c.
     - The mode of the other scores depends on a. If a is not at the middle, they are shifted by their slopes times the
-      score to which the change of the force with a is proportional: t, but c if a multiplies c too (such as one of two
-      slopes of friction).
+      distance of a from the middle, times the score to which the effect of a on the force is proportional. This score
+      is t, or c if a itself multiplies c (such as one of two slopes of friction).
 
     Attributes
     ----------
@@ -114,8 +117,7 @@ class SlicedProposal:
     product : tuple of int, optional
         Indices of c and s; None if there is no parameter s.
     size : int
-        Index of the score to which the change of the force with a is proportional: that of c, or of s (in place of
-        which w contains t).
+        Index, in w, of the score to which the effect of a on the force is proportional (t or c).
     width : float
         Width of each slice, in units of a.
     slices : tuple of Slice
@@ -131,7 +133,7 @@ class SlicedProposal:
 
     @property
     def own(self) -> int:
-        """Index of the score `size` among the scores without a."""
+        """Index of the score `size` (t or c, see the class) among the scores without the sliced parameter's score a."""
         return self.size - (self.size > self.place)
 
     @property
@@ -140,33 +142,37 @@ class SlicedProposal:
 
     @property
     def _logs(self) -> np.ndarray:
-        """Return the log evidence of each of k slices plus its log prior probability, in nats, (k,)."""
+        """Return for each of k slices the log of its evidence times its prior probability, in nats, (k,)."""
         prior = -0.5 * self._middles**2 - 0.5 * np.log(2 * np.pi)
         return np.array([s.posterior.log_evidence for s in self.slices]) + prior + np.log(self.width)
 
     @property
     def log_evidence(self) -> float:
-        """Log of the sum of the evidences of all slices, each times its prior probability, in nats."""
+        """Log of the sum over all slices of evidence times prior probability, in nats."""
         return float(np.logaddexp.reduce(self._logs))
 
     @property
     def middle(self) -> np.ndarray:
         """Posterior mean of w, (K,), in the most probable mixture component of the most probable slice.
 
-        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
-        The cut-off of coefficients at zero is ignored.
+        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`). A
+        component has one combination of sizes and correlation lengths of the deviations from the laws, and one common
+        prior scale of coefficients. The cut-off of coefficients at zero is ignored.
         """
         part = self.slices[int(np.argmax(self._logs))]
         mean = part.posterior.means[int(np.argmax(part.posterior.log_each))]
         return np.insert(mean, self.place, part.middle)
 
     def _split(self, w: np.ndarray) -> Iterator[tuple[np.ndarray, Slice, np.ndarray, np.ndarray]]:
-        """Split draws w, (n, K), by slice.
+        """Yield the draws w, (n, K), slice by slice.
 
         w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
-        Yield for each slice that has draws: the indices of its draws, the slice, the distance of the sliced parameter
-        from the middle of the slice (in standard normal scores), (m,), and the other elements of these draws, (m, K −
-        1).
+        For each slice that has m > 0 draws, yield a tuple of:
+
+        - the indices of these draws in w, (m,);
+        - the slice;
+        - the distance of the sliced parameter's standard normal score from the middle of the slice, (m,);
+        - the other elements of these draws, (m, K − 1).
         """
         which = np.rint((w[:, self.place] - self.slices[0].middle) / self.width).astype(int)
         for i in np.unique(which):
@@ -175,11 +181,11 @@ class SlicedProposal:
             yield rows, part, w[rows, self.place] - part.middle, np.delete(w[rows], self.place, axis=1)
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw w, (count, K); return also the index of each draw's mixture component in its slice, (count,).
+        """Draw w, (count, K); return also the index of each draw's mixture component within its slice, (count,).
 
         w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
-        In all draws the sliced parameter is at the middle of a slice. The draws are ordered by slice, and the
-        components are those of the posterior of the slice's linear model.
+        In all draws the sliced parameter is at the middle of a slice. The draws are ordered by slice. The components
+        are those of the posterior of the slice's linear model.
         """
         numbers = rng.multinomial(count, np.exp(self._logs - self.log_evidence))
         rows, combos = [], []
@@ -193,12 +199,12 @@ class SlicedProposal:
     def crank_nicolson_step(
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws w, (n, K), after a Crank–Nicolson step, which leaves this proposal unchanged as a distribution.
+        """Return draws w, (n, K), after a random Crank–Nicolson step, which leaves the proposal distribution as it is.
 
         w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
         The sliced parameter does not move. u: the draws w before the step. combos: index of each draw's mixture
-        component within its slice, (n,). step: size of the step in posterior sds, up to 1. Scores of coefficients
-        may become negative.
+        component within its slice, (n,). step: size of the step in posterior sds, between 0 and 1. Scores of
+        coefficients may become negative.
         """
         new = u.copy()
         for rows, part, off, others in self._split(u):
@@ -207,10 +213,10 @@ class SlicedProposal:
         return new
 
     def redraw_within_slice(self, w: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return draws w, (n, K), in which the sliced parameter is drawn again, uniformly in its slice.
+        """Return a copy of draws w, (n, K), in which the sliced parameter is drawn again, uniformly in its slice.
 
         w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
-        The other elements remain. The argument is not changed.
+        Its other elements do not change.
         """
         new = w.copy()
         for rows, part, *_ in self._split(w):
@@ -218,17 +224,17 @@ class SlicedProposal:
         return new
 
     def scores(self, w: np.ndarray) -> np.ndarray:
-        """Convert draws w to the candidate's standard normal scores and deviations from the laws, both (n, K).
+        """Convert draws w, (n, K), to the candidate's standard normal scores and deviations from the laws, (n, K).
 
         w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
         """
         return self._scores(w)[0]
 
     def _scores(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Convert draws w to the candidate's standard normal scores and deviations from the laws, u, both (n, K).
+        """Convert draws w to u, both (n, K), and return also the log determinant of the Jacobian ∂u/∂w, (n,).
 
-        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
-        Return also the log determinant of the Jacobian ∂u/∂w, (n,).
+        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`). u
+        contains the standard normal scores of the candidate's parameters, then its deviations from the laws.
         """
         u, log = w.copy(), np.zeros(len(w))
         others = np.delete(np.arange(self.parameters.free.size), self.place)
@@ -248,10 +254,10 @@ class SlicedProposal:
     def log_ratio(self, w: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
         """Return the log importance weights of draws w, (n,): log posterior minus log proposal density.
 
-        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (see the class).
-        Neither density is normalised, so the mean weight is the evidence with exact motions divided by that of the
-        linear models. squares: sums of squared residuals of the exact motions at `scores(w)`, (n,). variance: variance
-        of the noise, in the record's unit squared.
+        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (see the class). The
+        mean weight is the evidence with exact motions divided by that of the linear models. For exact motions the
+        equation of motion is solved for each draw. squares: sums of squared residuals of the exact motions at
+        `scores(w)`, (n,). variance: variance of the noise, in the record's unit squared.
         """
         d, p = self.parameters.free.size, self.parameters
         u, volume = self._scores(w)
@@ -266,11 +272,10 @@ class SlicedProposal:
 def slice_proposal(
     comparison: ModelComparison, result: CandidateResult, base: Parameters, posterior: LinearPosterior
 ) -> SlicedProposal | None:
-    """Build the proposal in slices of the damping parameter that the record determines least.
+    """Build the distribution from which the sampling of a candidate starts, in slices of one damping parameter.
 
-    It is the own parameter of a damping term, such as an exponent, whose score has the largest posterior sd; parameters
-    with half-normal priors are not considered. Return None if there is no such parameter, if the record determines it
-    well (`ONE_SLICE_SD`), or if no motion stays in phase with the record.
+    The sliced parameter is an own parameter of a damping term, such as an exponent: the one whose standard normal score
+    has the largest posterior sd. Parameters with half-normal priors are not considered.
 
     Parameters
     ----------
@@ -282,6 +287,12 @@ def slice_proposal(
         Priors and names of the scores.
     posterior : LinearPosterior
         The posterior of the linear model about the mode, in the coordinates of `base`.
+
+    Returns
+    -------
+    SlicedProposal or None
+        None if no parameter can be sliced, if the record determines it well (`ONE_SLICE_SD`), or if the first slice, at
+        the mode, cannot be computed.
     """
     d = base.free.size
     own = np.array([name in result.solver.inferred for name in base.free_names])
@@ -323,8 +334,9 @@ def _product_and_size(
 ) -> tuple[tuple[int, int] | None, int]:
     """Return the attributes `product` and `size` of `SlicedProposal` for the sliced parameter with the index `place`.
 
-    product: indices of the term's coefficient c and of another parameter that multiplies it; None if the term has no
-    such parameter. size: index of that parameter, or of c if there is none or if the sliced parameter multiplies c too.
+    product: indices of two standard normal scores: that of the term's coefficient, and that of another parameter that
+    multiplies it; None if the term has no such parameter. size: index of this other parameter; but of the coefficient
+    if there is no other parameter, or if the sliced parameter multiplies the coefficient too.
     """
     names = base.free_names
     term = next(
@@ -338,7 +350,7 @@ def _product_and_size(
 
 
 def _log_weight(part: Slice) -> float:
-    """Return the log evidence of a slice plus the log prior density, at its middle, of the sliced parameter.
+    """Return the log evidence of a slice plus the log prior density of the sliced parameter at the middle of the slice.
 
     The density is that of the parameter's standard normal score. The result is in nats, up to a constant.
     """
@@ -355,9 +367,11 @@ def _slice_at(
     """Return the slice of a proposal with its middle at the score a, and the mode of the other unknowns, (K − 1,).
 
     a is the standard normal score of the sliced damping parameter. The other unknowns are the remaining scores and the
-    deviations from the laws. The slices that the proposal already has are not used. start: where the search for the
-    mode starts, (K − 1,). None if no motion can be linearised there, or if the coefficient is 0 at the mode and has
-    another parameter as a factor (`SlicedProposal.product`).
+    deviations from the laws. proposal: supplies parameters, indices and width; the slices that it already has are not
+    used. start: point from which the mode is searched, (K − 1,).
+
+    Return None if no motion can be linearised there. Return None also if the coefficient is 0 at the mode and the term
+    has another parameter that multiplies it (`SlicedProposal.product`).
     """
     base, place, product = proposal.parameters, proposal.place, proposal.product
     data, solver, own = comparison.data, result.solver, proposal.own
@@ -379,7 +393,7 @@ def _slice_at(
         model, u = mode.model, mode.u
     pivot, matrix = 1.0, np.eye(u.size)
     if product is not None:
-        # By c and s c / pivot instead of c and s.
+        # Express the model by c and t = s c / pivot instead of c and s.
         c, s = (i - (i > place) for i in product)
         pivot = float(u[c])
         if pivot <= 0:
@@ -387,7 +401,7 @@ def _slice_at(
         matrix[s, c] = -u[s] / pivot
         model = model.transform(u, matrix)
     posterior = linear_posterior(model, result.grid(), result.variance, comparison.samples)
-    # The mode of the scores that move with a, where the others and the deviations are fixed.
+    # How the mode of some scores moves with a; the other scores and the deviations are fixed.
     square = model.root[:, :d].T @ model.root[:, :d] / result.variance + np.eye(d)
     sds = np.sqrt(np.diagonal(np.linalg.inv(square)))
     moves = ~fixed.positive | (u[:d] > MOVING_SDS * sds)
@@ -410,36 +424,40 @@ def _slice_at(
 
 
 LEAST_EXPONENT, MOST_EXPONENT = 0.0, 3.0
-"""Ends of the uniform prior of the exponent p of a damping force c |v|^p."""
+"""Lower and upper end of the uniform prior of the exponent p of a damping force c |v|^p (conventional)."""
 ROUNDED = 0.002
-"""Width of the smoothing of a power p < 1 near zero velocity, at most this fraction of the peak velocity. A larger
-width would change the power at small amplitudes."""
+"""A power |v|^p of the velocity with p < 1 is smoothed near v = 0. This is the largest width of the smoothed range, as
+a fraction of the peak velocity. A larger width would change the power at small amplitudes."""
 ASIDE = (0.0, -0.4, 0.4)
-"""Exponents at which fits of a power law start, minus the local exponent of the best candidate (that of its damping
-against velocity) at the middle amplitude."""
+"""Exponents at which fits of a power law start, minus the local exponent of the best candidate (conventional). The
+local exponent is the slope of its log damping force against log velocity at the middle amplitude."""
 NEAR = 1.5
-"""The local exponent (that of the damping force against velocity) at the middle amplitude is computed from the damping
-at two amplitudes: the middle one times and divided by this factor."""
+"""Ratio of two amplitudes to the middle amplitude: one is larger and one smaller by this factor (conventional). The
+damping at both gives the local exponent, the slope of the log damping force against log velocity."""
 DRAWS = 4000
-"""Number of draws of the exponent from the posterior of the linear model about the mode, where one linear model is
-enough (`ONE_SLICE_SD`)."""
+"""Number of draws of the exponent from the posterior of the linear model about the mode (conventional). They are used
+if one linear model is enough (`ONE_SLICE_SD`)."""
 MOST_ABOVE = 7.0
-"""An interpolation of log evidences that exceeds the largest of them by more than this, in nats, is not used: next to a
-drop of thousands of nats it overshoots (conventional)."""
+"""A smooth interpolation of log evidences that exceeds the largest of them by at least this, in nats, is replaced by a
+monotonic one (conventional). Next to a drop of thousands of nats the smooth one overshoots."""
 LEVELS = (np.arange(400) + 0.5) / 400
 """Equidistant probabilities at which quantiles of the exponent of a power law are returned; the 400 quantiles serve as
 draws."""
 POINTS = 3001
-"""Number of exponents at which the posterior, interpolated between the slices, is computed."""
+"""Number of equidistant exponents at which the posterior of a power law's exponent is interpolated between the slices
+(conventional)."""
 
 
 def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
-    """Return quantiles of the exponent p of a damping force c |v|^p at the probabilities `LEVELS`.
+    """Return quantiles of the exponent p of a damping force c |v|^p, at the probabilities `LEVELS`.
 
-    The coefficient and all other unknowns are integrated out. The restoring law is that of the best candidate; an empty
-    tuple is returned if this comparison has no result of a power law alone, or if no motion fits at the exponents
-    around the most probable one. The prior of the exponent is uniform (from `LEAST_EXPONENT` to `MOST_EXPONENT`); if
-    one linear model is enough (`ONE_SLICE_SD`), it has no effect.
+    The coefficient and all other unknowns are integrated out. The restoring law is that of the best candidate. The
+    prior of the exponent is uniform from `LEAST_EXPONENT` to `MOST_EXPONENT`. If the record determines the exponent so
+    well that one linear model is enough (`ONE_SLICE_SD`), the quantiles are those of draws from its posterior, limited
+    to this range.
+
+    The result is empty if the comparison has no result with this force as the only damping, or if fewer than two slices
+    of the range of p could be computed.
     """
     if not comparison.results:
         return ()
@@ -463,21 +481,21 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
 
 
 def power_solver(comparison: ModelComparison, p: float) -> Solver:
-    """Return a solver with the terms of the best candidate's solver and a power |v|^p, under the best restoring law.
+    """Return the solver of the best candidate's restoring law with a power |v|^p as an additional damping term.
 
-    The exponent remains a parameter of the solver. p only decides the width of the velocity range in which forces are
-    smoothed at v = 0: for p < 1 it is at most `ROUNDED` of the peak velocity, otherwise it is the width in the
-    candidate's solver.
+    The exponent remains a parameter of the solver. The argument p only sets the width of the velocity range in which
+    forces are smoothed at v = 0. For p < 1 this width is at most `ROUNDED` of the peak velocity; otherwise it is that
+    of the original solver.
     """
     plain = comparison.solvers[comparison.best.candidate.restoring]
     narrow = min(plain.epsilon, ROUNDED * comparison.reference.peak_velocity)
-    # From p = 1 the usual width has no effect on the power, and a narrow one would need ten times as many steps.
+    # For p ≥ 1 the usual width has no effect on the power, and a narrow one would need ten times as many steps.
     terms = tuple(dict.fromkeys([*plain.terms, "power"]))
     return replace(plain, terms=terms, epsilon=narrow if p < 1 else plain.epsilon)
 
 
 def exponent_starts(comparison: ModelComparison) -> list[float]:
-    """Return three exponents at which fits may start, each limited to the range of the prior.
+    """Return three exponents p of a damping force c |v|^p at which fits start, each limited to the range of the prior.
 
     The first is 1 + d log ζ / d log A at the middle amplitude, where ζ(A) is the damping ratio of the best candidate at
     amplitude A. The others are smaller and larger (`ASIDE`). The list is empty if the best candidate cannot oscillate
@@ -499,10 +517,10 @@ def exponent_starts(comparison: ModelComparison) -> list[float]:
 
 
 def _quantiles(p: np.ndarray, log: np.ndarray) -> tuple[float, ...]:
-    """Return quantiles of the exponent at `LEVELS`, from log evidences `log` (nats) at rising exponents p, (m,) each.
+    """Return quantiles of the exponent p of a power law at `LEVELS`, from log evidences at some exponents.
 
-    The log evidence is interpolated between the first and the last of them; the prior is uniform from `LEAST_EXPONENT`
-    to `MOST_EXPONENT`.
+    p: rising exponents, (m,). log: log evidences at these, in nats, (m,). The log evidence is interpolated between the
+    first and the last exponent; the prior is uniform from `LEAST_EXPONENT` to `MOST_EXPONENT`.
     """
     low, high = np.clip(p[[0, -1]], LEAST_EXPONENT, MOST_EXPONENT)
     grid = np.linspace(low, high, POINTS)

@@ -1,4 +1,4 @@
-"""Compare dampings on several records of one specimen, which have one set of coefficients in common."""
+"""Compare damping models on several records of one specimen, which have one set of damping coefficients in common."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,29 +17,32 @@ from bayesdamp.priors import Prior, odds
 from bayesdamp.types import Reference
 
 DERIVATIVE_STEP = 1e-4
-"""Step of numerical derivatives by a parameter that a term has besides its coefficient, such as an exponent. For the
-derivative of a damping ratio it is multiplied by the parameter's absolute value (at least 1e-3); for the conversion to
-another reference amplitude it is in the parameter's unit."""
+"""Step of numerical derivatives by a parameter that a damping term has besides its coefficient, such as an exponent
+(conventional). In `ratio_likelihood` the step is this times the parameter's absolute value (at least 1e-3); in
+`_converted` it is in the parameter's unit."""
 NO_EVIDENCE = -60.0
-"""Smallest log evidence, in nats relative to the best candidate, that a candidate can have on one record: smaller ones
-are replaced by it, and a candidate that could not be evaluated on this record gets it."""
+"""Smallest log evidence, in nats relative to the best candidate, that a candidate (a damping sum under a restoring law)
+can have on one record (conventional). It replaces smaller values, and is used for a candidate that was not evaluated on
+this record."""
 NATS_BEHIND = 25.0
-"""A candidate is not fitted jointly to all records if even the product of its maximum likelihoods on the single records
-is this many nats behind the best."""
+"""A candidate (a damping sum under a restoring law) is not fitted jointly to all records if its largest possible
+evidence is more than this many nats below the best joint evidence so far (conventional). The largest possible evidence
+is the product of its maximum likelihoods on the single records. Both are multiplied by the prior odds."""
 Model = tuple[str, str]
 """Names of a damping sum (its terms joined by +) and of a restoring law."""
 
 
 @dataclass(frozen=True)
 class RatioLikelihood(RecordLikelihood):
-    """The likelihood of a candidate's damping on one record, and the damping ratio as a function of its parameters.
+    """The likelihood of a candidate's k damping parameters on one record, and the damping ratio as a function of these.
+
+    The parameters are the coefficients of the damping terms, and own parameters of terms, such as exponents.
 
     Attributes
     ----------
     per_unit : ndarray, shape (a, k)
         Equivalent damping ratio per unit of each coefficient, at the a amplitudes of the record's damping curve, with
-        the terms' own parameters (such as exponents) at the mode; 0 for own parameters, nan where no orbit has the
-        amplitude.
+        own parameters at the mode. 0 for own parameters; nan for an amplitude that no orbit has.
     growth : ndarray, shape (a, k)
         Derivative of the log damping ratio by each own parameter at the mode; 0 for coefficients.
     """
@@ -48,12 +51,13 @@ class RatioLikelihood(RecordLikelihood):
     growth: np.ndarray
 
     def log_ratio(self, amplitude: float, amplitudes: np.ndarray, draws: np.ndarray) -> np.ndarray:
-        """Return the natural log of the damping ratio at one amplitude for n draws of the parameters, (n, k), as (n,).
+        """Return the natural log of the damping ratio at one amplitude for each of n draws of the parameters, (n,).
 
-        The ratio is the sum of the coefficients times `per_unit`. Other parameters, such as an exponent, change its
-        logarithm linearly with their distance from the mode (`growth`). The log ratio is a straight line against the
-        log amplitude, through the values at the two nearest of the `amplitudes` of the record's damping curve, (a,),
-        which are equidistant in their logarithm. All amplitudes are in rad or m.
+        draws: the damping parameters, (n, k). amplitude: in rad or m. amplitudes: those of the record's damping curve,
+        (a,), in rad or m, equidistant in their logarithm. At each of them the ratio is the sum of the coefficients
+        times `per_unit`; own parameters, such as an exponent, change its logarithm linearly with their distance from
+        the mode (`growth`). The log ratio at `amplitude` is on a straight line, against the log amplitude, through the
+        values at the two nearest `amplitudes`.
         """
         good = np.flatnonzero(np.all(np.isfinite(self.per_unit), axis=1))
         away = np.log(amplitudes[good] / amplitude)
@@ -67,11 +71,11 @@ class RatioLikelihood(RecordLikelihood):
 
 
 def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLikelihood | None:
-    """Return the likelihood of a candidate's damping parameters on one record, and its damping ratio per unit of each.
+    """Return the likelihood of a candidate's damping parameters on one record, with its damping ratio per unit of each.
 
-    amplitudes: those of the record's damping curve, in rad or m, (a,); where no orbit has an amplitude, the row of
+    amplitudes: those of the record's damping curve, in rad or m, (a,). Where no orbit has an amplitude, the row of
     `per_unit` is nan. The log likelihood is absolute: with the prior it gives the candidate's log evidence in nats.
-    None if no damping parameter is inferred.
+    Return None if no damping parameter is inferred.
     """
     posterior, parameters, solver = result.posterior, result.fit.parameters, result.solver
     if posterior.damping_likelihood is None:
@@ -81,7 +85,7 @@ def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLi
     priors, z = {n: parameters.priors[n] for n in names}, result.z[parameters.damping]
     run = RecordLikelihood.of_scores(priors, coefficients, z, posterior.damping_likelihood())
     run = run.plus_nats(result.log_evidence - posterior.log_evidence)
-    # The parameters at the mode, and with a step in each of the terms' own parameters.
+    # Rows of `further`: the terms' own parameters at the mode, then one row with a step in each of them.
     own = [i for i, n in enumerate(solver.further) if n in names]
     steps = DERIVATIVE_STEP * np.maximum(np.abs(result.further[0, own]), 1e-3)
     further = np.repeat(result.further, 1 + len(own), axis=0)
@@ -108,16 +112,19 @@ def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLi
 class RunComparison:
     """The evidence of every damping sum under every restoring law on one record.
 
+    A candidate is a damping sum under a restoring law. A rival is a damping sum with a form of damping that the
+    compared sums do not contain; by default these are the sums of viscous, Coulomb and quadratic damping.
+
     Attributes
     ----------
     log_evidence : mapping of Model to float
         Log evidence of each candidate, in nats relative to the best candidate.
     others : mapping of str to str
-        The rivals, by name: damping sums with another form of damping than the compared sums, which are by default
-        those of viscous, Coulomb and quadratic damping. The value is the name of the compared sum to which the rival
-        reduces in a limit of its parameters (Stribeck friction to Coulomb friction); "" if there is none.
+        The rivals by name. The value is the name of the compared sum to which the rival reduces in a limit of its
+        parameters, as Stribeck friction reduces to Coulomb friction; "" if there is none.
     runs : mapping of Model to RatioLikelihood
-        Likelihood of the damping parameters of each probable candidate and rival, relative to the same best evidence.
+        Likelihood of the damping parameters of each probable candidate and rival, relative to the evidence of the best
+        candidate.
     reference : Reference
         Amplitude and frequency with which the record's default priors scale.
     amplitudes : ndarray, shape (a,)
@@ -131,17 +138,18 @@ class RunComparison:
     amplitudes: np.ndarray = field(default_factory=lambda: np.ones(1))
 
     def best(self, restoring: str) -> float:
-        """Return the log evidence of the best sum under a restoring law, in nats relative to the best candidate.
+        """Return the log evidence of the best damping sum under a restoring law, relative to the best candidate.
 
-        `NO_EVIDENCE` if no sum has this law.
+        It is in nats. It is `NO_EVIDENCE` if no sum has been evaluated under this law.
         """
         return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=NO_EVIDENCE)
 
     def run_of(self, damping: str, restoring: str) -> RatioLikelihood | None:
         """Return the likelihood of a damping sum under a restoring law; None if it was not computed on this record.
 
-        A rival (in `others`) is evaluated under one law only. Under another law the same likelihood is used, times the
-        evidence of that law's best sum divided by the evidence of the first law's best sum.
+        A rival (in `others`, a sum with a form of damping that is not compared) is evaluated under one law only. Under
+        another law its likelihood is multiplied by a ratio of evidences: that of the best sum under the other law,
+        divided by that of the best sum under the law of the evaluation.
         """
         for (name, law), run in self.runs.items():
             if name == damping and (law == restoring or name in self.others):
@@ -151,10 +159,12 @@ class RunComparison:
     def missing(self, damping: str, restoring: str, limit: str = "") -> float:
         """Return the log evidence of a damping sum whose likelihood was not computed on this record.
 
-        If the sum has its own log evidence, this is returned. Otherwise the log evidence of the sum `limit`, to which
-        the sum reduces (see `others`), is returned, under the same restoring law. If this does not exist either, or if
-        `limit` is "", the result is `NO_EVIDENCE`. The result is in nats relative to the best candidate, at least
-        `NO_EVIDENCE`.
+        It is in nats relative to the best candidate, and at least `NO_EVIDENCE`. It is the first of these that exists:
+
+        - the log evidence of the sum itself;
+        - the log evidence, under the same restoring law, of the sum `limit`, to which the sum reduces in a limit of its
+          parameters (see `others`);
+        - `NO_EVIDENCE`.
         """
         place = self.log_evidence.get((limit, restoring), NO_EVIDENCE)
         return max(self.log_evidence.get((damping, restoring), place), NO_EVIDENCE)
@@ -162,23 +172,23 @@ class RunComparison:
 
 @dataclass(frozen=True)
 class SpecimenComparison:
-    """The Bayesian comparison of every damping and restoring law on all records.
+    """The Bayesian comparison of every model (a damping sum and a restoring law) on all records of a specimen.
 
     Attributes
     ----------
     records : tuple of RunComparison
         The comparisons on the single records.
     log_evidence : mapping of Model to float
-        Log evidence of each model on all records together, in nats relative to the sum of the best on each; the
-        coefficients, which the records have in common, are integrated out once. For a model that is not fitted jointly
-        (`NATS_BEHIND`), an estimate from the single records.
+        Log evidence of each model on all records together, in nats relative to the sum of the log evidences of the best
+        candidates of the single records. The coefficients, which the records have in common, are integrated out once.
+        For a model that is not fitted jointly (`NATS_BEHIND`), it is an estimate from the single records.
     probability : mapping of Model to float
-        Posterior probability of each damping, other forms of damping included, and law; the sum is 1.
+        Posterior probability of each model, also of those with other forms of damping; the sum is 1.
     repeats : mapping of Model to Repeats
-        Joint posterior of each probable damping and law that has a likelihood on every record.
+        Joint posterior of each probable model that has a likelihood on every record.
     runs : mapping of Model to tuple of RatioLikelihood
-        The likelihood of each record, with coefficients converted to the specimen's reference (see `compare_runs`), for
-        the models in `repeats`.
+        For the models in `repeats`, the likelihood of each record, with coefficients converted to the specimen's
+        reference (see `compare_runs`).
     """
 
     records: tuple[RunComparison, ...]
@@ -188,10 +198,10 @@ class SpecimenComparison:
     runs: Mapping[Model, tuple[RatioLikelihood, ...]]
 
     def spread(self) -> tuple[float, float, float]:
-        """Return the median and the ends of the 95 % interval of the spread between records, over `repeats`' models.
+        """Return the median and the lower and upper end of the 95 % interval of the spread between records.
 
-        Models are weighted by their probabilities. The spread is the sd of the log factors by which a record's
-        coefficients differ from those of the specimen.
+        The spread is the sd of the log factors by which a record's coefficients differ from those of the specimen. The
+        result is an average over the models in `repeats`, which are weighted by their probabilities.
         """
         every = np.concatenate([r.spreads for r in self.repeats.values()])
         sizes = [(r.spreads.size, self.probability[m]) for m, r in self.repeats.items()]
@@ -202,7 +212,7 @@ class SpecimenComparison:
     def others(self) -> dict[str, float]:
         """Return the total probability of each rival over all restoring laws, by the name of its damping sum.
 
-        Rivals are damping sums with a form of damping that is not compared.
+        Rivals are damping sums with a form of damping that is not in the compared sums.
         """
         names = sorted({name for r in self.records for name in r.others})
         return {n: sum(p for (damping, _), p in self.probability.items() if damping == n) for n in names}
@@ -210,11 +220,25 @@ class SpecimenComparison:
     def ratios(
         self, amplitude: float, reaching: Sequence[int], count: int, seed: int = 0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Draw the specimen's equivalent damping ratio at an amplitude (rad or m), (count,), over models in `repeats`.
+        """Draw the specimen's equivalent damping ratio at an amplitude (rad or m), and the spread between records.
 
-        The ratio is the geometric mean over the records with the indices `reaching` in `records`, which should be those
-        that reach the amplitude. Return also the spread between records (sd of log coefficients) of each draw,
-        (count,). Models are drawn by their probabilities, and the draws are ordered by model.
+        The ratio is the geometric mean over some of the records. The spread is the sd of the log factors by which a
+        record's coefficients differ from those of the specimen. Models in `repeats` are drawn by their probabilities,
+        and the draws are ordered by model.
+
+        Parameters
+        ----------
+        amplitude : float
+            The amplitude in rad or m.
+        reaching : sequence of int
+            Indices in `records` of the records to average, which should be those that reach the amplitude.
+        count, seed : int
+            Number of draws, and seed of their random stream.
+
+        Returns
+        -------
+        ratios, spreads : ndarray, shape (count,)
+            The damping ratio and the spread of each draw.
         """
         rng = np.random.default_rng(seed)
         shares = np.array([self.probability[m] for m in self.repeats])
@@ -239,15 +263,15 @@ def compare_runs(
     *,
     seed: int = 0,
 ) -> SpecimenComparison:
-    """Compare every damping and restoring law on several records of one specimen.
+    """Compare every model (a damping sum and a restoring law) on several records of one specimen.
 
     Parameters
     ----------
     records : sequence of RunComparison
         Comparisons on one or more single records.
     given : mapping of str to Prior, optional
-        Priors by the name of the parameter, for the specimen's coefficients; the others have default priors at the
-        geometric mean of the records' references.
+        Priors of the specimen's damping parameters by name. The others have default priors, which scale with the
+        geometric means of the records' reference amplitudes and frequencies (the specimen's reference).
     seed : int
         Seed of the random streams.
     """
@@ -292,11 +316,12 @@ def compare_runs(
 def _converted(
     run: RatioLikelihood, damping: str, names: tuple[str, ...], own: Reference, common: Reference
 ) -> RatioLikelihood:
-    """Convert a record's likelihood to parameters in the order of `names`, with the common reference.
+    """Convert a record's likelihood to parameters in the order of `names`, with the specimen's common reference.
 
-    The force of a term such as a power of the velocity contains a reference velocity. With another reference its
-    coefficient changes by a factor that depends on the exponent; this dependence is linearised about the record's mode.
-    damping: names of the terms, joined by +. own, common: the reference before and after.
+    The force of some terms, such as a power of the velocity, contains a reference velocity or amplitude. With another
+    reference the coefficient changes by a factor that depends on the exponent. This dependence is linearised about the
+    record's mode. damping: names of the terms, joined by +. own, common: references (amplitude and frequency) of the
+    record and of the specimen.
     """
     order = [run.names.index(n) for n in names]
     mode, jacobian = run.mode[order], np.eye(len(names))[order]

@@ -1,10 +1,11 @@
 """Sequential Monte Carlo from the posterior of a linear model to that with exact motions.
 
 Exact motions are solutions of the equation of motion, one for each draw. The draws pass through posteriors with the
-likelihoods L_linear^(1−β) L^β, β from 0 to 1 (P. Del Moral, A. Doucet and A. Jasra, J. R. Stat. Soc. B 68, 2006, 411).
-Prior and noise are the same at both ends, so that weights depend only on the ratio of the likelihoods. Crank–Nicolson
-moves leave the posterior of the linear model unchanged (S. L. Cotter, G. O. Roberts, A. M. Stuart and D. White, Stat.
-Sci. 28, 2013, 424), so that their acceptance depends only on this ratio too, in any number of dimensions.
+likelihoods L_linear^(1−β) L^β, where β rises from 0 to 1; L is the likelihood with exact motions, L_linear that of the
+linear model (P. Del Moral, A. Doucet and A. Jasra, J. R. Stat. Soc. B 68, 2006, 411). Prior and noise are the same at
+both ends, so that weights depend only on the ratio of the likelihoods. Crank–Nicolson moves leave the posterior of the
+linear model unchanged (S. L. Cotter, G. O. Roberts, A. M. Stuart and D. White, Stat. Sci. 28, 2013, 424). Their
+acceptance therefore depends only on this ratio too, in any number of dimensions.
 """
 
 from collections.abc import Callable
@@ -19,29 +20,32 @@ from bayesdamp.numerics.weights import K_LIMIT, effective_size, pareto_k, resamp
 SMC_DRAWS = 300
 """Default number of draws of sequential Monte Carlo (conventional)."""
 EFFECTIVE_FRACTION = 0.5
-"""In sequential Monte Carlo β, the exponent of the exact likelihood, is increased until the effective number of draws
-is this fraction of their number; the draws are then resampled (conventional)."""
+"""In each stage of sequential Monte Carlo, β, the exponent of the exact likelihood, is increased until the effective
+number of draws has fallen to this fraction of their number; the draws are then resampled (conventional)."""
 LEAST_EFFECTIVE = 0.15
-"""Sampling begins with draws of a linear model's posterior. If the effective fraction of these draws for the exact
-posterior is at least this, importance sampling with more draws costs less than moving them, and is used instead
-(conventional)."""
+"""Smallest effective fraction of draws for which importance sampling is used instead of sequential Monte Carlo
+(conventional). The draws are of a linear model's posterior, and the fraction is for the exact posterior as their
+target. From this fraction on, making more draws costs less than moving them."""
 SAFETY_FACTOR = 1.2
-"""Importance sampling makes this many times more draws than the effective fraction of the first draws requires, so that
-enough of them are effective."""
+"""If the first draws are too few for importance sampling, more are made (conventional). The total number is then this
+times the number that the effective fraction of the first draws requires, so that enough draws are effective."""
 MOVES_PER_TEMPERATURE, LAST_MOVES = 2, 5
-"""Sequential Monte Carlo moves the draws through posteriors in which the exact likelihood has the exponent β, which
-grows from 0 to 1. These are the number of moves of every draw at each β < 1, and the number at β = 1."""
+"""Number of Crank–Nicolson moves of every draw at each value of β (conventional): `MOVES_PER_TEMPERATURE` for β < 1,
+`LAST_MOVES` for β = 1. β is the exponent of the exact likelihood, which sequential Monte Carlo increases from 0 to
+1."""
 FIRST_STEP, LEAST_STEP = 0.5, 0.02
-"""Initial and smallest size of a Crank–Nicolson move of a draw, in posterior standard deviations."""
+"""Initial and smallest size of a Crank–Nicolson move of a draw, in posterior standard deviations (conventional)."""
 WANTED_ACCEPTANCE = 0.35
-"""Acceptance rate of the Crank–Nicolson moves; their step is changed after each move to approach it."""
+"""Acceptance rate of the Crank–Nicolson moves that is aimed at (conventional): after each move their step is increased
+if the rate was larger, and reduced if it was smaller."""
 MOST_TEMPERATURES = 30
-"""Largest number of increases of β, the exponent of the exact likelihood, from 0; if β has not reached 1 by then, the
-draws are not trusted."""
+"""Largest number of increases of β, the exponent of the exact likelihood, which starts at 0 (conventional). If β has
+not reached 1 by then, the draws are not trusted."""
 LEAST_RISE = 1e-6
-"""Smallest increase of β, the exponent of the exact likelihood, from one distribution to the next."""
+"""Smallest increase of β, the exponent of the exact likelihood, from one distribution to the next (conventional)."""
 LEAST_ACCEPTANCE = 0.05
-"""Draws of sequential Monte Carlo are not trusted if fewer than this fraction of them accepted the last move."""
+"""Draws of sequential Monte Carlo are not trusted if fewer than this fraction of them accepted the last move
+(conventional)."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +58,12 @@ class TemperedDraws:
     Attributes
     ----------
     draws : ndarray, shape (n, K)
-        Draws with equal weights of all unknowns: standard normal scores of the parameters, log deviation of the damping
-        and relative deviation of the frequency at knots in time.
+        Draws with equal weights of all unknowns: standard normal scores of the parameters, then the deviations from the
+        laws, g (log damping) and h (relative frequency), at knots in time.
     log_ratios : ndarray, shape (n,)
         Log importance weight of each draw: log of (likelihood with the exact motion / likelihood under the linear
-        model), plus the log ratio of the priors if the proposal has other coordinates than scores. After
-        `SlicedProposal.redraw_within_slice` it still belongs to the draw before that move.
+        model), plus the log ratio of the priors if the proposal has other coordinates than scores. If draws were then
+        moved by `SlicedProposal.redraw_within_slice`, it is still that of the draw before this move.
     log_evidence, stderr : float
         Log evidence in nats, and its standard error; −∞ and nan if the motions of all first draws are unbounded.
     temperatures : int
@@ -78,9 +82,9 @@ class TemperedDraws:
 
     @property
     def trusted(self) -> bool:
-        """Return whether the draws may be used: the last moves had an acceptance rate of at least `LEAST_ACCEPTANCE`.
+        """Return whether the draws may be used: a fraction of at least `LEAST_ACCEPTANCE` accepted the last move.
 
-        It is False if β did not reach 1, because `acceptance` is then 0.
+        It is False if β, the exponent of the exact likelihood, did not reach 1, because `acceptance` is then 0.
         """
         return self.acceptance >= LEAST_ACCEPTANCE
 
@@ -88,8 +92,9 @@ class TemperedDraws:
 class Proposal(Protocol):
     """A distribution from which sampling starts: the posterior of a linear model, with steps that leave it unchanged.
 
-    The K unknowns of a draw are coordinates that the distribution chooses, such as the standard normal scores of the
-    parameters and the deviations from the laws (see `LinearProposal` and `SlicedProposal`).
+    The K unknowns of a draw are in coordinates that the distribution chooses, such as the standard normal scores of the
+    parameters and the deviations from the laws (see `LinearProposal` and `SlicedProposal`). The distribution is a
+    mixture of normal distributions (components).
     """
 
     @property
@@ -104,10 +109,11 @@ class Proposal(Protocol):
     def crank_nicolson_step(
         self, u: np.ndarray, combos: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Return draws, (n, K), after a random step from the draws u that leaves the proposal distribution unchanged.
+        """Return draws, (n, K), after a random step from the draws u, (n, K), that does not change their distribution.
 
-        combos: index of each draw's combination of hyperparameters, (n,), which the step does not change. step: size of
-        the step, up to 1, in posterior standard deviations. Scores of coefficients may become negative.
+        The distribution is that of the proposal. combos: index of each draw's mixture component, (n,), which the step
+        does not change. step: size of the step, up to 1, in posterior standard deviations. Scores of coefficients may
+        become negative.
         """
         ...
 
@@ -127,9 +133,9 @@ def sample_posterior(
     Parameters
     ----------
     ratio : callable
-        Function that returns the log importance weights, (n,), of draws from `start`, (n, K): log of (exact likelihood
-        / likelihood of the linear model), plus that of the ratio of their priors; −∞ where a motion is unbounded, or a
-        coefficient that must be ≥ 0 is negative.
+        Function that returns the log importance weights, (n,), of draws from `start`, (n, K). A weight is the log of
+        (exact likelihood / likelihood of the linear model), plus the log ratio of their priors. It is −∞ where a motion
+        is unbounded, or where a coefficient that must be ≥ 0 is negative.
     start : Proposal
         The posterior of the linear model.
     draws, seed : int
@@ -175,11 +181,12 @@ def _importance_resampled(
     start: Proposal,
     ratio: Callable[[np.ndarray], np.ndarray],
 ) -> TemperedDraws | None:
-    """Resample draws of a linear model's posterior by importance weights, after making more draws if needed.
+    """Resample draws of a linear model's posterior by their importance weights, after making more draws if needed.
 
-    u: draws, (n, K). ratios: their log importance weights, (n,), which `ratio` computes. The result has n draws of
-    equal weight. Return None if too many more draws would be needed (`LEAST_EFFECTIVE`), or if a few draws have nearly
-    all of the weight (`K_LIMIT`).
+    u: draws, (n, K). ratios: their log importance weights, (n,), which `ratio` computes. start: the linear model's
+    posterior, from which more draws are made. The result has n draws of equal weight. Return None if too many more
+    draws would be needed (`LEAST_EFFECTIVE`), or if, with more draws, still too few are effective or a few draws have
+    nearly all of the weight (`K_LIMIT`).
     """
     draws, share = len(u), _effective_share(ratios, 1.0)
     if share < LEAST_EFFECTIVE:
@@ -203,10 +210,10 @@ def _importance_resampled(
 def _next_rise(ratios: np.ndarray, most: float) -> float:
     """Return the increase of β that reduces the effective fraction of the draws to `EFFECTIVE_FRACTION`.
 
-    β is the exponent of the exact likelihood (see `TemperedDraws`); the fraction is the effective number of draws,
-    divided by their number. The result is `most` if the fraction is still larger there, and `LEAST_RISE` if it is
-    already smaller there. ratios: log importance weights at β = 1, (n,); at an increase δ the log weights are δ times
-    these.
+    β is the exponent of the exact likelihood (see `TemperedDraws`). The effective fraction is the effective number of
+    draws divided by their number; it falls as β increases. ratios: log importance weights at β = 1, (n,); at an
+    increase δ the log weights are δ times these. most: largest increase; it is returned if the fraction is still large
+    enough there. The result is `LEAST_RISE` if the fraction is already too small at this increase.
     """
 
     def excess(rise: float) -> float:
@@ -214,7 +221,7 @@ def _next_rise(ratios: np.ndarray, most: float) -> float:
 
     if excess(most) >= 0:
         return most
-    if excess(LEAST_RISE) < 0:  # escaped motions have no weight at any β
+    if excess(LEAST_RISE) < 0:  # unbounded motions have no weight at any β
         return LEAST_RISE
     return float(scipy.optimize.brentq(excess, LEAST_RISE, most, xtol=LEAST_RISE))  # type: ignore[arg-type]
 
