@@ -1,1 +1,1 @@
-"""Inference from an envelope (amplitude against time): noise, evidence of sums of damping terms, their posterior."""
+"""Infer damping from an envelope (amplitude against time): noise, evidence of sums of damping terms, decay rates."""

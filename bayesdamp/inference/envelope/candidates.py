@@ -1,7 +1,7 @@
 """Fit a sum of damping terms or a power law to an envelope, and compute its evidence.
 
-The damping law may hold only approximately: the decay rate is multiplied by 1 + g(t). This deviation g has a Gaussian
-process prior and is integrated out.
+The damping law may be only approximately right: the decay rate that it gives is multiplied by 1 + g(t). This deviation
+g has a Gaussian process prior and is integrated out.
 """
 
 from __future__ import annotations
@@ -32,45 +32,52 @@ from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, Normal, Prior, SharedHa
 from bayesdamp.records.envelope.window import NoiseFloor
 
 KNOTS = 14
-"""Number of equidistant times (knots) between which the deviation g(t) of the decay rate from its law is linear."""
+"""Number of equidistant times (knots) in a decay at which g is inferred; between them g(t) is linear. g is the relative
+deviation of the decay rate from the damping law."""
 FIT_SCALE = 30.0
-"""Scale of a half-normal prior of the rates during a fit, as a multiple of the mean decay rate of the record. The prior
-keeps the fit well-conditioned if two terms have nearly the same effect; it is not part of the evidence."""
+"""Scale of a half-normal prior that each damping term's decay rate has during a fit, as a multiple of the mean decay
+rate of the record. The prior keeps the fit well-conditioned if two terms have nearly the same effect. It is not part of
+the evidence."""
 WIDE_SD = 100.0
-"""Standard deviation of wide normal priors: of ln(A/A_ref) at the start, where A_ref is the reference amplitude, and of
-both parameters in the fit of a power law, whose priors are replaced by their actual ones after the fit."""
+"""Standard deviation of normal priors that are so wide that they hardly affect a fit. ln(A/A_ref) at the start of a
+decay has such a prior (A: amplitude, A_ref: reference amplitude). In the fit of a power law dA/dt = -c A^p, ln c and p
+have such priors; after the fit these two are replaced by the actual priors."""
 NOISE_SCALES = np.exp(np.array([-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.3]))
-"""Factors by which the standard deviation of the inferred noise is multiplied; the evidence is averaged over them. They
-are used for fewer than `MANY_READINGS` blocks."""
+"""Factors by which the standard deviation of the inferred noise is multiplied, because it is uncertain. The evidence is
+averaged over these factors with equal weights. They are used if a decay has fewer than `MANY_READINGS` blocks of
+readings."""
 NOISE_SCALES_MANY = np.exp(np.array([-0.25, 0.0, 0.25]))
-"""Factors that are used instead of `NOISE_SCALES` for at least `MANY_READINGS` blocks, which determine the noise
-better."""
+"""Factors of the noise's standard deviation that are used instead of `NOISE_SCALES` if a decay has at least
+`MANY_READINGS` blocks of readings. Their range is narrower, because more blocks determine the noise better."""
 MANY_READINGS = 40
-"""Number of blocks of readings from which the narrower range `NOISE_SCALES_MANY` of noise scales is used
-(conventional)."""
+"""Smallest number of blocks of readings for which the narrower range `NOISE_SCALES_MANY` of noise scales is used
+instead of `NOISE_SCALES` (conventional)."""
 MOST_POWER = 3.0
-"""Largest exponent p of the power law dA/dt = -c A^p (the smallest is 0)."""
+"""Largest exponent p of the power law dA/dt = -c A^p of the amplitude A. The prior of p is uniform from 0 to this
+value."""
 IMPROBABLE_EXACT = 0.1
-"""If the exact law (deviation g = 0) has at most this posterior probability, its posterior is computed again without
-the other components of the mixture, because the posterior of the whole mixture leaves out improbable components."""
+"""A posterior is a mixture over sizes of the deviation g from the damping law, in which improbable components are left
+out. If g = 0 (the law is exact) has at most this posterior probability, the posterior for g = 0 is therefore computed
+again by itself."""
 EXPONENT_GRID = 3001
 """Number of values of the exponent of a power law, from 0 to `MOST_POWER`, at which its distribution is computed."""
 NEGLIGIBLE_WEIGHT = 1e-3
-"""Components of a posterior mixture (combinations of noise, its scale, and size and correlation length of the deviation
-from the law) are left out of curves and of the distribution of an exponent if their probability is at most this
-fraction of the largest one."""
+"""A posterior is a mixture over combinations of the noise, its scale, and the size and correlation length of the
+deviation from the damping law. Where a fitted curve or the distribution of an exponent is computed, combinations are
+left out if their probability is at most this fraction of the largest one."""
 
 
 @dataclass(frozen=True)
 class Blocks:
     """The readings of a free decay, averaged in n blocks, with their possible noises.
 
-    A is the amplitude, and A_ref the reference amplitude in the middle of the decrease in dB.
+    A is the amplitude. A_ref is the reference amplitude: its level in dB is halfway between the levels at the start and
+    at the end.
 
     Attributes
     ----------
     t
-        Mean times of the blocks in s from the first one, (n,).
+        Mean times of the readings in each block in s, from the first block on, (n,).
     x
         Means of ln(A/A_ref) over the blocks, (n,). `decay.infer_noises` corrects them for the curvature of the decay
         within a block.
@@ -81,13 +88,14 @@ class Blocks:
     floor
         The noise floor measured after the decay, with powers in units of A_ref²; None if it was not measured.
     each
-        Number of readings in a block.
+        Mean number of readings in a block.
     frequency
         Angular frequency of the oscillation in rad/s; None if it is not known.
     noises
-        Possible noises, each with its covariance of x, (n, n).
+        Possible noises of the readings, each with the covariance of x that it causes, (n, n).
     inverse
-        Inverse of the Cholesky factor of the covariance of x in fits, (n, n); it whitens residuals.
+        Inverse of the lower Cholesky factor of the covariance of x, (n, n). Fits multiply residuals by it, so that
+        these become independent with variance 1.
     """
 
     t: np.ndarray
@@ -102,10 +110,10 @@ class Blocks:
 
     @property
     def unit(self) -> float:
-        """The decay rate in 1/s that corresponds to a score of 1; scores are the rates in this unit.
+        """The decay rate in 1/s that corresponds to a score of 1. The score of a rate is the rate divided by this unit.
 
-        It is 0.1 times the angular frequency (a damping ratio of 0.1). If the frequency is not known, it is such that
-        the geometric middle of the possible prior scales of a rate is 1/duration.
+        The unit is 0.1 times the angular frequency, which corresponds to a damping ratio of 0.1. If the frequency is
+        not known, the unit is chosen so that the possible prior scales of a rate have the geometric mean 1/duration.
         """
         if self.frequency is not None:
             return SCORE_RATIO * self.frequency
@@ -113,7 +121,7 @@ class Blocks:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Values of x at the start and at the end: means over the first and the last thirtieth of the blocks."""
+        """ln(A/A_ref) at start and end of the decay: its means over the first and the last thirtieth of the blocks."""
         edge = max(1, self.x.size // 30)
         return float(self.x[:edge].mean()), float(self.x[-edge:].mean())
 
@@ -122,8 +130,8 @@ class Blocks:
 class EnvelopeCandidate:
     """A sum of damping terms fitted to an envelope, with its evidence and posterior.
 
-    A sum whose terms have parameters besides their coefficients (such as an exponent) has several candidates, each with
-    other values of these parameters.
+    Some terms have parameters besides their coefficients, such as an exponent. A sum with such terms has several
+    candidates, each with other values of these parameters.
 
     Attributes
     ----------
@@ -133,14 +141,16 @@ class EnvelopeCandidate:
         The fit: ln(A/A_ref) at the start; rates c_i in 1/s of the law's terms (see `DecayLaw`), (d,); fitted
         ln(A/A_ref) at the blocks, (n,).
     about
-        Normal posteriors of the model linearised about the fit, one for each combination of hyperparameters.
+        Normal posteriors of the model linearised about the fit, one for each combination of noise, its scale, and size
+        and correlation length of the deviation g from the law.
     unit
-        The rate in 1/s that corresponds to a score of 1; scores, with a standard normal prior, represent the rates.
+        The rate in 1/s that corresponds to a score of 1; in `about`, rates are expressed by their scores, rate/unit.
     scores
         Standard normal scores of the terms' parameters besides their coefficients; () if there are none.
     log_share
-        Number of nats to add to the log evidence `total` of this candidate: the log prior odds of the sum and, if it
-        has several candidates, the log of the factor that makes the candidates add up to the evidence of the sum.
+        Number of nats to add to the log evidence `total` of this candidate. It contains the log prior odds of the sum.
+        If the sum has several candidates, it also contains the log of this one's weight among them, so that the
+        candidates add up to the evidence of the sum.
     """
 
     law: DecayLaw
@@ -154,12 +164,19 @@ class EnvelopeCandidate:
 
     @cached_property
     def posterior(self) -> LinearPosterior:
-        """The mixture of the posteriors in `about`, with half-normal priors of the rates (none is negative)."""
+        """The posterior of the decay rates and of the deviation g from the law, averaged over the possible noises.
+
+        It is the mixture of the normal posteriors in `about`, with half-normal priors of the rates, so that no rate is
+        negative.
+        """
         return self.about.apply_priors()
 
     @cached_property
     def exact(self) -> LinearPosterior:
-        """The posterior under the exact law (deviation g = 0); its evidence contains this law's prior probability."""
+        """The posterior of the decay rates if the damping law is exact (deviation g = 0).
+
+        Its `log_evidence` includes the log prior probability that the law is exact.
+        """
         exact = self.about.size[self.posterior.combos] == 0.0
         if self.posterior.weights[exact].sum() > IMPROBABLE_EXACT:
             return self.posterior.only(exact)
@@ -168,26 +185,27 @@ class EnvelopeCandidate:
     def draws(self, exact: bool, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Draw rates in 1/s, (count, d), and the deviation g at the knots in time, (count, KNOTS), from the posterior.
 
-        Rates are the c_i of the law (see `DecayLaw`). g is the relative deviation of the decay rate from the law.
-        exact: whether to draw from the posterior under the exact law, where g = 0.
+        The rates are the c_i of the law (see `DecayLaw`). g is the relative deviation of the decay rate from the law.
+        exact: True to draw from the posterior under the exact law, where g = 0; False to draw from the whole posterior.
         """
         u, _ = (self.exact if exact else self.posterior).draws(count, rng)
         return self.unit * u[:, : len(self.terms)], u[:, -KNOTS:]
 
     def curve(self, blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:
-        """Return the posterior mean and standard deviation of ln(A/A_ref) at the blocks, (n,) each.
+        """Return the posterior mean and standard deviation of ln(A/A_ref) at the n blocks of readings, (n,) each.
 
         Both include the deviation from the law. They are computed to first order about the fit, like the evidence, but
         without the condition that no rate is negative.
         """
         d, at = self.rates.size, np.append(self.rates, self.x0)
         motion = solver_of(blocks, self.law).solve(at, tangents=ALL)
+        # The 0.0 is for the error of the noise floor, which does not change the amplitudes.
         units = [
             *[self.unit] * d,
             WIDE_SD,
             0.0,
             *[1.0] * KNOTS,
-        ]  # an error of the floor does not change amplitudes
+        ]
         columns = np.insert(motion.tangents, d + 1, 0.0, axis=1) * units
         used = np.flatnonzero(self.posterior.weights > NEGLIGIBLE_WEIGHT * self.posterior.weights.max())
         means, factors = self.posterior.posteriors(used)
@@ -209,17 +227,23 @@ class EnvelopeCandidate:
 
     @property
     def total(self) -> float:
-        """Log evidence in nats, averaged over noises, their scales and the deviation, without `log_share`."""
+        """Log evidence in nats, averaged over the possible noises, their scales and the deviation from the damping law.
+
+        The log prior odds of the sum, which `log_share` contains, are not included.
+        """
         return self.posterior.log_evidence
 
     @property
     def total_exact(self) -> float:
-        """Log of (evidence under the exact law, where the deviation g is 0, times its prior probability), in nats."""
+        """Log evidence in nats if the damping law is exact, plus the log prior probability that it is exact.
+
+        `log_share` is not included.
+        """
         return self.exact.log_evidence
 
 
 def solver_of(blocks: Blocks, law: DecayLaw | PowerLaw, white: np.ndarray | None = None) -> AmplitudeSolver:
-    """Return a solver of the decay law at the times of the blocks.
+    """Return a solver that computes the decay of the amplitude under a damping law at the times of the blocks.
 
     white: matrix by which the solver multiplies decays and derivatives to whiten the noise of the blocks, (n, n); None
     to leave them as they are.
@@ -228,9 +252,10 @@ def solver_of(blocks: Blocks, law: DecayLaw | PowerLaw, white: np.ndarray | None
 
 
 def fit_rates(blocks: Blocks, law: DecayLaw, white: np.ndarray) -> LeastSquaresFit:
-    """Fit the rates of a sum of damping terms (none is negative), and ln(A/A_ref) at the start, by least squares.
+    """Fit the decay rates of a sum of damping terms, and ln(A/A_ref) at the start, by least squares.
 
-    The fit starts at the mean rate of the record, divided equally among the terms.
+    No rate is negative. The fit starts at the mean rate of the record, divided equally among the terms. If the
+    oscillation would then come to rest too early, the fit starts at smaller rates.
 
     Parameters
     ----------
@@ -264,9 +289,9 @@ def _fit_with_priors(
 ) -> LeastSquaresFit:
     """Fit the parameters of a decay law, and ln(A/A_ref) at the start, by least squares with priors.
 
-    white: matrix that whitens the noise, (n, n). priors: of the law's parameters, by name. begin: values of these
-    parameters at which the fit starts, in the law's order. ln(A/A_ref) at the start has a wide prior (`WIDE_SD`). The
-    values of the result are the law's parameters, then ln(A/A_ref) at the start.
+    white: matrix that whitens the noise, (n, n). priors: priors of the law's parameters, by name. begin: values of
+    these parameters at which the fit starts, in the law's order. ln(A/A_ref) at the start has a wide normal prior
+    (`WIDE_SD`). The values of the result are the law's parameters, then ln(A/A_ref) at the start.
     """
     names = (*law.terms, "start")
     parameters = Parameters(names, {**priors, "start": Normal(mean=0.0, sd=WIDE_SD)}, {})
@@ -286,7 +311,8 @@ def fit_candidate(
 ) -> EnvelopeCandidate:
     """Fit a sum of damping terms to an envelope, and compute its evidence and posterior.
 
-    Both are averaged over noises, their scales, and the size and correlation length of the deviation from the law.
+    Both are averaged over the possible noises, their scales, and the size and correlation length of the deviation from
+    the law.
 
     Parameters
     ----------
@@ -295,10 +321,10 @@ def fit_candidate(
     law : DecayLaw
         The decay law of the sum.
     fitted : EnvelopeCandidate, optional
-        A candidate with the same law, computed with other noises. Its rates and start are then used instead of a new
-        fit.
+        A candidate with the same law that was computed with other noises. If it is given, its rates and its value at
+        the start are used, and there is no new fit.
     scores, log_share
-        Stored in the result, see `EnvelopeCandidate`.
+        Numbers that are only stored in the result, see `EnvelopeCandidate`.
 
     Returns
     -------
@@ -313,8 +339,9 @@ def fit_candidate(
 def fit_power(blocks: Blocks, white: np.ndarray) -> LeastSquaresFit:
     """Fit the power law dA/dt = -c A^p, and ln(A/A_ref) at the start, by least squares.
 
-    A is relative to the reference amplitude. white: matrix that whitens the noise, (n, n). The values of the result are
-    ln c, where c is the decay rate (1/s) at the reference amplitude, p, and ln(A/A_ref) at the start. p is not limited.
+    A is relative to the reference amplitude A_ref. white: matrix that whitens the noise, (n, n). The result has three
+    values: ln c, where c is the decay rate (1/s) at A_ref; the exponent p, which is not limited; and ln(A/A_ref) at the
+    start.
     """
     wide = Normal(mean=0.0, sd=WIDE_SD)
     begin = np.array([np.log(blocks.mean_rate), 1.0])
@@ -324,8 +351,8 @@ def fit_power(blocks: Blocks, white: np.ndarray) -> LeastSquaresFit:
 def power_law_evidence(blocks: Blocks) -> tuple[float, Quantity]:
     """Compute the evidence of the power law dA/dt = -c A^p and the posterior of its exponent.
 
-    p has a uniform prior from 0 to `MOST_POWER`. The decay rate at the reference amplitude has the prior that the rate
-    of a damping term has in a sum of one term.
+    p has a uniform prior from 0 to `MOST_POWER`. The decay rate at the reference amplitude has the same prior as the
+    rate of a single damping term.
 
     Parameters
     ----------
@@ -345,11 +372,11 @@ def power_law_evidence(blocks: Blocks) -> tuple[float, Quantity]:
     sd = WIDE_SD * np.linalg.norm(normals.factors[:, 1], axis=1)
     rate_score = np.exp(p[0]) / blocks.unit
     log_density = float(shared_log_density(rate_score**2, 1) + np.log(rate_score))  # prior of ln c
-    # Replace the wide normal priors of ln c and p, whose density is 1/(2π WIDE_SD²), by the right ones.
+    # Replace the wide normal priors of ln c and p, whose density is 1/(2π WIDE_SD²), by the actual ones.
     log_z = normals.log + log_density - np.log(MOST_POWER) + np.log(2 * np.pi * WIDE_SD**2)
     log_z = log_z + np.log(np.maximum(ndtr((MOST_POWER - mean) / sd) - ndtr(-mean / sd), 1e-300))
-    # The distribution function of p: a mixture of normals, each truncated to the range of the prior. A component that
-    # is far outside the range is at its end, at whatever distance it is.
+    # The distribution function of p is a mixture of normals, each truncated to the range of the prior. The mean of a
+    # component that is far outside the range is moved to 6 sds from its end, so that its density there is not zero.
     weight, mean = normalise(log_z), np.clip(mean, -6.0 * sd, MOST_POWER + 6.0 * sd)
     used = weight > NEGLIGIBLE_WEIGHT * weight.max()
     grid = np.linspace(0.0, MOST_POWER, EXPONENT_GRID)
@@ -364,8 +391,9 @@ class FitPosteriors:
     """Normal posteriors of a decay linearised about a fit, one for each of c combinations of hyperparameters.
 
     A combination consists of the noise, its scale, and the size and the correlation length of the deviation g from the
-    law (in the order of the posteriors the length varies fastest, the noise slowest). The unknowns are d + 2 scores
-    with the prior N(0, 1), of the law's d parameters, the start and the floor, and g at the knots.
+    law. They are ordered so that the correlation length varies fastest and the noise slowest. The unknowns of each
+    posterior are d + 2 scores with the prior N(0, 1), then the values of g at the knots in time. The scores represent
+    the d parameters of the law, ln(A/A_ref) at the start, and the error of the noise floor.
 
     Attributes
     ----------
@@ -376,7 +404,7 @@ class FitPosteriors:
     log_sizes
         Log prior probability of the size and the length in each combination, (c,).
     positive
-        Which of the scores are damping rates, (d + 2,).
+        Mask of the scores that represent damping rates, which must not be negative, (d + 2,).
     """
 
     normals: Normals
@@ -385,7 +413,7 @@ class FitPosteriors:
     positive: np.ndarray
 
     def apply_priors(self, which: np.ndarray | None = None) -> LinearPosterior:
-        """Return the posterior with half-normal priors of the rates; their scale is unknown and the same for all rates.
+        """Return the posterior in which the damping rates have half-normal priors with one common, unknown scale.
 
         which: mask of the combinations of hyperparameters (noise, its scale, size and correlation length of the
         deviation from the law) to use, (c,); by default all.
@@ -402,10 +430,12 @@ def _posteriors_about(
     """Return the decay at parameters p, (d + 1,), with its derivatives, and the normal posteriors linearised about p.
 
     There is one posterior of all unknowns for each combination of hyperparameters: noise, its scale, and size and
-    correlation length of the deviation from the law. Scores represent the parameters and have standard normal priors.
+    correlation length of the deviation from the law. In these posteriors the parameters are represented by scores with
+    standard normal priors.
 
     p: the d parameters of the law, then ln(A/A_ref) at the start. units: values of the parameters that correspond to a
-    score of 1, (d,). rates: whether the parameters are damping rates, which cannot be negative.
+    score of 1, (d,). rates: True if the parameters are damping rates, which cannot be negative; False for those of a
+    power law.
     """
     motion, n, d = solver_of(blocks, law).solve(p, tangents=ALL), blocks.t.size, units.size
     columns = motion.tangents * np.concatenate([units, [WIDE_SD], np.ones(KNOTS)])
@@ -419,7 +449,7 @@ def _posteriors_about(
     positive = np.array([rates] * d + [False, False])
     parts = []
     for (noise, covariance), log_weight in zip(blocks.noises, weight, strict=True):
-        # The constant part of the floor is subtracted; its error is an additional unknown.
+        # The constant part of the noise floor is subtracted; its error is an additional unknown.
         floor = 0.5 * noise.constant * np.exp(-2.0 * motion.y)
         unsure = noise.constant_sd / noise.constant if noise.constant > 0 else 0.0
         white, log_det = whiten_columns(

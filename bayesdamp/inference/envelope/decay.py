@@ -27,23 +27,25 @@ MOST_BLOCKS = 100
 """Greatest number of blocks in which the readings of a decay are averaged; enough for a decay of 40 dB and its
 noise."""
 MOST_WINDOW_CHANGES = 3
-"""Greatest number of times that the window of the decay is changed: first because of a constant level at the start,
-then because of readings that do not belong to the decay or are close to the noise floor."""
+"""Greatest number of times that the window of a decay is changed for each of two reasons: first because of a constant
+level at the start, then because of readings that do not belong to the decay or are close to the noise floor."""
 LEAST_SHORTENING = 0.05
-"""If the scatter of the readings shows a noise floor, the decay is shortened to end where it comes close to the floor,
-but only if at least this fraction of its readings is then left out."""
+"""If no noise floor was measured after the decay, it is inferred from the scatter of the readings. The decay is then
+shortened to end above the floor, but only if at least this fraction of its readings is left out."""
 FEW_READINGS = 40
-"""With fewer readings than this, the window of the decay is only changed because of a constant level at the start, not
-because of readings that do not belong to the decay or are close to the noise floor."""
+"""A window of the decay with fewer readings than this is only changed because of a constant level at the start, not
+because of readings that do not belong to the decay or are close to the noise floor. A longer window is not shortened to
+fewer readings than this."""
 LEAST_BLOCKS_HELD = 12
-"""A constant level at the start (the oscillation is still driven) is searched only if there are at least this many
-blocks."""
+"""A constant level at the start of a record, where the oscillation is still driven, is searched for only if the record
+has at least this many blocks of readings."""
 FIRST_END, END_STEP = 2, 3
-"""Blocks of readings that are tried as the end of a constant level at the start of a record: from block `FIRST_END` to
-the middle of the record, in steps of `END_STEP`; every block in a record of fewer than `SPARSE_READINGS` blocks."""
+"""Indices of the blocks of readings that are tried as the end of a constant level at the start of a record: from
+`FIRST_END` to the middle of the record, in steps of `END_STEP`. In a record of fewer than `SPARSE_READINGS` blocks the
+step is 1."""
 HELD_MISFIT = 0.75
-"""A constant level at the start is accepted only if the sum of squared residuals of a fit with it is less than this
-fraction of the sum without it (conventional)."""
+"""A constant level at the start of a record is accepted only if it reduces the sum of squared residuals of a fit to
+less than this fraction of the sum without it (conventional)."""
 LEAST_SCATTER = 0.02
 """Smallest standard deviation of ln A (A is the amplitude) of a block of readings that the search for a constant level
 at the start assumes. It allows for errors of the damping laws and of the detector (conventional)."""
@@ -64,12 +66,14 @@ class Curve:
     ----------
     t
         Times of the blocks in s, as in the record.
-    level, fit
-        Level in dB, as in the record: mean of the readings in a block (see `Blocks.x`), and fit with the deviation from
-        its law.
-    fit_sd, scatter
-        Posterior standard deviation of the fit, and standard deviation of the noise of a block (for the first of the
-        possible noises), in dB.
+    level
+        Mean level of the readings in each block in dB, as in the record (see `Blocks.x`).
+    fit
+        Level of the fit in dB, which includes the deviation from the damping law.
+    fit_sd
+        Posterior standard deviation of the fit in dB.
+    scatter
+        Standard deviation of the noise of a block in dB, for the first of the possible noises.
     """
 
     t: np.ndarray
@@ -92,7 +96,8 @@ class Decay:
     blocks
         The readings in the window, averaged in blocks, with their possible noises.
     reference
-        ln of the reference amplitude A_ref in the record's unit; for levels in dB relative to 0 dB.
+        ln of the reference amplitude A_ref in the record's unit; for levels in dB, ln of its ratio to the amplitude at
+        0 dB.
     """
 
     record: EnvelopeRecord
@@ -107,7 +112,7 @@ class Decay:
 
     @property
     def fall(self) -> float:
-        """Decrease of the level in dB from the first to the last thirtieth of the decay."""
+        """Decrease of the level in dB: mean over the first thirtieth of the decay minus that over the last."""
         top, bottom = self.blocks.ends
         return (top - bottom) * NEPER
 
@@ -120,7 +125,7 @@ class Decay:
         return float(value), unit
 
     def curve(self, fit: np.ndarray, sd: np.ndarray) -> Curve:
-        """Return this decay and a fit of it in dB, for figures.
+        """Return the measured levels of this decay and those of a fit in dB, for figures.
 
         fit, sd: fitted ln(A/A_ref) at the n blocks of readings, and its standard deviation, (n,) each.
         """
@@ -131,11 +136,12 @@ class Decay:
         return Curve(b.t + start, level, fitted, sd * NEPER, np.sqrt(np.diag(b.noises[0][1])) * NEPER)
 
     def misfit(self, fit: np.ndarray) -> tuple[float, float]:
-        """Return the root mean square residual of a fit in excess of the noise, and that of the noise alone.
+        """Return the root mean square residual of a fit in excess of the noise, and the root mean square of the noise.
 
-        fit: fitted ln(A/A_ref) at the blocks, (n,). Both results are relative to the amplitude (differences of ln A);
-        in their means each block has its squared amplitude as weight. The weighted mean of the residuals is subtracted
-        first. The noise is the first of the possible ones. The excess is 0 if the residual is smaller than the noise.
+        Both are differences of ln A, which are relative to the amplitude A. In their mean squares each block has its
+        squared fitted amplitude as weight. The weighted mean of the residuals is subtracted first. The excess is the
+        root of the mean square of the residuals minus that of the noise; it is 0 if this difference is negative. The
+        noise is the first of the possible ones. fit: fitted ln(A/A_ref) at the blocks, (n,).
         """
         weight = np.exp(2.0 * fit)
         weight = weight / weight.sum()
@@ -150,14 +156,12 @@ def free_decay(
 ) -> tuple[Decay, tuple[Sum, ...]]:
     """Find the free decay of an envelope, down to its noise floor, and prepare the sums of damping terms for it.
 
-    A window that is given is used unchanged.
-
     Parameters
     ----------
     record : EnvelopeRecord
         The envelope.
     window : EnvelopeWindow or None
-        The window of the decay; None to find it.
+        The window of the decay, which is then used unchanged; None to find it.
     sums : sequence of tuple of str
         Names of the terms of each sum.
 
@@ -166,12 +170,12 @@ def free_decay(
     Decay
         The decay.
     tuple of Sum
-        The sums, with the amplitude and frequency of this decay by which priors of their parameters scale.
+        The sums, with the amplitude and frequency of this decay, on which the priors of their terms' parameters depend.
 
     Raises
     ------
     Refusal
-        If the level decreases by less than `LEAST_DROP` dB.
+        If there is no window with a decay, or if the level decreases by less than `LEAST_DROP` dB.
     """
     chosen = window or find_window(record.t, record.level)
     first, stop, why = chosen.start, chosen.stop, list(chosen.why)
@@ -185,7 +189,7 @@ def free_decay(
     tries = 0
     while True:
         b, reference = _blocks(record, chosen)
-        # The own parameters of terms scale with the amplitude at the start of the decay.
+        # The priors of some terms' parameters depend on the amplitude at the start of the decay.
         start, plain = b.ends[0], tuple(sums) == SUMS
         scale = Scale() if plain else scale_of(record, sums, start + reference)
         asked = tuple(Sum(terms, start, float(b.x.min()), scale) for terms in sums)
@@ -201,7 +205,7 @@ def free_decay(
         tries += 1
     if chosen.start > first:
         begins = f"{record.t[chosen.start]:.4g} s"
-        why[0] = f"starts at {begins}, where the reading before it does not continue the decay"
+        why[0] = f"starts at {begins}, because the readings before it do not fit the decay"
     if chosen.stop < stop:
         last = f"{record.t[chosen.stop - 1]:.4g} s"
         why[1] = (
@@ -213,8 +217,9 @@ def free_decay(
 def _blocks(record: EnvelopeRecord, window: EnvelopeWindow) -> tuple[Blocks, float]:
     """Return the readings of a window averaged in blocks, and ln of the reference amplitude A_ref in the record's unit.
 
-    A_ref is in the middle, in dB, between the levels at the start and at the end; for levels in dB it is relative to 0
-    dB. Raises Refusal if the level decreases by less than `LEAST_DROP` dB.
+    The level of A_ref in dB is halfway between the levels at the start and at the end. For levels in dB, A_ref is
+    relative to the amplitude at 0 dB. The noise of the blocks is not inferred here. Raises Refusal if the level
+    decreases by less than `LEAST_DROP` dB.
     """
     whole = slice(window.start, window.stop)
     t, x, _ = average_in_blocks(record.t[whole], record.level[whole] / NEPER, MOST_BLOCKS)
@@ -238,9 +243,9 @@ def _blocks(record: EnvelopeRecord, window: EnvelopeWindow) -> tuple[Blocks, flo
 def held_blocks(b: Blocks) -> int:
     """Return the number of blocks at the start with a constant level (a drive is still on); 0 if there are none.
 
-    A constant level followed by a decay with viscous, Coulomb and quadratic damping must fit much better
-    (`HELD_MISFIT`) than two decays from the first block on: one with these terms, and one by a power of the amplitude.
-    With fewer than `LEAST_BLOCKS_HELD` blocks the result is 0.
+    Fits with a constant level, followed by a decay with viscous, Coulomb and quadratic damping, are compared with two
+    fits without it: a decay with these three terms, and a power law. A constant level is accepted if the misfit with it
+    is much smaller than without it (`HELD_MISFIT`). With fewer than `LEAST_BLOCKS_HELD` blocks the result is 0.
     """
     n = b.t.size
     if n < LEAST_BLOCKS_HELD:
@@ -250,14 +255,15 @@ def held_blocks(b: Blocks) -> int:
     inverse = np.diag(1.0 / np.maximum(LEAST_SCATTER, np.exp(-b.x) * visible))
 
     def misfit(held_level: int) -> float:
-        """Return the sum of squared residuals of a fit with a constant level up to the block with this index."""
+        """Return the sum of squared residuals of a fit whose level is constant up to the block with this index."""
         held = replace(b, t=np.maximum(b.t - b.t[held_level], 0.0))
         return fit_rates(held, law, inverse).squares
 
     tried = range(FIRST_END, n // 2, END_STEP if n >= SPARSE_READINGS else 1)
     misfits = [misfit(end) for end in tried]
     best = int(np.argmin(misfits))
-    # Friction that increases towards small amplitudes resembles a constant level: a power p < 0 of the amplitude.
+    # If friction increases as the amplitude decreases, the decay resembles a constant level at its start. The power
+    # law dA/dt ∝ −A^p with p < 0 describes such a decay.
     whole = min(misfit(0), fit_power(b, inverse).squares)
     return tried[best] + 1 if misfits[best] < HELD_MISFIT * whole else 0
 
@@ -275,12 +281,13 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
     Returns
     -------
     blocks : Blocks
-        The blocks with their possible noises: one for each fraction of the floor that is slow, one inferred together
-        with a deviation from the law, and one with slower scatter. Their x is corrected for the curvature of the decay
-        within a block. Their `inverse` is that of the most probable noise together with the deviation from the law.
+        The blocks with their possible noises: one for each value of the slow fraction of the noise floor
+        (`SLOW_FRACTIONS`), one that is inferred together with a deviation from the damping law, and one whose scatter
+        is slower. Their x is corrected for the curvature of the decay within a block. Their `inverse` is for the
+        covariance of the most probable noise and of the deviation from the law together.
     later : int
-        Number of blocks at the start, up to the last one that the later blocks do not predict (see `SURPRISE_SDS`); 0
-        if all are predicted, or if there are fewer than 30 blocks.
+        Number of blocks at the start, up to the last one that disagrees with its prediction by the later blocks (see
+        `SURPRISE_SDS`). It is 0 if all agree, or if there are fewer than 30 blocks.
     end : int
         Number of blocks before the first one that is less than `ABOVE_FLOOR` dB above the inferred noise floor.
     """
@@ -289,10 +296,10 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
     rough = np.diag(1.0 / np.maximum(0.02, np.exp(-b.x) * visible))
     law, x0, rates = loosest_fit(b, sums, rough)
     fit = law.solve(b.t, x0, rates)[0]
-    # The mean of the fitted ln A over a block minus its value in the middle, to second order.
+    # `curvature` is the mean of the fitted ln A over a block minus its value in the middle, to second order.
     off = np.gradient(b.t) * np.sqrt(max(1.0 - b.each**-2, 0.0) / 12.0)
     before, after = (law.solve(b.t + shift, x0, rates)[0] for shift in (-off, off))
-    # 0 in the block in which the oscillation comes to rest.
+    # It is set to 0 in the block in which the oscillation comes to rest.
     curvature = np.where(after > LOG_AT_REST, 0.5 * (before + after) - fit, 0.0)
     b = replace(b, x=b.x - curvature)
     tangents = solver_of(b, law).solve(np.append(rates, x0), tangents=ALL).tangents
@@ -316,7 +323,7 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
         whole = whole + np.outer(floor, floor)
     low = np.flatnonzero(np.exp(2.0 * fit) < 10.0 ** (ABOVE_FLOOR / 10.0) * best.floor)
     end = int(low[0]) if low.size else n
-    later = 0  # number of early blocks up to the last one that the later ones do not predict
+    later = 0  # number of early blocks, up to the last one that the later blocks do not predict
     if early:
         # Innovations backwards in time: each block minus its prediction from all later ones, in standard deviations.
         # The parameters of the law have wide priors.

@@ -21,15 +21,16 @@ from bayesdamp.inference.deviation.linear import MEAN_G, smooth_root
 from bayesdamp.records.envelope.window import NoiseFloor
 
 LONGEST_SCATTER = 0.04
-"""Largest correlation time of the multiplicative scatter, as a fraction of the duration of the decay. Slower changes
-count as deviations of the decay from its law."""
+"""Largest correlation time of the multiplicative scatter of the readings, as a fraction of the duration of the decay.
+Slower changes count as deviations of the decay from its damping law."""
 LONGEST_FLOOR = 1.0
-"""Largest correlation time of the fast part of the noise floor, as a fraction of the duration of the decay."""
+"""Largest correlation time of the fast part of the noise floor, which is the noise of the detector, as a fraction of
+the duration of the decay."""
 FLOOR_KNOWN = 0.7
-"""Prior standard deviation of ln of the floor's power if the floor was measured after the decay. It is not small,
+"""Prior standard deviation of ln(power of the noise floor) if the floor was measured after the decay. It is not small,
 because a record contains only a few independent values of a slow floor."""
 FLOOR_UNKNOWN = 2.5
-"""Prior standard deviation of ln of the floor's power if the floor was not measured after the decay."""
+"""Prior standard deviation of ln(power of the noise floor) if the floor was not measured after the decay."""
 LOG_SCATTER_SD = 3.0
 """Prior standard deviation of ln of the standard deviations of the multiplicative scatter and of the white noise. The
 priors are centred on estimates from the residuals of the blocks and from differences of neighbouring ones."""
@@ -37,25 +38,26 @@ LEAST_SCATTER = 1e-4
 """Smallest standard deviations that the search for the noise of ln A (A is the amplitude) allows for the multiplicative
 scatter and for the white noise (1e-4 is about 1e-3 dB)."""
 SLOW_FRACTIONS = (0.0, 0.25, 0.5, 0.75, 0.9)
-"""Values of the fraction of the floor's fluctuating power that is slow, over which results are averaged; equally
-probable a priori."""
+"""Possible values of the fraction of the noise floor's fluctuating power that is slow (thermal motion of the mode).
+Results are averaged over them; they are equally probable a priori."""
 SLOWER_FACTOR = 4.0
-"""Factor by which `Noise.slower` makes the correlation time of the multiplicative scatter of the readings longer."""
+"""Factor by which `Noise.slower` increases the correlation time of the multiplicative scatter of the readings."""
 DEVIATION_LENGTH = 0.3
-"""Correlation length, as a fraction of the decay's duration, of the deviation from the damping law that is inferred
-together with the noise."""
+"""While the noise is inferred, the decay rate may deviate from its damping law. This is the correlation length of the
+deviation in time, as a fraction of the decay's duration."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """The noise of ln A in blocks of readings.
+    """The noise of ln A (A is the amplitude) in blocks of readings.
 
     Attributes
     ----------
     scatter, scatter_time
         Standard deviation and correlation time (s) of the multiplicative scatter.
     floor, floor_time
-        Power of the fluctuating part of the noise floor in units of A_ref², and correlation time (s) of its fast part.
+        Power of the fluctuating part of the noise floor in units of A_ref² (A_ref is the reference amplitude), and
+        correlation time (s) of its fast part.
     white
         Standard deviation of the white noise of a block.
     deviation
@@ -66,9 +68,11 @@ class Noise:
     constant, constant_sd
         Power of the constant part of the floor in units of A_ref², and its standard deviation.
     each, apart
-        Number of readings in a block, and time between two readings in s.
-    log_weight, log_density
-        Log prior probability relative to other possible noises, and log posterior density, up to constants.
+        Mean number of readings in a block, and time between two readings in s.
+    log_weight
+        Log prior probability of this noise relative to other possible noises, in nats, up to a constant.
+    log_density
+        Log posterior density of this noise in nats, up to a constant.
     """
 
     scatter: float
@@ -87,9 +91,10 @@ class Noise:
     log_density: float = 0.0
 
     def covariance(self, t: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Return the covariance of ln A, (n, n), in blocks at times t (s) with x = ln(A/A_ref), (n,) each.
+        """Return the covariance, (n, n), of the noise of ln A in n blocks of readings.
 
-        The error of the constant part of the floor is not included.
+        t: times of the blocks in s, (n,). x: ln(A/A_ref) in the blocks, (n,). The error of the constant part of the
+        noise floor is not included.
         """
         lag, inverse = np.abs(t[:, None] - t), np.exp(-x)
         return _covariance(
@@ -98,11 +103,11 @@ class Noise:
         )  # fmt: skip
 
     def slower(self, span: float) -> Noise:
-        """Return a copy of this noise whose multiplicative scatter is up to `SLOWER_FACTOR` times slower.
+        """Return a copy of this noise whose multiplicative scatter has a longer correlation time.
 
-        Its correlation time is longer by this factor, but at most twice `span`, the duration of the record in s. The
-        variance of the scatter is increased so that differences of neighbouring readings stay the same. A record hardly
-        distinguishes the two noises, but the uncertainty of rates depends on the choice.
+        The time is longer by the factor `SLOWER_FACTOR`, but at most twice `span`, the duration of the record in s. The
+        variance of the scatter is increased by the same factor, so that differences of neighbouring readings stay the
+        same. A record hardly distinguishes the two noises, but the uncertainty of rates depends on the choice.
         """
         times = float(min(SLOWER_FACTOR, 2.0 * span / self.scatter_time))
         stronger = self.scatter * float(np.sqrt(times))
@@ -152,7 +157,7 @@ def infer_noise(
 ) -> Noise:
     """Infer the most probable noise: maximise the restricted likelihood (Harville 1977) times the priors of the noise.
 
-    The parameters of the law, which have flat priors, are integrated out. The search is within bounds such as
+    The parameters of the damping law have flat priors and are integrated out. The search is within bounds such as
     `LONGEST_SCATTER`.
 
     Parameters
@@ -162,17 +167,18 @@ def infer_noise(
     columns : ndarray, shape (n, k)
         Derivatives of x by the parameters of the law.
     warp : ndarray, shape (n, knots)
-        Derivatives of x by the relative deviation of the decay rate from the law, at its knots.
+        Derivatives of x by the relative deviation of the decay rate from the law, at its knots in time.
     floor : NoiseFloor or None
-        The noise floor measured after the decay, in units of A_ref².
+        The noise floor measured after the decay, in units of A_ref²; None if it was not measured.
     slow, slow_time, each
         Attributes of the result that are not inferred, see `Noise`.
     with_deviation : bool
-        Whether to infer the size of a deviation together with the noise.
+        True to infer the size of a deviation from the damping law together with the noise; False for no deviation.
     begin : Noise, optional
         Noise at which the search starts; by default rough estimates from the residuals.
     only_floor : bool
-        Whether only the power of the floor is inferred; the other values are those at which the search starts.
+        True to infer only the power of the noise floor; the other values are then those at which the search starts.
+        False to infer all.
 
     Returns
     -------
@@ -248,6 +254,8 @@ def infer_noise(
 
 def whiten_columns(covariance: np.ndarray, columns: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
     """Multiply columns by the inverse of the Cholesky factor of the covariance of the noise.
+
+    After this, the noise of a data column is independent with variance 1.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """Draw decay rates and energy fractions from the posterior of a decay, and compute the likelihood of its damping rates.
 
-Draws are from the mixture over sums of damping terms, noises and their scales, and size τ and length ℓ of the deviation
-from the law. The likelihood of the rates is for joint fits of several envelopes.
+The posterior is averaged over sums of damping terms, the possible noises and their scales, and the size τ and the
+correlation length ℓ of the deviation from the damping law. The likelihood of the rates is used in joint fits of several
+envelopes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,13 +17,13 @@ from bayesdamp.numerics.weights import resample
 from bayesdamp.physics.amplitude import linear_basis
 
 RATE_DRAWS = 4000
-"""Number of posterior draws of decay rates, over all damping sums together."""
+"""Number of posterior draws of decay rates, in total for all sums of damping terms that are compared."""
 SENSOR = 0.002
-"""Relative standard deviation that every rate has because of errors that the record does not show: of the linearity of
-the detector and of its clock (conventional)."""
+"""Relative standard deviation that is added to every decay rate, for errors that the record does not show: a nonlinear
+detector and an inaccurate clock (conventional)."""
 DRIFT = 0.1
-"""Standard deviation, in dB, of the drift or nonlinearity over half of a decay that a detector with readings in dB may
-have and that the record does not show. Conventional: makers of analysers state 0.1 to 0.2 dB."""
+"""Standard deviation, in dB, of an error that the record does not show: the drift or nonlinearity, over half of a
+decay, of a detector with readings in dB. Conventional: makers of analysers state 0.1 to 0.2 dB."""
 POINTS_ALONG = 257
 """Number of points along a fitted decay, evenly spaced in ln A (A is the amplitude), over which averages over the decay
 are computed."""
@@ -30,8 +31,8 @@ LOSS_POINTS = 33
 """Number of amplitudes, evenly spaced in their logarithm, at which the decay rate of each term is tabulated
 (`RateLikelihood.log_losses`)."""
 WIDE_PRIOR = 3.0
-"""Standard deviation of a wide normal prior of the rates, in units of the sum of the fitted rates. Under it the
-likelihoods for several noises are merged into one Gaussian; the prior is divided out afterwards."""
+"""Standard deviation of a normal prior of decay rates, as a multiple of the sum of the fitted rates. It is used to
+merge the likelihoods of the rates for several noises into one Gaussian, and is divided out afterwards."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class RateDraws:
     Attributes
     ----------
     at
-        Decay rates in 1/s at the amplitudes that were passed to `draw_rates`, with the deviation from the law, (n,
+        Decay rates in 1/s at the amplitudes that were passed to `draw_rates`, including the deviation from the law, (n,
         amplitudes).
     whole
         Mean (over time) decay rate in 1/s over the first half of the decrease in dB, according to the law without the
@@ -52,7 +53,8 @@ class RateDraws:
     deviation
         Root mean square over time of the relative deviation of the decay rate from the law, (n,).
     candidate
-        Index of the candidate from which the draw is, (n,).
+        Index of the fitted sum of damping terms from which each draw comes, in the argument `candidates` of
+        `draw_rates`, (n,).
     rates
         For each term by name: its rates c_i in 1/s (see `DecayLaw`), only of the draws whose sum contains the term.
     """
@@ -81,19 +83,20 @@ def draw_rates(
     blocks : Blocks
         The readings.
     candidates : sequence of EnvelopeCandidate
-        The candidates of all sums; each draw is from one of them, chosen by its posterior probability.
+        The candidates (fitted models) of all sums of damping terms; each draw is from one of them, chosen by its
+        posterior probability.
     terms : sequence of str
         Names of all terms, in the order of the columns of `RateDraws.energy`.
     amplitudes : ndarray, shape (m,)
-        Values x = ln(A/A_ref) at which rates are drawn; beyond the ends of the fit the relative deviation from the law
-        has its value there.
+        Values x = ln(A/A_ref) at which rates are drawn. Outside the range of the fit, the relative deviation from the
+        law is that at the nearer end.
     rng : Generator
         Random number generator.
     sensor : float
-        Relative standard deviation of every rate by errors that the record does not show; each draw of the rates is
-        multiplied by a random factor with this scatter.
+        Relative standard deviation of every rate because of errors that the record does not show. All rates of a draw
+        are multiplied by one random factor with the mean 1 and this standard deviation.
     exact : bool
-        Whether to draw from the posterior under exact laws (no deviation).
+        True to draw from the posterior under exact laws (no deviation); False to draw from the whole posterior.
 
     Returns
     -------
@@ -109,7 +112,8 @@ def draw_rates(
     for number in np.flatnonzero(counts).tolist():
         c, count = candidates[number], counts[number]
         rates, g = c.draws(exact, count, rng)
-        # Points are evenly spaced in x, where dt = dx/f. (A decay that is steep at first has few readings there.)
+        # Averages over time are sums over points evenly spaced in x, with the times dt = dx/rate as weights: a decay
+        # that is steep at first has too few readings there.
         x = np.linspace(c.fit[0], c.fit[-1], POINTS_ALONG)
         took = 1.0 / np.maximum(c.law.rate(x, c.rates), 1e-300)
         took[[0, -1]] *= 0.5
@@ -133,11 +137,13 @@ def draw_rates(
 
 @dataclass(frozen=True, eq=False)
 class RateLikelihood:
-    """The likelihood of the d rates x of a sum of damping terms, for each of c sizes and lengths of the deviation.
+    """The likelihood of the d decay rates x of a sum of damping terms, given an envelope.
 
-    For each of them it is the Gaussian exp(log + xᵀ slope − xᵀ information x / 2). The start, the floor, the noise and
-    the deviation from the law are integrated out. It contains neither the prior of x nor that of size and length. x is
-    the vector of the rates c_i of the `DecayLaw`, whose term i has the rate c_i s_i at an amplitude with the shape s_i.
+    There is one likelihood for each of c combinations of size (prior standard deviation) and correlation length of the
+    deviation from the damping law. Each is the Gaussian exp(log + xᵀ slope − xᵀ information x / 2). It contains neither
+    the prior of x nor that of size and length; the start, the noise floor, the noise and the deviation are integrated
+    out. x is the vector of the rates c_i of the `DecayLaw`: term i causes the decay rate c_i s_i, where the shape s_i
+    depends on the amplitude.
 
     Attributes
     ----------
@@ -146,7 +152,7 @@ class RateLikelihood:
     slope, information
         Coefficients for rates in 1/s: in s, (c, d), and in s², (c, d, d).
     reference
-        ln of the reference amplitude in the record's unit (relative to 1 if the unit is dB).
+        ln of the reference amplitude in the record's unit; if the unit is dB, ln of its ratio to the amplitude at 0 dB.
     log_amplitudes
         ln of n amplitudes in the unit of `reference`, (n,), increasing.
     log_losses
@@ -170,9 +176,10 @@ class RateLikelihood:
     duration: float
 
     def in_scores(self, log_amplitude: float, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the likelihood as a function of the terms' rates at a given amplitude, divided by a unit (scores).
+        """Return the likelihood as a function of scores: the terms' decay rates at one amplitude, divided by a unit.
 
-        Several records can have this amplitude and unit in common.
+        For several records with the same amplitude and unit, the scores are the same unknowns, so that the records can
+        be fitted jointly.
 
         Parameters
         ----------
@@ -202,7 +209,7 @@ def likelihood_of(
     Parameters
     ----------
     candidate
-        A sum whose terms have no parameters besides their coefficients.
+        The fitted sum; its terms must not have parameters besides their coefficients.
     blocks
         The readings with their possible noises.
     reference
@@ -230,19 +237,20 @@ def likelihood_of(
 def merge_noises(
     likelihood: DampingLikelihood, sizes: int, sd: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Merge the likelihoods for several noises into one Gaussian for each size and length of the deviation.
+    """Merge the likelihoods of decay rates for several possible noises into one Gaussian.
 
-    Size (prior sd) and correlation length are those of the deviation of the decay rate from its law. A mixture of
-    Gaussians is not a Gaussian. The result has, under a wide normal prior, the same evidence, mean and covariance as
-    the mixture; the prior is then divided out. Negative eigenvalues of the resulting information are set to 0.
+    This is done for each size (prior sd) and correlation length of the deviation of the decay rate from its law. A
+    mixture of Gaussians is not a Gaussian: the result has, under a wide normal prior, the same evidence, mean and
+    covariance as the mixture. The prior is then divided out. Negative eigenvalues of the resulting information are set
+    to 0.
 
     Parameters
     ----------
     likelihood
-        Likelihoods of d rates in a common unit (scores), for all noises and all c sizes and lengths of the deviation,
-        which vary fastest.
+        Likelihoods of d rates in a common unit (scores). They are ordered by noise, and for each noise by the c
+        combinations of size and correlation length.
     sizes
-        Number of sizes and lengths, c.
+        Number c of combinations of size and correlation length.
     sd
         Standard deviation of the wide prior, in the unit of the scores.
 

@@ -34,8 +34,9 @@ from bayesdamp.records.envelope.window import ABOVE_FLOOR
 from bayesdamp.types import InputError
 
 HOPELESS_NATS = 25.0
-"""The evidence of every damping sum is computed first with only one of the possible noises. If it is then more than
-this many nats below the best sum, the other noises, which change it by a few nats, are not tried."""
+"""The evidence of every damping sum is computed first with only one of the possible noises. If the log evidence is then
+more than this many nats below that of the best sum, the other noises are not tried for this sum, because they change it
+by a few nats only."""
 POSTERIOR_POINTS = 24
 """Number of points that represent the posterior of the parameters that a sum's terms have besides their
 coefficients."""
@@ -44,13 +45,14 @@ FIRST_ROUNDS = 6
 their coefficients."""
 LEAST_RELATIVE_RATE = 0.01
 """In fits and priors a term's coefficient is expressed by the decay rate that it causes at the reference amplitude. If
-this is less than this fraction of its largest rate along the decay, the fraction of the largest rate is used
-instead."""
+that rate is below `LEAST_RELATIVE_RATE` times the term's largest rate along the decay, this multiple of the largest
+rate is used instead."""
 STEEPEST_POWER = 3.0
-"""Exponent p of the term of the package whose decay dA/dt ∝ -A^p is steepest (cubic damping)."""
+"""Exponent p of the steepest decay dA/dt ∝ -A^p that a damping term of the package causes; it is that of cubic
+damping."""
 TABLE_MARGIN = 3.0
-"""Decay laws are integrated in small steps over the range of the readings, and beyond it by this difference of ln A (A
-is the amplitude) at both ends."""
+"""Decay laws are integrated numerically over ln A (A is the amplitude). The steps are small in the range of the
+readings and, at both its ends, over a further difference of ln A of this size."""
 POINTS_PER_ROUND = 16
 """Number of points that are added in each round of importance sampling of the parameters that terms have besides their
 coefficients."""
@@ -61,15 +63,15 @@ ENOUGH_EFFECTIVE = 32.0
 """Importance sampling of the parameters that terms have besides their coefficients ends when the effective number of
 points reaches this."""
 VARIANCE_FACTOR = 1.5
-"""The points of the next round of importance sampling are from a normal distribution, whose covariance is that of the
-weighted points times this factor: it is wider than the posterior on purpose."""
+"""In each round of importance sampling the points are drawn from a normal distribution. Its covariance is that of the
+weighted points of earlier rounds times this factor, so that it is wider than the posterior."""
 FLATTENING_STEP = 0.8
 """Between rounds of importance sampling a normal distribution is fitted to the weighted points. Before this, their
 weights are raised to a power: starting from 1, the power is multiplied by this factor until the effective number of
 points suffices for the fit."""
 LARGEST_SCORE = 5.0
-"""Largest absolute value of the points' coordinates in importance sampling, which are parameters as standard normal
-scores; points beyond are moved to it."""
+"""Largest absolute value of the coordinates of points in importance sampling; points beyond are moved to it. The
+coordinates are parameters as standard normal scores."""
 MOST_TERMS = 3
 """Greatest number of terms in a damping sum for an envelope; a decay cannot distinguish more, and a larger sum is
 refused."""
@@ -107,7 +109,7 @@ class Sum:
     start, low
         ln(A/A_ref) at the start of the decay and at its lowest reading; A_ref is the reference amplitude.
     scale
-        Amplitude at the start and angular frequency, with which the priors of the terms' parameters scale.
+        Amplitude at the start and angular frequency, on which the priors of the terms' parameters depend.
     """
 
     terms: tuple[str, ...]
@@ -117,7 +119,7 @@ class Sum:
 
     @cached_property
     def each(self) -> tuple[DampingTerm, ...]:
-        """The damping terms."""
+        """The damping terms of the sum as objects, in the order of `terms`."""
         return tuple(map(TERMS.get, self.terms))
 
     @property
@@ -149,10 +151,13 @@ class Sum:
         return tuple(float(z) for z in scores[first : first + self.counts[term]])
 
     def law(self, scores: Sequence[float] = ()) -> DecayLaw:
-        """Return the decay law at standard normal scores of the terms' parameters, except the coefficients.
+        """Return the decay law of the sum for given values of its terms' parameters other than the coefficients.
 
-        The shapes of viscous, Coulomb and quadratic damping are 1 at A_ref. If any other term has a rate at A_ref below
-        `LEAST_RELATIVE_RATE` of its largest rate along the decay, its shape s is relative to this fraction of the
+        scores: these parameters as standard normal scores, of all terms in sequence; () if there are none.
+
+        The law gives each term a shape s, a function of x = ln(A/A_ref) that is 1 at the reference amplitude A_ref (x =
+        0). A term other than viscous, Coulomb and quadratic damping can have a rate at A_ref below
+        `LEAST_RELATIVE_RATE` of its largest rate along the decay. Its shape is then relative to this fraction of the
         largest rate, so that s(0) < 1.
         """
 
@@ -167,11 +172,11 @@ class Sum:
         return DecayLaw(self.terms, shapes, self.low - TABLE_MARGIN, self.start + TABLE_MARGIN)
 
     def unit_rate(self, term: int, scores: tuple[float, ...], scale: Scale | None = None) -> float:
-        """Return ln of the decay rate (1/s) at the reference amplitude for a coefficient of 1 of a term.
+        """Return ln of the decay rate (1/s) that a term with a coefficient of 1 causes at the reference amplitude.
 
-        term: index of the term. The result is at least ln of `LEAST_RELATIVE_RATE` times the largest rate along the
-        decay. scores: standard normal scores of the term's other parameters. scale: amplitude at the start and angular
-        frequency; by default those of the sum.
+        If this rate is below `LEAST_RELATIVE_RATE` times the largest rate along the decay, the result is ln of the
+        latter. term: index of the term in the sum. scores: standard normal scores of the term's other parameters.
+        scale: amplitude at the start and angular frequency; by default those of the sum.
         """
         loss = log_loss(self.each[term], scores, scale or self.scale)
         along = loss(np.append(np.linspace(self.low, self.start, 33), 0.0) - self.start)
@@ -245,16 +250,16 @@ def distinguishable_sums(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[s
         else:
             distinguished[distinct] = asked
     if not distinguished:
-        raise InputError(f"damping {left_out[0]} Name other sums")
+        raise InputError(f"damping: no sum is left to compare. {left_out[0]} Name other sums")
     return tuple(distinguished.values()), tuple(left_out)
 
 
 def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[DecayLaw, float, np.ndarray]:
     """Return a decay law that fits at least as well as any of the sums, with its fitted start and rates.
 
-    Viscous, Coulomb and quadratic damping together are compared with each sum that has another term, and with dA/dt ∝
-    −A³. The law is that of the fit with the smallest sum of squares; the terms of the first three that it lacks are
-    added with rates of 0.
+    The fit with the smallest sum of squares is chosen among these: viscous, Coulomb and quadratic damping together; the
+    decay dA/dt ∝ −A³; and each sum that contains a term other than those three. Those of the three terms that its law
+    lacks are added with rates of 0.
 
     inverse: matrix that whitens the noise, (n, n). Returns the law, ln(A/A_ref) at the start, and the rates of its
     terms in 1/s at the reference amplitude.
@@ -274,7 +279,7 @@ def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[DecayLaw, LeastSqu
     """Fit a sum of damping terms; return its decay law and the fit of its rates.
 
     inverse: matrix that whitens the noise, (n, n). If terms have parameters besides their coefficients, they are fitted
-    too: the result is the fit with the smallest sum of squares among the values of `importance_points`.
+    too: `importance_points` chooses values of them, and the fit with the smallest sum of squares is returned.
     """
 
     @cache
@@ -289,16 +294,19 @@ def _fit_sum(b: Blocks, s: Sum, inverse: np.ndarray) -> tuple[DecayLaw, LeastSqu
 
 
 def _power(power: float) -> Shape:
-    """Return the function x ↦ e^((power − 1) x): rate at x = ln(A/A_ref) over that at A_ref, if dA/dt ∝ −A^power."""
+    """Return the shape of the decay dA/dt ∝ −A^power, the function x ↦ e^((power − 1) x) of x = ln(A/A_ref).
+
+    The shape is the decay rate at x, relative to the rate at the reference amplitude A_ref.
+    """
     return lambda x: np.exp((power - 1.0) * x)
 
 
 def compare_sums(b: Blocks, sums: Sequence[Sum]) -> list[EnvelopeCandidate]:
     """Compute the evidence of every sum with the first of the possible noises, and of the better sums with all of them.
 
-    Sums that are more than `HOPELESS_NATS` below the best with the first noise are not computed with the others. A sum
-    whose terms have parameters besides their coefficients gives several candidates: one for each point that represents
-    the posterior of these parameters.
+    If a sum is more than `HOPELESS_NATS` below the best one with the first noise, the other noises are not tried for
+    it. A sum whose terms have parameters besides their coefficients gives several candidates, each with other values of
+    these parameters. The values are points that represent their posterior.
 
     Parameters
     ----------
@@ -331,8 +339,8 @@ def compare_sums(b: Blocks, sums: Sequence[Sum]) -> list[EnvelopeCandidate]:
         for scores, count in zip(map(tuple, points.tolist()), times, strict=True):
             law = s.law(scores)
             alone = fit_candidate(roughly, law)
-            # Each point represents a fraction of the evidence of its sum, which changes with the other noises like its
-            # own.
+            # Each point represents a fraction of the evidence of its sum. With the other noises, this fraction changes
+            # by the same factor as the evidence at the point.
             log_fraction = total - alone.total + np.log(count / POSTERIOR_POINTS) + s.log_prior
             candidates.append(fit_candidate(tried, law, alone, scores, float(log_fraction)))
     return candidates
@@ -355,9 +363,9 @@ class WeightedPoints:
         return float(np.logaddexp.reduce(self.log_weight))
 
     def resample(self, count: int) -> np.ndarray:
-        """Return `count` of the points, (count, e), with repetition, that represent the density with equal weights.
+        """Choose `count` of the points, (count, e), with repetition; with equal weights they represent the density.
 
-        They are those at equidistant quantiles of the density along the direction in which it is widest.
+        They are the points at equidistant quantiles of the density along the direction in which it is widest.
         """
         weight = normalise(self.log_weight)
         off = self.points - weight @ self.points
@@ -463,7 +471,7 @@ class Ranking:
 
     @property
     def best_exact(self) -> Sum:
-        """The most probable sum if its law is assumed to hold exactly (no deviation)."""
+        """The most probable sum if the damping laws are assumed to be exact (no deviation)."""
         return self.sums[int(np.argmax(self.log_exact))]
 
     @property
@@ -477,7 +485,7 @@ class Ranking:
 
     @property
     def exact(self) -> float:
-        """Posterior probability that the law holds exactly (no deviation), averaged over all sums."""
+        """Posterior probability that the damping law is exact (no deviation), averaged over all sums."""
         return float(np.exp(np.logaddexp.reduce(self.log_exact) - np.logaddexp.reduce(self.log_evidence)))
 
     @property
@@ -499,13 +507,17 @@ class Ranking:
 
 
 def rank_sums(sums: Sequence[Sum], candidates: Sequence[EnvelopeCandidate]) -> Ranking:
-    """Add up the evidence of each sum's candidates, with the prior odds in `log_share`; return the ranking.
+    """Compute the evidence of each sum of damping terms from its candidates, and return the ranking of the sums.
 
-    The sums keep their order. Candidates belong to the sum with their name; each sum must have at least one.
+    The evidence of a sum is the total of its candidates, including the prior odds in their `log_share`. The sums keep
+    their order. Candidates belong to the sum with their name; each sum must have at least one candidate.
     """
 
     def by_sum(logs: Sequence[float]) -> np.ndarray:
-        """Return the log of the summed evidence of each damping sum's candidates, (sums,). logs: of all candidates."""
+        """Return the log of the total evidence of each damping sum's candidates, (sums,).
+
+        logs: log evidence of each candidate, in nats.
+        """
         each_sum = [[z for z, c in zip(logs, candidates, strict=True) if c.name == s.name] for s in sums]
         return np.array([np.logaddexp.reduce(each) for each in each_sum])
 
@@ -515,11 +527,12 @@ def rank_sums(sums: Sequence[Sum], candidates: Sequence[EnvelopeCandidate]) -> R
 
 
 def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
-    """Return pairs of names of sums whose decays are nearly the same; one sum of each pair is the most probable one.
+    """Return pairs of sums (by name) whose decays are nearly the same, so that only the priors decide between them.
 
-    The first sum of a pair has parameters besides its coefficients, the second has none. The first is not simpler than
-    the second, so that the choice between the two depends only on the priors. (A simpler law that is a special case is
-    distinguished by its evidence.) The limits are `SAME_LAW_RMS` and `EXCLUDED_NATS`.
+    One sum of each pair is the most probable one. The first sum of a pair has parameters besides its coefficients, the
+    second has none. The first has at least as many parameters in all as the second. (A simpler law that is a special
+    case of another is distinguished by its evidence.) The limits are `SAME_LAW_RMS` for the difference of the laws and
+    `EXCLUDED_NATS` for that of the log evidences.
     """
     best, most = ranking.best, ranking.log_evidence.max()
     near = [s for s, z in zip(ranking.sums, ranking.log_evidence, strict=True) if z > most - EXCLUDED_NATS]
@@ -542,11 +555,10 @@ def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
 
 @dataclass(frozen=True)
 class PowerFit:
-    """A fit of the power law dA/dt = -c A^p.
+    """A fit of the power law dA/dt = -c A^p, where A is the amplitude divided by the reference amplitude.
 
-    A is the amplitude divided by the reference amplitude. exponent: median and 95 % interval of p. odds: log Bayes
-    factor in nats, the log of the evidence of the power law divided by the mean evidence of all sums of damping terms.
-    This mean is weighted by their prior probabilities.
+    exponent: median and 95 % interval of p. odds: log Bayes factor, in nats, of the power law against all sums of
+    damping terms together. Their common evidence is the mean, weighted by the prior probabilities of the sums.
     """
 
     exponent: Quantity
@@ -561,5 +573,8 @@ def fit_power_law(b: Blocks, ranking: Ranking) -> PowerFit:
 
 
 def power_candidates(b: Blocks) -> list[EnvelopeCandidate]:
-    """Fit the damping term `power` (force ∝ |v|^p); return a candidate for each point of the posterior of p."""
+    """Fit the damping term `power` (force ∝ |v|^p); return candidates with several values of p.
+
+    The values of p are points that represent its posterior.
+    """
     return compare_sums(b, [Sum(("power",), b.ends[0], float(b.x.min()))])

@@ -23,16 +23,16 @@ SE_APART = 3.0
 """Two methods, or two halves of the draws, disagree if their log evidences differ by at least this many combined
 standard errors (conventional)."""
 ADOPTED = "combined"
-"""Value of the column `method`, in tables of log evidences, for the one that is used for a model: from one method, or
-averaged over several (`choose_evidence`)."""
+"""Name in the column `method` of tables of log evidences. It marks the log evidence that is used for a model: the
+result of one method, or the mean of several (`choose_evidence`)."""
 
 
 @dataclass(frozen=True)
 class Draws:
-    """Posterior draws as standard normal scores.
+    """Posterior draws as standard normal scores: parameters, transformed so that their priors are standard normal.
 
-    z: shape (chain, draw, d); reflected scores, those of coefficients that cannot be negative, are ≥ 0. outcome: "ok",
-    or the reason why the draws are unreliable.
+    z: the scores, shape (chain, draw, d); those of coefficients that cannot be negative are ≥ 0. outcome: "ok", or the
+    reason why the draws are unreliable.
     """
 
     z: np.ndarray
@@ -48,8 +48,8 @@ class Draws:
 class EvidenceMethod(ABC):
     """A method that computes the log evidence, log ∫ prior · likelihood, of one target in nats.
 
-    needs_draws: whether it starts from draws of the posterior. approximate: whether it is exact only for a normal
-    posterior and gives no standard error.
+    A target is one model with its record and priors. needs_draws: True if the method starts from draws of the
+    posterior. approximate: True if the method is exact only for a normal posterior and gives no standard error.
     """
 
     name: str
@@ -69,7 +69,7 @@ class EvidenceMethod(ABC):
         target : Target
             The model with its record and priors.
         mode : Mode
-            Mode of its posterior.
+            Mode (maximum) of the model's posterior.
         seed : int
             Seed of the random numbers.
         draws : Draws, optional
@@ -93,8 +93,8 @@ class EvidenceMethod(ABC):
 def disagreement(evidences: Sequence[Evidence]) -> str:
     """Return a clause that says why nested sampling must decide on the evidence of a model; "" if it need not.
 
-    It must if the outcome of one of the evidences is not "ok", or if two of them differ by at least `SE_APART` combined
-    standard errors. evidences: results of the other methods for this model.
+    It must decide if the outcome of one of the evidences is not "ok", or if two of them differ by at least `SE_APART`
+    combined standard errors. evidences: results of the other methods for this model.
     """
     poor = [e.method for e in evidences if e.outcome != OK]
     if poor:

@@ -1,4 +1,4 @@
-"""Bridge sampling between posterior draws and a heavy-tailed distribution that is fitted to them."""
+"""Compute the evidence by bridge sampling between posterior draws and a heavy-tailed distribution fitted to them."""
 
 from dataclasses import dataclass
 
@@ -15,14 +15,15 @@ from bayesdamp.numerics.orthant import fit_reflected_t
 from bayesdamp.types import OK, Evidence
 
 PROPOSAL_DRAWS = 2000
-"""Number of draws of the fitted distribution (the proposal) in each of the two estimates of the evidence."""
+"""Bridge sampling makes two estimates of the evidence, one from each half of the posterior draws. This is the number of
+draws of the fitted distribution (the proposal) in each of them."""
 MOST_ITERATIONS = 1000
-"""Greatest number of iterations in which the log evidence of one half of the draws is computed."""
+"""Greatest number of iterations for the log evidence from one half of the draws."""
 BRIDGE_TOLERANCE = 1e-10
-"""The iteration that computes the log evidence ends when it changes by less than this, in nats."""
+"""The iteration of bridge sampling ends when the log evidence changes by less than this, in nats."""
 OVERLAP_LIMIT = 0.1
-"""The result is unreliable if the overlap of the posterior and the fitted distribution (1 if they are equal) is at most
-this (conventional)."""
+"""The result of bridge sampling is unreliable if the overlap of the posterior and the fitted distribution (1 if they
+are equal) is at most this (conventional)."""
 SMALL_OVERLAP = 0.3
 """If the overlap of the posterior and the fitted distribution is at most this, a curved ridge of the posterior is
 straightened by a change of coordinates, and the evidence is computed again (conventional)."""
@@ -30,9 +31,9 @@ straightened by a change of coordinates, and the evidence is computed again (con
 
 @dataclass(frozen=True)
 class BridgeEstimate:
-    """Log evidence (nats) by bridge sampling from one half of the draws, its standard error, and an overlap.
+    """Log evidence (nats) by bridge sampling from one half of the draws, and its standard error (nats).
 
-    The overlap is that of the posterior and the fitted distribution, 1 if they are equal.
+    overlap: overlap of the posterior and the distribution fitted to the other half of the draws; 1 if they are equal.
     """
 
     log_evidence: float
@@ -43,10 +44,11 @@ class BridgeEstimate:
 class Bridge(EvidenceMethod):
     """Bridge sampling between NUTS draws and a reflected Student t distribution that is fitted to them.
 
-    The distribution is fitted to one half of each chain and bridged to the other half, and vice versa; the log evidence
-    is the mean of the two estimates. Scores of coefficients that cannot be negative are reflected at zero in both
-    densities. If posterior and fit overlap little, a curved ridge of the posterior is straightened. The standard error
-    is that of Frühwirth-Schnatter (Econometrics Journal 7, 2004), with the autocorrelation of the chains.
+    The distribution is fitted to the first half of each chain and compared with the second half, and vice versa. The
+    log evidence is the mean of the two estimates. Coefficients that cannot be negative are represented by scores that
+    are reflected at zero in both densities. If the posterior and the fitted distribution overlap little, a curved ridge
+    of the posterior is straightened by a change of coordinates. The standard error is that of Frühwirth-Schnatter
+    (Econometrics Journal 7, 2004), with the autocorrelation of the chains.
 
     References
     ----------
@@ -61,8 +63,8 @@ class Bridge(EvidenceMethod):
     ) -> Evidence:
         """Compute the evidence by bridge sampling. Without draws, sample them by NUTS first.
 
-        The outcome is not "ok" if that of the draws is not, if the overlap is at most `OVERLAP_LIMIT`, or if the two
-        halves of the draws disagree (`SE_APART`).
+        The outcome is not "ok" in three cases: the draws are unreliable, the overlap is at most `OVERLAP_LIMIT`, or the
+        log evidences from the two halves of the draws differ by at least `SE_APART` standard errors.
         """
         evaluations = 0
         if draws is None:

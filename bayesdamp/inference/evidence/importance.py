@@ -1,4 +1,4 @@
-"""Importance sampling from a heavy-tailed distribution near the posterior."""
+"""Compute the evidence by importance sampling from a heavy-tailed distribution near the posterior."""
 
 import numpy as np
 import scipy  # loads its modules when they are used
@@ -16,20 +16,21 @@ PILOT_DRAWS, FINAL_DRAWS = 1000, 4000
 it is good. The evidence is computed from `FINAL_DRAWS` new draws; from half as many if the model allows for deviations
 from its laws, because the likelihood then takes longer."""
 MOST_REFITS = 4
-"""Greatest number of times that the proposal distribution of importance sampling is fitted again to its own weighted
-pilot draws."""
+"""Greatest number of times that the proposal distribution of importance sampling is fitted again to weighted draws from
+it."""
 K_GOOD = 0.5
-"""A Pareto shape of the weights of at most this is good (Vehtari et al., JMLR 25, 2024)."""
+"""Largest Pareto shape of importance weights that is good: the shape k of a generalised Pareto distribution fitted to
+the largest weights (Vehtari et al., JMLR 25, 2024)."""
 LEAST_EFFECTIVE = 50
-"""The evidence is unreliable if the effective number of draws, from their importance weights, is below this
-(conventional)."""
+"""The evidence from importance sampling is unreliable if the effective number of draws, computed from their weights, is
+below this (conventional)."""
 
 
 def _are_good(log_weights: np.ndarray) -> bool:
-    """Return whether pilot draws with these log weights, (n,), show that a proposal is good.
+    """Return whether the log weights, (n,), of pilot draws from a proposal distribution show that it is good.
 
-    The Pareto shape of the weights must be below 0.4 (`K_GOOD` minus its scatter, about 0.1), and their effective
-    number above a fifth of `PILOT_DRAWS`.
+    The Pareto shape of the weights must be below 0.4 (`K_GOOD` minus the scatter of a fitted shape, about 0.1), and
+    their effective number above a fifth of `PILOT_DRAWS`.
     """
     return pareto_k(log_weights) < K_GOOD - 0.1 and effective_size(log_weights) > 0.2 * PILOT_DRAWS
 
@@ -37,11 +38,15 @@ def _are_good(log_weights: np.ndarray) -> bool:
 class Importance(EvidenceMethod):
     """Importance sampling: the mean weight of draws from a Student t with 7 degrees of freedom near the mode.
 
-    Scores of coefficients that cannot be negative are reflected at zero, in the proposal and in the posterior. The
-    first proposal is Laplace's approximation, truncated at zero, with heavy tails. If the weights of its pilot draws
-    are poor, others are tried in turn: the same with a curved ridge of the posterior straightened; repeated fits to the
-    weighted pilot draws. With deviations from the laws, the first proposal is a fit to the draws in `Mode.linear`, and
-    only the repeated fits follow. The evidence is computed from new draws. (Diagnostic: Vehtari et al., JMLR 25, 2024.)
+    The proposal distribution, from which the draws are, is chosen by the weights of pilot draws. For exact laws these
+    proposals are tried in turn, until the weights are good: Laplace's approximation, truncated at zero, with heavy
+    tails; the same with a curved ridge of the posterior straightened; up to `MOST_REFITS` fits to the weighted pilot
+    draws. If the model allows for deviations from its laws, the first proposal is a fit to the draws in `Mode.linear`,
+    and only the repeated fits follow.
+
+    The evidence is computed from new draws. Coefficients that cannot be negative are represented by scores that are
+    reflected at zero, in the proposal and in the posterior. The diagnostic is the Pareto shape of Vehtari et al., JMLR
+    25, 2024.
     """
 
     name = "importance"
@@ -49,10 +54,10 @@ class Importance(EvidenceMethod):
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Compute the evidence by importance sampling, after choosing a proposal with pilot draws.
+        """Compute the evidence by importance sampling, after choosing a proposal distribution with pilot draws.
 
-        The outcome is not "ok" if the Pareto shape of the weights of the final draws is ≥ `K_LIMIT`, or their effective
-        number is below `LEAST_EFFECTIVE`. The evidence is the mean weight. `draws` are not used.
+        The evidence is the mean weight of the final draws. The outcome is not "ok" if the Pareto shape of these weights
+        is at least `K_LIMIT`, or if their effective number is below `LEAST_EFFECTIVE`. `draws` are not used.
         """
         rng = np.random.default_rng(seed)
         reflected = target.reflected
@@ -82,7 +87,7 @@ class Importance(EvidenceMethod):
         outcome = OK
         if not k < K_LIMIT:
             outcome = f"not to be trusted: Pareto shape of the weights is {k:.2f}, above {K_LIMIT}"
-        elif not share * final >= LEAST_EFFECTIVE:  # with few draws of weight the Pareto shape means nothing
+        elif not share * final >= LEAST_EFFECTIVE:  # then the Pareto shape means nothing
             few = f"a few draws have all the weight (effective number {share * final:.0f})"
             outcome = f"not to be trusted: {few}"
         log_evidence = float(scipy.special.logsumexp(log_weights) - np.log(final))
@@ -104,7 +109,8 @@ class Importance(EvidenceMethod):
         """Draw n points from a proposal distribution; return them, (n, d), and their log importance weights, (n,).
 
         The points are straightened scores: coordinates in which a curved ridge of the posterior is straight. shear: map
-        from these to standard normal scores. A weight is the unnormalised posterior density over the proposal's.
+        from these to standard normal scores. A weight is the unnormalised posterior density divided by the density of
+        the proposal.
         """
         y = proposal.draw(rng, n)
         return y, mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
@@ -127,10 +133,11 @@ class Importance(EvidenceMethod):
 
     @staticmethod
     def _refit(y: np.ndarray, log_weights: np.ndarray, reflected: np.ndarray) -> ReflectedT | None:
-        """Return a Student t fitted to weighted draws y, (n, d), with 1.2 times their covariance.
+        """Return a Student t distribution fitted to weighted draws y, (n, d), with 1.2 times their covariance.
 
-        log_weights: (n,); no weight counts more than 50 times their mean. reflected: which coordinates are reflected at
-        zero, (d,). Return None if too few draws have weight, or if the covariance is singular.
+        log_weights: log importance weights, (n,); in the fit no weight counts more than 50 times the mean weight.
+        reflected: which coordinates are reflected at zero, (d,). The result is None if too few draws have weight, or if
+        the covariance is singular.
         """
         # The weights are truncated so that a single draw cannot dominate the fit.
         w = np.exp(log_weights - scipy.special.logsumexp(log_weights))

@@ -1,4 +1,4 @@
-"""Laplace's approximation of the evidence, truncated where a coefficient is zero."""
+"""Compute the evidence by Laplace's approximation, truncated where a coefficient is zero."""
 
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode, log_evidence_about
@@ -12,13 +12,12 @@ LINEAR_DIAGNOSTIC = "motion linearised about the best fit; parameters and deviat
 
 
 class LaplaceEvidence(EvidenceMethod):
-    """Laplace's approximation: the integral of the log posterior's second-order expansion at its mode.
+    """Laplace's approximation: the integral of exp(second-order expansion of the log posterior at its mode).
 
-    The integral is over non-negative values of the scores of coefficients that cannot be negative. It needs only a few
-    evaluations of the likelihood, but gives no standard error. The Hessian is the Gauss–Newton approximation. If a
-    coefficient is zero at the mode, the gradient is not zero, and the integral is over the tail of a normal
-    distribution. If the model allows for deviations from its laws, the evidence is that of the linear model in
-    `Mode.linear`.
+    Scores of coefficients that cannot be negative are integrated over values ≥ 0 only. If a coefficient is zero at the
+    mode, the gradient there is not zero, and the integral is over the tail of a normal distribution. The Hessian is the
+    Gauss–Newton approximation. The method needs only a few evaluations of the likelihood, but gives no standard error.
+    If the model allows for deviations from its laws, the evidence is that of the linear model in `Mode.linear`.
     """
 
     name = "laplace"

@@ -1,4 +1,4 @@
-"""Nested sampling by nautilus, which decides if importance and bridge sampling disagree."""
+"""Compute the evidence by nested sampling with nautilus; it decides if importance and bridge sampling disagree."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ EFFECTIVE_DRAWS = 2500
 """Effective number of posterior draws at which a run of nested sampling ends; the log evidence then has a standard
 error of 0.02 nats."""
 MAX_LIKELIHOODS = 400_000
-"""Number of evaluations of the likelihood at which a run of nested sampling ends without a reliable result."""
+"""Number of evaluations of the likelihood after which an unfinished run of nested sampling is stopped; its result is
+then unreliable."""
 LIKELIHOODS_PER_CHECK = 20_000
 """After each of this many evaluations of the likelihood, it is estimated whether a run that starts from the prior can
 finish within `MAX_LIKELIHOODS`; if not, the run ends."""
@@ -31,11 +32,11 @@ WIDE_FACTOR = 5.0
 """If a run of nested sampling from the prior cannot finish, a second one starts from a normal distribution about the
 mode, which is wider than the posterior by this factor."""
 LIKELIHOODS_PER_BATCH = 250
-"""Number of points at which the likelihood is evaluated in one call."""
+"""Number of points at which nested sampling evaluates the likelihood in one call."""
 MAX_GAP_NATS = 3.0
-"""A run of nested sampling counts as having missed the mode if the largest likelihood of all its points is more than
-this many nats below that at the mode; the likelihood here is the posterior density divided by the prior of the sampler.
-(Otherwise some of `EFFECTIVE_DRAWS` draws would be within a nat of the mode.)"""
+"""A run of nested sampling has missed the mode if the largest likelihood of all its points is more than this many nats
+below the likelihood at the mode. A run that found the mode has points within about a nat of it, because it ends with
+`EFFECTIVE_DRAWS` draws. The likelihood here is the posterior density divided by the prior of the sampler."""
 LOG_2PI = float(np.log(2 * np.pi))
 LEAST_LOG_DENSITY = -1e300
 """Log density (nats) that replaces −∞ and nan, such as for an unbounded motion, because the sampler does not accept
@@ -47,9 +48,10 @@ Map = Callable[[np.ndarray], np.ndarray]
 class NestedSampling(EvidenceMethod):
     """Importance nested sampling (Lange, Monthly Notices of the Royal Astronomical Society 525, 2023) from the prior.
 
-    The unit cube is mapped to standard normal scores; scores of coefficients that cannot be negative are mapped to half
-    of a normal distribution, so that there are no mirror modes. Coefficients with a common prior scale have another
-    prior; the ratio of the two priors is part of the likelihood. A model with one parameter gets a second one without
+    The unit cube of the sampler is mapped to standard normal scores of the parameters. Scores of coefficients that
+    cannot be negative are mapped to the positive half of a normal distribution; otherwise the posterior would have a
+    second, mirrored mode at negative scores. Coefficients with a common, unknown prior scale have another prior than
+    N(0, 1); the ratio of the two is part of the likelihood. A model with one parameter gets a second one without
     effect, because the sampler needs two. The bounds of the sampler are ellipsoids. (Its neural networks need fewer
     likelihoods, but a small network was seen to cut off the peak and to report success. Therefore the largest
     likelihood of the run is compared with that at the mode.)
@@ -92,7 +94,7 @@ class NestedSampling(EvidenceMethod):
             return _finite(np.where(np.all(z[:, reflected] >= 0.0, axis=1), log, -np.inf))
 
         top = float(over_prior(mode.z[None])[0])
-        # The posterior's volume is about exp(expected - top) of the prior's.
+        # The posterior's volume is about exp(expected - top) times the prior's volume.
         needed = None if expected is None else top - expected
         # The quantile of a half-normal at u is that of the normal at (1 + u)/2.
         sampler, done = run_sampler(
@@ -109,8 +111,8 @@ class NestedSampling(EvidenceMethod):
         if not done:
             outcome = f"not to be trusted: not finished after {count} evaluations of the likelihood"
         elif top - highest > MAX_GAP_NATS:
-            gap = f"{top - highest:.0f} nats above all of its points"
-            outcome = f"not to be trusted: it missed a mode {gap}"
+            gap = f"{top - highest:.0f} nats above that of all its points"
+            outcome = f"not to be trusted: the run missed the mode, whose log density is {gap}"
         return Evidence(
             model=model,
             method=self.name,
@@ -138,9 +140,9 @@ def run_sampler(
     """Run nautilus; return its sampler and whether it finished (reached `EFFECTIVE_DRAWS`).
 
     points: map from the unit cube, (n, d), to scores, (n, d). density: function that returns the log of the density to
-    integrate, (n,), at scores. d: number of scores. needed: estimate of the log of the prior's volume over that of the
-    posterior, in nats; the run ends early if it would take more than `MAX_LIKELIHOODS` to shrink the volume this much.
-    None for no such check.
+    integrate, (n,), at scores. d: number of scores. needed: estimate, in nats, of the log of the prior's volume divided
+    by the posterior's. The run ends early if its progress shows that it would need more than `MAX_LIKELIHOODS`
+    evaluations to shrink the volume this much. None for no such check.
     """
     from nautilus import Sampler
 

@@ -1,1 +1,1 @@
-"""The posterior of one model on one record: parameters and priors, log density, gradient and information."""
+"""The posterior of one model on one record: its parameters and priors, log density, gradient and Fisher information."""

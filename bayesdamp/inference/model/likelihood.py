@@ -1,7 +1,8 @@
 """The log likelihood and log posterior of a record as functions of scores, with gradient and information.
 
-The ODE solver computes the motion, and its derivatives by parameters from the variational equations. Derivatives by the
-few parameters of the noise are finite differences.
+Scores are parameters, transformed so that their priors are standard normal. The ODE solver computes the motion, and its
+derivatives by parameters from the variational equations. The noise model computes the first derivatives by the few
+parameters of the noise; the second ones are finite differences.
 """
 
 from __future__ import annotations
@@ -19,19 +20,20 @@ from bayesdamp.physics.oscillator import Trajectories
 from bayesdamp.priors import log_prior_of
 
 NOISE_STEP = 1e-2
-"""Step of the second differences by the noise parameters, in units of their standard normal scores (prior sds)."""
+"""Step of the finite differences for the second derivatives of the log likelihood by the noise parameters, in units of
+their standard normal scores (prior standard deviations)."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """The motion as a linear function of the parameters, about one point.
+    """The motion as a linear function of the parameters, about one point (the point of expansion).
 
     Attributes
     ----------
     residual : ndarray, shape (n,)
         Record minus motion at the point of expansion.
     slopes : ndarray, shape (k, n)
-        Derivatives of the motion by the inferred parameters on which it depends.
+        Derivatives of the motion by the k inferred parameters on which it depends.
     at : ndarray, shape (k,)
         Values of these parameters at the point of expansion.
     """
@@ -70,17 +72,18 @@ class Likelihood:
 
     @classmethod
     def near(cls, target: Target, z: np.ndarray, tolerance: float) -> Self:
-        """Return the likelihood of all samples, whose `reference` contains the parameters at scores z, (d,).
+        """Return the likelihood of all samples of a record, for evaluations near scores z, (d,).
 
-        tolerance: largest error of a motion, in the unit of the record.
+        z: standard normal scores of the inferred parameters; the parameter values at z become the `reference`, which
+        sets the scales of the solver. tolerance: largest error of a motion, in the unit of the record.
         """
         return cls(target, target.all_values(z), tolerance, slice(None), target.scales)
 
     def with_scale(self, scale: float) -> Likelihood:
         """Return this likelihood with the common prior scale of damping coefficients fixed instead of averaged out.
 
-        scale: standard deviation of the scores of these coefficients, which have half-normal priors of one width (1 is
-        an equivalent damping ratio of 0.1). Without such coefficients it has no effect.
+        scale: scale of the half-normal priors of these coefficients, in units of their scores; a score of 1 is an
+        equivalent damping ratio of 0.1. Without such coefficients it has no effect.
         """
         return replace(self, scales=(float(scale),))
 
@@ -128,10 +131,10 @@ class Likelihood:
         return np.stack([self.residual(row) for row in z])
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
-        """Return the log prior density in nats, (...), per unit of each score, of standard normal scores z, (..., d).
+        """Return the log prior density (nats), (...), of standard normal scores z, (..., d).
 
-        A reflected score has a half-normal prior and only its absolute value matters; here its prior density is that of
-        a normal distribution over both signs, so negative values are allowed (see `folded`).
+        Only the absolute value of a reflected score (one with a half-normal prior) matters. Its prior density here is
+        that of a normal distribution over both signs, so negative values are allowed (see `folded`).
         """
         return log_prior_of(z, self.target.shared, self.scales)
 
@@ -156,8 +159,8 @@ class Likelihood:
     def log_posterior(self, z: np.ndarray) -> float:
         """Return log prior plus log likelihood (nats) at standard normal scores z, (d,).
 
-        It is not normalised, and −∞ if the log likelihood is not finite. Scores with half-normal priors may be negative
-        (see `folded`).
+        It is not normalised. It is −∞ if the log likelihood is not finite. Scores with half-normal priors may be
+        negative (see `folded`).
         """
         return self.log_likelihood(z) + float(self.log_prior(z))
 
@@ -167,10 +170,10 @@ class Likelihood:
         return np.array(list((map if self.target.deviation is None else at_once)(self.log_posterior, z)))
 
     def folded(self, z: np.ndarray) -> np.ndarray:
-        """Return the log posterior (nats), (m,), at scores z, (m, d), for a prior without negative reflected scores.
+        """Return the log posterior (nats), (m,), at scores z, (m, d), for half-normal priors on scores ≥ 0 only.
 
-        This is `log_posteriors` plus log 2 for each reflected score (one with a half-normal prior). The sign of the
-        scores in z is not checked.
+        `log_posteriors` spreads the half-normal prior of a reflected score over both signs. This function adds log 2
+        for each such score, because only values ≥ 0 are allowed. The sign of the scores in z is not checked.
         """
         return self.log_posteriors(z) + np.sum(self.target.reflected) * np.log(2.0)
 
@@ -196,7 +199,7 @@ class Likelihood:
     def gradient_along(self, line: Line, z: np.ndarray) -> np.ndarray:
         """Return the gradient, (d,), of the log posterior by the scores z, (d,), for the linearised motion `line`.
 
-        The motion is extrapolated linearly to z from the point of `line`; no motion is computed.
+        The motion at z is extrapolated linearly from the point where `line` was computed; the ODE is not solved.
         """
         p = self.target.all_values(z)
         away = np.array([p[n] for n in self._moving_names]) - line.at
@@ -259,8 +262,8 @@ class Likelihood:
     def _slopes(self, residual: np.ndarray, slopes: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
         """Return the derivatives of the log density of residuals, (n,), by the d inferred parameters, (d,).
 
-        slopes: derivatives of the motion by the k of them on which it depends, (k, n). p: values of all parameters by
-        name. Derivatives are by values, not by scores.
+        They are derivatives by the parameters' values, not by their scores. slopes: derivatives of the motion by the k
+        of these parameters on which it depends, (k, n). p: values of all parameters by name.
         """
         target, noise = self.target, self.target.noise_model
         derivatives = np.zeros(len(target.names))
@@ -280,7 +283,7 @@ class Likelihood:
         return value if np.isfinite(value) else -np.inf
 
     def _line_of(self, p: Mapping[str, float]) -> Line:
-        """Return the motion linearised about its parameters p, by name."""
+        """Return the motion as a linear function of its inferred parameters, about the parameter values p (by name)."""
         motion, slopes = self.motions.with_slopes(p, self._moving_names)
         at, start = np.array([p[n] for n in self._moving_names]), self.part.start
         return Line(self.y - motion[start:], slopes[:, start:], at)

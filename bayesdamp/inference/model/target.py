@@ -43,9 +43,10 @@ from bayesdamp.types import InputError, Reference, Refusal, Signal, System
 class Deviation(NoiseModel):
     """The distribution of record minus motion: white noise of known variance plus the effect of deviations.
 
-    The motion is that of `motions`, in which the deviations are fixed. The hyperparameters of the deviations are their
-    prior sds and correlation lengths. The class takes the place of a noise model; its methods ignore their arguments
-    `gaps`, `p` and `features`.
+    The deviations from the damping and restoring laws are g (log damping) and h (relative frequency), at knots in time.
+    Their hyperparameters are their prior sds and correlation lengths. The motion is that of `motions`, in which the
+    deviations are fixed. The class takes the place of a noise model; its methods ignore their arguments `gaps`, `p` and
+    `features`.
 
     Attributes
     ----------
@@ -62,12 +63,12 @@ class Deviation(NoiseModel):
         Change of the motion that the deviations at the mode cause, to first order, in the record's unit. It is added to
         residuals, which are then relative to a motion without deviations.
     log_prior : ndarray, shape (c,)
-        Log prior probabilities of the combinations of hyperparameters.
+        Log prior probabilities of the c combinations of hyperparameters.
     maps : ndarray, shape (c, k, k)
-        Factors that map standard normal numbers to g and h at the knots, for each combination.
+        For each combination, the matrix that maps k independent standard normal numbers to g and h at the knots.
     effects : ndarray, shape (c, k, k)
-        Changes along the basis that unit values of these standard normal numbers cause, in standard deviations of the
-        noise.
+        For each combination, the changes of the record along `basis` that unit values of these k numbers cause, in
+        standard deviations of the noise.
     probabilities : ndarray, shape (c,)
         Posterior probabilities of the combinations near the mode, with which the Fisher information is averaged.
     """
@@ -89,8 +90,8 @@ class Deviation(NoiseModel):
         """The inverse Cholesky factors of the residuals' covariances along `basis`, and the log normalisations.
 
         There is one of each for each of the c combinations of hyperparameters (prior sds and correlation lengths of the
-        deviations). The factors are stacked, (c k, k). A normalisation is the prior probability of the combination
-        divided by the square root of the determinant of its covariance, (c,).
+        deviations). The factors are stacked, (c k, k). A log normalisation is the log of (prior probability of the
+        combination / square root of the determinant of its covariance), (c,).
         """
         k = self.effects.shape[1]
         lower = np.linalg.cholesky(np.eye(k) + self.effects @ np.swapaxes(self.effects, 1, 2))
@@ -100,9 +101,9 @@ class Deviation(NoiseModel):
     def _parts(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Split r + `shift`, (m,), into parts along `basis` and orthogonal to it, in standard deviations of the noise.
 
-        r: residuals. Return the part along the basis, (k,), the orthogonal part, (m,), the first one whitened for each
-        of the c combinations of prior sds and correlation lengths of the deviations, (c, k), and the log of each
-        combination's prior probability times density, up to a constant, (c,).
+        r: residuals. Returns four arrays: the part along the basis, (k,); the orthogonal part, (m,); the part along the
+        basis, whitened for each of the c combinations of prior sds and correlation lengths of the deviations, (c, k);
+        and the log of each combination's prior probability times the density of r, up to a constant, (c,).
         """
         scaled = (r + self.shift) / np.sqrt(self.variance)
         along = scaled @ self.basis
@@ -121,17 +122,20 @@ class Deviation(NoiseModel):
         return np.asarray(np.logaddexp.reduce(each) - 0.5 * float(across @ across) - constant)
 
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the derivative of the log density by each residual in r, (m,). gaps and p have no effect."""
+        """Return the derivative of the log density of residuals r, (m,), by each residual, (m,).
+
+        The deviations are integrated out. gaps and p have no effect.
+        """
         _, across, white, each = self._parts(r)
         by_basis = (np.exp(each - np.logaddexp.reduce(each))[:, None] * white).ravel() @ self._whitening[0]
         return -(self.basis @ by_basis + across) / np.sqrt(self.variance)
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return R v, (..., m + c k), for shifts v of the record, (..., m).
+        """Return R v, (..., m + c k), for shifts v of the record, (..., m); RᵀR is the information about a shift.
 
-        RᵀR is the Fisher information about a shift, averaged over the c combinations of hyperparameters (sizes and
-        correlation lengths) with `probabilities`; k is the number of values of the deviations at their knots in time.
-        gaps and p have no effect.
+        It is the Fisher information, averaged over the c combinations of hyperparameters (prior sds and correlation
+        lengths of the deviations) with `probabilities`; k is the number of values of the deviations at their knots in
+        time. gaps and p have no effect.
         """
         v = v / np.sqrt(self.variance)
         along = v @ self.basis
@@ -204,7 +208,7 @@ class Deviation(NoiseModel):
 
 
 def _draw_index(log_weights: np.ndarray, rng: np.random.Generator) -> int:
-    """Draw an index with probabilities proportional to exp(log_weights)."""
+    """Draw an index of the array log_weights, (n,), with probabilities proportional to exp(log_weights)."""
     return int(rng.choice(log_weights.size, p=np.exp(log_weights - np.logaddexp.reduce(log_weights))))
 
 
@@ -212,15 +216,15 @@ NEAR_ZERO_SCORE = 1e-12
 """Standard normal score that replaces 0 where the derivative of a parameter with a half-normal prior is computed,
 because this derivative does not exist at 0."""
 DIRECTION_STEP = 1e-6
-"""`Scores.retract` measures the direction of a step, in quantities that a record determines well (the restoring law's
-natural coordinates, such as the frequency), by a finite difference over this fraction of the step."""
+"""`Scores.retract` converts the direction of a step to quantities that a record determines well, such as the frequency
+(the restoring law's natural coordinates). It does this by a finite difference over this fraction of the step."""
 EPSILON_RANGE = (0.0005, 0.05)
-"""Ends of the default prior of ε, the width of the velocity range in which dry friction changes its sign, as fractions
-of the peak velocity."""
+"""Smallest and largest value of ε in its default prior, as fractions of the peak velocity. ε is the width of the
+velocity range in which dry friction changes its sign."""
 
 
 class Scores:
-    """Inferred parameters as monotone functions of standard normal scores, and the prior of the scores."""
+    """Inferred parameters as functions of standard normal scores (`Prior.value`), and the prior of the scores."""
 
     priors: Mapping[str, Prior]
     """Priors of the inferred parameters, in the order of the scores."""
@@ -243,10 +247,10 @@ class Scores:
     def prior_precision(
         self, z: np.ndarray, scales: Sequence[float] | np.ndarray = SHARED_SIGMAS
     ) -> np.ndarray:
-        """Return the precisions, (d,), of a centred normal distribution with the prior's gradient at scores z, (d,).
+        """Return numbers P, (d,), such that the gradient of the log prior at standard normal scores z, (d,), is −P z.
 
-        A precision is 1, or for scores with a common scale σ the mean of 1/σ² over the values in `scales`, given z. It
-        is an upper bound of the negative curvature of the log prior.
+        A number is 1, or for coefficients with a common, unknown prior scale σ the mean of 1/σ² over the values in
+        `scales`, given z. It is an upper bound of the negative curvature of the log prior.
         """
         precision, shared = np.ones(z.size), self.shared
         if shared.any():
@@ -267,7 +271,11 @@ class Scores:
 
     @cached_property
     def _functions(self):
-        """For each score: transform to the parameter, its derivative, numbers of both, whether it is reflected."""
+        """For each score a tuple of four, with which its parameter is computed.
+
+        They are the function from the score to the parameter, its derivative, further arguments of both functions, and
+        whether the score is reflected (z and −z give the same value).
+        """
         return [(type(p).transform, type(p).derivative, p.numbers, p.reflected) for p in self.priors.values()]
 
     def rates(self, z: np.ndarray) -> np.ndarray:
@@ -286,14 +294,14 @@ class Scores:
         )
 
     def retract(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
-        """Return the end, (d,), of a step from scores z that is straight in the law's natural coordinates.
+        """Return the end, (d,), of a step from scores z that is straight in the restoring law's natural coordinates.
 
         Natural coordinates are quantities that a record determines well, such as the frequency
-        (`RestoringLaw.natural`). They replace the scores of the law's parameters and of θ₀; all other scores end at
-        `new`. To first order, the step is that from z to `new`. A curved ridge of the posterior is straight in the
-        natural coordinates, so a step along it stays on it. The result is `new` if the law has no such coordinates, if
-        not all of its parameters are inferred, or if no parameters have the coordinates of the end. restoring: name of
-        the law.
+        (`RestoringLaw.natural`). They replace the scores of the law's parameters and of θ₀. To first order, the step is
+        the straight one from z to `new`, (d,); all scores other than those of the law and θ₀ end at `new`. A curved
+        ridge of the posterior is straight in the natural coordinates, so a step along the ridge stays on it. The result
+        is `new` if the law has no such coordinates, if not all of its parameters are inferred, or if no parameter
+        values belong to the coordinates of the end. restoring: name of the law.
 
         References
         ----------
@@ -330,7 +338,9 @@ class Scores:
 
 @dataclass(frozen=True)
 class Target(Scores):
-    """The posterior of one model on one record, apart from the settings of the solver.
+    """One model on one record: its oscillator, noise model, priors and known parameters, which define a posterior.
+
+    The settings of the solver are not included; see `Likelihood`.
 
     Attributes
     ----------
@@ -364,7 +374,9 @@ class Target(Scores):
         needed = {*self.oscillator.inputs, *noise.parameters, *noise.constants}
         missing = needed - set(self.priors) - set(self.known)
         if missing:
-            raise ValueError(f"parameters that are neither known nor inferred: {', '.join(sorted(missing))}")
+            raise ValueError(
+                f"parameters that are neither known nor inferred: {', '.join(sorted(missing))}; give priors or values"
+            )
 
     @cached_property
     def noise_model(self) -> NoiseModel:
@@ -387,10 +399,11 @@ class Target(Scores):
         return np.setdiff1d(np.arange(len(self.priors)), self.moving)
 
     def follow_step(self, z: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Return the end, (d,), of a step from scores z, (d,), that is straight in the law's natural coordinates.
+        """Return the end, (d,), of a step from scores z that is straight in the restoring law's natural coordinates.
 
         Natural coordinates are quantities that a record determines well, such as the frequency. To first order the end
-        is z + step; it is exactly that if the law has no such coordinates or not all of its parameters are inferred.
+        is z + step. It is exactly z + step if the law has no such coordinates, or if not all of its parameters are
+        inferred.
         """
         return self.retract(self.oscillator.restoring, z, z + step)
 
@@ -423,7 +436,7 @@ class Target(Scores):
 
     @cached_property
     def _maps(self) -> list[tuple[str, Callable[..., float], tuple[float, ...]]]:
-        """For each parameter: its name, the function from its score to its value, and further arguments for it."""
+        """For each inferred parameter: its name, the function from score to value, and its further arguments."""
         return [(n, type(p).transform, p.numbers) for n, p in self.priors.items()]
 
 
@@ -437,9 +450,9 @@ def build_target(
     noise: str = "gaussian",
     term_priors: Mapping[str, Prior] | None = None,
 ) -> Target:
-    """Build the target of one damping model on one record.
+    """Build the target of one damping model on one record: its oscillator, noise model, priors and known parameters.
 
-    Coefficients are always inferred; other parameters are inferred if they have no known value.
+    Coefficients of damping terms are always inferred; other parameters are inferred if they have no known value.
 
     Parameters
     ----------
@@ -448,11 +461,12 @@ def build_target(
     damping : tuple of str
         Names of the damping terms.
     system : System
-        What is known of the oscillator, and priors in place of the defaults.
+        What is known of the oscillator: its restoring law, values of parameters, and priors that replace the default
+        ones.
     features : Features
         Features of the record, on which default priors depend.
     reference : Reference
-        Amplitude and frequency with which the default priors scale.
+        Amplitude (rad or m) and angular frequency (rad/s) on which the widths of the default priors depend.
     noise : str
         Name of the noise model.
     term_priors : mapping of str to Prior, optional
@@ -485,7 +499,7 @@ def build_target(
 def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prior]:
     """Return the default priors of damping terms' parameters by name: first of all coefficients, then of all others.
 
-    reference: amplitude (rad or m) and angular frequency (rad/s) with which the priors scale.
+    reference: amplitude (rad or m) and angular frequency (rad/s) on which the widths of the priors depend.
     """
     a, w = reference.amplitude, reference.frequency
     every = [TERMS.get(name) for name in terms]

@@ -1,7 +1,7 @@
 """Noise models: one class in one module each, looked up by name; their base classes, and their fit to residuals.
 
-The fit gives the most probable parameters and the evidence of the model. It also gives working residuals, with which
-least squares lead to the most probable motion.
+The fit gives the most probable parameters of the noise and the evidence of the model. It also gives working residuals:
+modified residuals with which a least-squares fit finds the most probable motion.
 """
 
 from abc import ABC, abstractmethod
@@ -18,13 +18,14 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Refusal, Signal
 
 DERIVATIVE_STEP = 1e-5
-"""Step of central differences, as a fraction of `noise_sd` for derivatives by a residual, and of a parameter's value
-for derivatives by the parameter: near the cube root of the rounding error, where errors of rounding and of truncation
-are equal."""
+"""Relative step of central differences: as a fraction of `noise_sd` for derivatives by a residual, and of a parameter's
+value for derivatives by the parameter. It is near the cube root of the rounding error, where the errors of rounding and
+of truncation are equal."""
 GAUSSIAN, CORRELATED = "gaussian", "correlated"
 """Names of the noise models with independent and with correlated normal noise."""
 EVIDENCE_STEP = 0.02
-"""Step of the second differences for the evidence, in units of the standard normal scores of the noise parameters."""
+"""Step of the second differences from which Laplace's approximation of a noise model's evidence is computed, in units
+of the standard normal scores of the noise parameters."""
 INFORMATION_STEP = 0.3
 """`FittedNoise.variance` shifts residuals to compute a derivative. This is the largest shift of a residual, as a
 multiple of the median absolute residual (conventional)."""
@@ -32,14 +33,14 @@ LEAST_INFORMATION = 0.3
 """Smallest observed Fisher information that `FittedNoise.variance` uses, as a fraction of the expected one; a smaller
 one is replaced by this, because the observed one can be negative by chance (conventional)."""
 LARGEST_SCORE = 6.0
-"""Largest absolute value at which `fit_noise` starts its search for a noise parameter, as the standard normal score of
-the parameter; a larger estimate is replaced by this."""
+"""Largest absolute value of the standard normal score of a noise parameter at which `fit_noise` starts its search. If
+the score of the estimate is larger, the search starts at this value."""
 
 
 class NoiseModel(ABC):
     """A distribution of residuals, which are record minus motion.
 
-    The arguments of all methods, where (...) stands for any leading axes, such as draws:
+    The methods have the following arguments, where (...) stands for any leading axes, such as draws.
 
     r: residuals in the unit of the record, shape (..., n); the last axis is time. gaps: times between samples in s,
     shape (n - 1,). p: values of the parameters and constants by name, each a number or an array that broadcasts to the
@@ -50,12 +51,12 @@ class NoiseModel(ABC):
     parameters: tuple[str, ...]
     """Names of the inferred parameters."""
     constants: tuple[str, ...] = ()
-    """Names of numbers that are read from the record, such as its recording step, and not inferred."""
+    """Names of numbers that are read from the record and not inferred, such as its recording step."""
     tied: tuple[str, str] | None = None
-    """Names of two parameters, if the record determines a combination of them much better than the second one alone;
-    None if there are none."""
+    """Names of two parameters, if the record determines a combination of them much better than the second parameter
+    alone; None if no parameters are like this."""
     heavy_tailed: bool = False
-    """Whether the model allows for outliers; if so, outliers are not reported as a misfit."""
+    """True if the model allows for outliers; outliers are then not reported as a misfit."""
 
     def read(self, signal: Signal) -> dict[str, float]:
         """Return the values of `constants` by name. Raises Refusal if the model does not apply to the record."""
@@ -70,9 +71,10 @@ class NoiseModel(ABC):
 
     @abstractmethod
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate the parameters, by name, from residuals, (n,); the search for the best ones starts there.
+        """Estimate the parameters, by name, from residuals, (n,).
 
-        gaps: times between the samples in s, (n - 1,).
+        The search for the most probable parameters starts at this estimate. gaps: times between the samples in s, (n -
+        1,).
         """
 
     @abstractmethod
@@ -109,8 +111,8 @@ class NoiseModel(ABC):
         """Return R v, (..., n), for a shift v of the record, where RᵀR is the Fisher information about such a shift.
 
         v: change of each sample in the unit of the record, (..., n). The sum of squares of the result is the
-        information about the size of the shift. gaps: times between the samples in s, (n - 1,). p: parameters and
-        constants of the noise by name.
+        information about a factor by which the shift is multiplied. gaps: times between the samples in s, (n - 1,). p:
+        parameters and constants of the noise by name.
         """
 
     @abstractmethod
@@ -189,15 +191,16 @@ class IndependentNoise(NoiseModel):
         return (self.log_density(above, p) - self.log_density(below, p)) / (above - below)
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return v / noise_sd, (..., n), where v is the change of each sample that a unit of a parameter causes.
+        """Return v / noise_sd, (..., n), for a shift v of the record.
 
-        For normal noise, its sum of squares is the Fisher information about this parameter. v: in the unit of the
-        record, (..., n). p: must contain `noise_sd`. gaps: not used.
+        v: change of each sample in the unit of the record, (..., n). For normal noise, the sum of squares of the result
+        is the Fisher information about a factor by which the shift is multiplied. p: must contain `noise_sd`. gaps: not
+        used.
         """
         return v / by_sample(p)["noise_sd"]
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return r / noise_sd, (..., n), which is correct for normal noise. gaps: not used."""
+        """Return r / noise_sd, (..., n), which is standard normal for normal noise. gaps: not used."""
         return r / by_sample(p)["noise_sd"]
 
 
@@ -229,18 +232,18 @@ class FittedNoise:
     log_evidence: float = float("nan")
 
     def variance(self, residual: np.ndarray, direction: np.ndarray, gaps: np.ndarray) -> float:
-        """Return the variance of white normal noise with the same Fisher information about a shift of the record.
+        """Return the variance of white normal noise that gives the same Fisher information about a shift of the record.
 
         For a shift that oscillates at one frequency, least squares with this variance are as good as generalised least
         squares (U. Grenander, Ann. Math. Stat. 25, 252 (1954)). The information is the observed one, from finite
-        differences of the derivative of the log density, but at least `LEAST_INFORMATION` of the expected one.
+        differences of the derivative of the log density, but at least `LEAST_INFORMATION` times the expected one.
 
         Parameters
         ----------
         residual : ndarray, shape (n,)
             Record minus motion.
         direction : ndarray, shape (n,)
-            The shift, up to a factor.
+            The shift of each sample, up to a common factor.
         gaps : ndarray, shape (n - 1,)
             Times between the samples, in s.
 
@@ -289,8 +292,9 @@ class SampleNoise:
     fitted : FittedNoise
         The noise model that is chosen.
     weighed : tuple of FittedNoise
-        All noise models that apply to the record, each fitted to the same residual: that of the motion with all damping
-        terms together or, for a record of very many cycles, that of amplitudes and phases fitted to its blocks.
+        All noise models that apply to the record, each fitted to the same residual. This is the residual of the motion
+        with all damping terms together or, for a record of very many cycles, of the amplitudes and phases fitted to its
+        blocks.
     """
 
     fitted: FittedNoise = field(default_factory=FittedNoise)

@@ -11,21 +11,23 @@ from bayesdamp.priors import LogNormal, LogUniform, Prior
 from bayesdamp.records.oscillation.features import Features
 
 FASTEST, SLOWEST = 5e-4, 2.0
-"""Ends of the prior of the correlation time, in periods of the oscillation. Noise that is correlated over more than two
-periods acts like an offset of the sensor, so that a wrong restoring law can fit the record."""
+"""Smallest and largest correlation time in its prior, in periods of the oscillation. Noise that is correlated over more
+than two periods acts like an offset of the sensor, so that a wrong restoring law can fit the record."""
 
 
 class CorrelatedNoise(NoiseModel):
     """Stationary normal noise with the covariance noise_sd² exp(−|t_i − t_j| / noise_time).
 
-    On an even clock this is AR(1) with ρ = exp(−Δt / noise_time); it also holds for uneven times and gaps.
+    For samples at equal distances Δt this is the process AR(1) with ρ = exp(−Δt / noise_time). It is also valid for
+    uneven times and gaps.
     """
 
     name = "correlated"
     parameters = ("noise_sd", "noise_time")
     tied = ("noise_sd", "noise_time")
-    """If the noise is slow compared with the sampling, the record determines noise_sd²/noise_time well. If it is fast,
-    the record determines noise_sd, and only an upper limit of noise_time."""
+    """Two parameters of which the record may determine only a combination well. If the noise is slow compared with the
+    sampling, it determines noise_sd²/noise_time. If the noise is fast, it determines noise_sd, and only an upper limit
+    of noise_time."""
 
     def priors(self, features: Features) -> dict[str, Prior]:
         """Return a lognormal prior for noise_sd, and a log-uniform one for noise_time (s), by name.
@@ -41,8 +43,8 @@ class CorrelatedNoise(NoiseModel):
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
         """Estimate noise_sd and noise_time (s), by name, from residuals r, (n,).
 
-        noise_sd is the root mean square. noise_time follows from the correlation of neighbours (taken as 0.01 to
-        0.9999) and the median of gaps, the times between the samples in s, (n - 1,).
+        noise_sd is their root mean square. noise_time follows from the correlation of neighbouring residuals (limited
+        to 0.01 to 0.9999) and the median of gaps, the times between the samples in s, (n - 1,).
         """
         rho = float(np.clip(np.sum(r[1:] * r[:-1]) / np.sum(r**2), 0.01, 0.9999))
         return {
@@ -103,9 +105,11 @@ class CorrelatedNoise(NoiseModel):
         }
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return a shift v of the record, (..., n), whitened; its sum of squares is the Fisher information about it.
+        """Return a shift v of the record, (..., n), whitened.
 
-        This holds because whitening is linear and the noise normal. gaps, p: as in `whiten`.
+        The sum of squares of the result is the Fisher information about the shift, because whitening is linear and the
+        noise normal. v: change of each sample in the unit of the record. gaps: times between the samples in s, (n -
+        1,). p: noise_sd and noise_time (s) by name.
         """
         return self.whiten(v, gaps, p)
 

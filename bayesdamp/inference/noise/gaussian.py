@@ -29,7 +29,7 @@ class Gaussian(IndependentNoise):
         return -0.5 * squares / sd**2 - r.shape[-1] * (np.log(sd) + 0.5 * LOG_2PI)
 
     def parameter_slopes(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, float]) -> dict[str, float]:
-        """Return Σ r²/σ³ − n/σ, the derivative of the log density by σ, as `noise_sd`; gaps has no effect."""
+        """Return the derivative of the log density by noise_sd (σ), Σ r²/σ³ − n/σ, by name; gaps has no effect."""
         sd = p["noise_sd"]  # divided one by one, because powers overflow at extreme values
         return {"noise_sd": float(r @ r) / sd / sd / sd - r.size / sd}
 

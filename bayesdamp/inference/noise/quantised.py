@@ -1,4 +1,4 @@
-"""Normal noise, rounded to the recording step."""
+"""Normal noise on samples that are rounded to multiples of the recording step."""
 
 from collections.abc import Mapping
 
@@ -21,9 +21,9 @@ class QuantisedNoise(IndependentNoise):
     constants = ("noise_step",)
 
     def read(self, signal: Signal) -> dict[str, float]:
-        """Return the recording step of the signal, in its unit, as `noise_step`.
+        """Return the recording step of the signal, in its unit, under the key `noise_step`.
 
-        Its values are rounded to multiples of this step. Raises Refusal if the values are not rounded to such a step.
+        The values of the signal are multiples of this step. Raises Refusal if they are not rounded to such a step.
         """
         if not signal.step > 0:
             raise Refusal(
@@ -55,23 +55,26 @@ class QuantisedNoise(IndependentNoise):
         return np.sign(r) * hazard * np.expm1(-step * np.abs(r) / sd**2) * np.exp(-log_fraction) / sd
 
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return v/√(noise_sd² + step²/12), (..., n): rounding adds the variance step²/12 (Sheppard, 1898).
+        """Return v/√(noise_sd² + step²/12), (..., n), for a shift v of the record; step is noise_step.
 
-        It is the root of the Fisher information about a shift v of the record, (..., n). step is noise_step. gaps has
-        no effect.
+        Rounding adds the variance step²/12 (Sheppard, 1898). The sum of squares of the result is the approximate Fisher
+        information about the shift. v: change of each sample in the unit of the record, (..., n). gaps has no effect.
         """
         p = by_sample(p)
         return v / np.sqrt(p["noise_sd"] ** 2 + p["noise_step"] ** 2 / 12)
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return the residuals divided by √(noise_sd² + noise_step²/12), (..., n). gaps has no effect."""
+        """Return residuals r, (..., n), divided by their standard deviation √(noise_sd² + noise_step²/12).
+
+        p: noise_sd and noise_step by name. gaps has no effect.
+        """
         return self.information_root(r, gaps, p)
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw the error of rounded samples, (n,): normal noise plus the error of rounding to multiples of noise_step.
+        """Draw the errors of rounded samples, (n,): normal noise plus the error of rounding to multiples of noise_step.
 
-        The exact values are assumed to be uniformly distributed within a step. p: noise_sd and noise_step by name. gaps
-        sets only the number of samples, n − 1 gaps.
+        The exact values before rounding are assumed to be uniformly distributed within a step. p: noise_sd and
+        noise_step by name. gaps sets only the number of samples, n − 1 gaps.
         """
         n, step = gaps.size + 1, p["noise_step"]
         motion, normal = rng.uniform(-0.5, 0.5, n) * step, p["noise_sd"] * rng.standard_normal(n)

@@ -27,9 +27,9 @@ class StudentT(IndependentNoise):
         return {**super().priors(features), "noise_dof": LogNormal(median=6.0, sigma=0.8)}
 
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Return by name noise_sd, 1.4826 times the median absolute residual, and noise_dof, always 6.
+        """Return start values by name: noise_sd, 1.4826 times the median absolute residual, and noise_dof, always 6.
 
-        gaps has no effect.
+        r: residuals in the unit of the record, (n,). gaps has no effect.
         """
         return {"noise_sd": float(1.4826 * np.median(np.abs(r)) + 1e-300), "noise_dof": 6.0}
 
@@ -54,7 +54,8 @@ class StudentT(IndependentNoise):
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return v/σ √((ν + 1)/(ν + 3)), (..., n), from the Fisher information of Student's t distribution.
 
-        σ is noise_sd and ν is noise_dof. v: shift of the record, (..., n). gaps has no effect.
+        The sum of squares of the result is the information about the shift v of the record, (..., n). σ is noise_sd and
+        ν is noise_dof. gaps has no effect.
         """
         p = by_sample(p)
         return v / p["noise_sd"] * np.sqrt((p["noise_dof"] + 1) / (p["noise_dof"] + 3))
@@ -62,8 +63,8 @@ class StudentT(IndependentNoise):
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return whitened residuals, (..., n): the standard normal quantiles of their cumulative probabilities.
 
-        These are of Student's t distribution with scale noise_sd and noise_dof degrees of freedom. The map is not
-        linear in r. gaps has no effect.
+        The probabilities are those of the residuals under Student's t distribution with scale noise_sd and noise_dof
+        degrees of freedom. The map is not linear in r. gaps has no effect.
         """
         p = by_sample(p)
         t, dof = r / p["noise_sd"], p["noise_dof"]

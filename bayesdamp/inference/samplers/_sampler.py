@@ -1,4 +1,4 @@
-"""The base class of samplers, their settings, and over-dispersed starts of their chains."""
+"""The base class of samplers, their settings, and the starts of chains, which are scattered more than the posterior."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ LINEAR_WARMUP = 50
 are enough, because chains then start with draws from the posterior of the linearised model, which is close to the
 actual one (conventional)."""
 START_SCATTER = 1.5
-"""The start of a chain is a seed (a point from which the mode was searched) plus normal scatter with this standard
-deviation, in posterior standard deviations. It is above 1, because starts must be scattered more widely than the
-posterior."""
+"""A chain starts at a seed (a point from which the mode was searched) plus normal scatter with this standard deviation,
+in posterior standard deviations. It is above 1, so that the starts are scattered more widely than the posterior."""
 START_NATS = 5.0
 """The log density at the start of a chain is at most this many nats per parameter below that at the centre of the
-whitened coordinates, which is near the mode; other starts are moved towards the centre (conventional)."""
+whitened coordinates, which is near the mode. Starts with a lower density are moved towards the centre
+(conventional)."""
 SEED_FRACTIONS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.0)
-"""Fractions of the way from the centre of the whitened coordinates to a seed (a point from which the mode was
-searched). A chain starts at the first of these places, plus scatter, whose log density is large enough."""
+"""Fractions of the way from the centre of the whitened coordinates, near the mode, to a seed (a point from which the
+mode was searched). They are tried in this order. A chain starts at the first of these points, plus scatter, whose log
+density is large enough."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,8 @@ class Settings:
     seed : int
         Seed of all random numbers.
     grows : bool
-        Whether NUTS and emcee make more draws if the effective number of draws is too small; other samplers ignore it.
+        True if NUTS and emcee may make more draws than `draws` when the effective number of draws is too small; False
+        for just `draws`. Other samplers ignore it.
     """
 
     chains: int = 4
@@ -68,7 +70,7 @@ class Settings:
 
 
 class Sampler(ABC):
-    """A method that draws from the posterior of a target, given its mode."""
+    """A method that draws from the posterior of a target (one model with its record and priors), given its mode."""
 
     name: str
 
@@ -145,7 +147,7 @@ def seeded_starts(
         far = np.where(np.isin(np.arange(far.size), order), -2.0, np.fmin(far, gaps))
     scatter = START_SCATTER * rng.standard_normal((count, seeds.shape[1]))
     chosen = [order[i % len(order)] for i in range(count)]
-    # Further tries are a small scatter about the centre, and the centre itself.
+    # The last two tries are a small scatter about the centre, and the centre itself.
     tries = np.stack(
         [
             *(fraction * seeds[chosen] + scatter for fraction in SEED_FRACTIONS),

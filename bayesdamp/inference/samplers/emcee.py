@@ -1,4 +1,4 @@
-"""The affine-invariant ensemble sampler emcee: two independent ensembles that run until there are enough draws."""
+"""The affine-invariant ensemble sampler emcee: two independent ensembles, which run until there are enough draws."""
 
 from dataclasses import replace
 
@@ -21,19 +21,21 @@ OUTSIDE_LOG_DENSITY = -1e300
 """Log density that emcee gets outside the support of the posterior. It is finite, because emcee computes
 differences."""
 MOST_BLOCKS = 40
-"""Greatest number of blocks of `STEPS_PER_BLOCK` steps of emcee; the outcome says so if the draws are still too few."""
+"""Greatest number of blocks of `STEPS_PER_BLOCK` steps that emcee makes. If there are still too few draws, the outcome
+says so."""
 
 
 class Emcee(Sampler):
     """Two independent ensembles of walkers (Goodman and Weare 2010) with a mixture of moves.
 
-    Half of the moves are proposals from a Student t about the mode, which is close to a regular posterior; differential
-    evolution and stretch moves are for other posteriors. (emcee's snooker move, up to release 3.1.6, is not used: it
-    does not preserve the posterior; alone it makes the sd of a normal a fifth too small.)
+    Half of the moves are proposals from a Student t distribution about the mode, which is close to the posterior if
+    this has a regular shape. The other half, differential evolution and stretch moves, are for posteriors of other
+    shapes. (The snooker move of emcee is not used: up to release 3.1.6 it does not preserve the posterior. Used alone,
+    it makes the sd of a normal distribution a fifth too small.)
 
     The ensembles, each of at least 4 · `settings.chains` walkers, run until each parameter has 1,100 effective draws
-    and the chains are fifty autocorrelation times long; if this is not reached, the outcome says so. With
-    `settings.grows` False each walker makes just `settings.draws` steps after the warm-up.
+    and the chains are fifty autocorrelation times long. If this is not reached, the outcome says so. If
+    `settings.grows` is False, each walker makes just `settings.draws` steps after the warm-up.
     """
 
     name = "emcee"

@@ -1,4 +1,4 @@
-"""The no-U-turn sampler in coordinates that are whitened at the mode.
+"""The no-U-turn sampler in coordinates that are whitened at the mode, in which the posterior is nearly standard normal.
 
 The transition is that of M. D. Hoffman and A. Gelman (JMLR 15, 2014), with multinomial sampling among the points of a
 trajectory (M. Betancourt, arXiv:1701.02434, 2017, appendix A.3). Trajectories are reflected at walls, which are the
@@ -38,18 +38,20 @@ LEAPFROG_STEP = 1.05
 are nearly circles with a period of 2π. With slightly more than π/3, four points span half of a circle, after which a
 trajectory turns back and ends. Shorter steps make trajectories twice as long, and the draws are not better."""
 LEAST_ACCEPTANCE = 0.5
-"""If the mean acceptance probability is below this, sampling is repeated with a curved ridge straightened, with shorter
-steps, or with the exact gradient (conventional)."""
+"""If the mean acceptance probability of NUTS is below this, sampling is repeated: with a curved ridge of the posterior
+straightened, with shorter steps, or with the exact gradient (conventional)."""
 MOST_DIVERGENT = 0.002
-"""If a larger fraction than this of the NUTS transitions diverges, sampling is repeated with other coordinates, a
-shorter step or the exact gradient. (The outcome reports divergences only above 1 %.)"""
+"""If a larger fraction than this of the NUTS transitions diverges, sampling is repeated: with a curved ridge of the
+posterior straightened, with shorter steps, or with the exact gradient. The outcome reports divergences only above 1
+%."""
 ATTEMPTS = ((False, 0.5), (True, 1.0), (True, 0.5), (True, 0.25), (True, 0.125))
-"""Repetitions of sampling that are tried in turn while the draws are poor (`is_poor`). Each is a pair: whether the
-force is the exact gradient, and the factor by which `LEAPFROG_STEP` is multiplied (conventional). If the force is the
-exact gradient already, the first two are left out."""
+"""Repetitions of NUTS sampling that are tried in turn while the draws are poor (`is_poor`). Each is a pair: True if the
+force of the leapfrog steps is the exact gradient, False if it is that for the linearised motion; and the factor by
+which `LEAPFROG_STEP` is multiplied. If the force was the exact gradient already, the first two are left out
+(conventional)."""
 MOST_DRAWS_FACTOR = 3
-"""If the effective number of draws is too small, chains are continued until it suffices or each chain has this multiple
-of the requested number of draws."""
+"""NUTS continues its chains if they have not converged or the effective number of draws is too small: until this is no
+longer so, or until each chain has this multiple of the requested number of draws."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +80,10 @@ class WhitenedPosterior:
 
     @classmethod
     def of(cls, mode: Mode, at: Whitening, exact: bool) -> WhitenedPosterior:
-        """Return the posterior density in the coordinates `at`.
+        """Return the posterior density in the whitened coordinates of `at`.
 
-        exact: whether the force is the exact gradient, instead of that for the motion linearised at the centre of `at`.
+        exact: True if the force of the leapfrog steps is the exact gradient; False if it is the gradient for the motion
+        linearised at the centre of `at`, which is faster.
         """
         likelihood = mode.likelihood
         line = None if exact else likelihood.line(at.shear.scores(at.centre))
@@ -106,7 +109,10 @@ class WhitenedPosterior:
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a NUTS trajectory: position u, momentum p and force, (d,) each, and the log density (nats) at u."""
+    """A point of a NUTS trajectory: position u, momentum p and force, (d,) each, and the log density (nats) at u.
+
+    The force is the gradient of the log density at u, exact or approximate.
+    """
 
     u: np.ndarray
     p: np.ndarray
@@ -121,11 +127,11 @@ class Point:
 
 @dataclass
 class _Subtree:
-    """A part of a NUTS trajectory.
+    """A part of a NUTS trajectory: a sequence of points, made by leapfrog steps.
 
     first, last: its first and last point in time. chosen: the point that was drawn from its points. weight: log of the
-    sum of the densities of position and momentum over its points. momentum: sum of the momenta of its points. goes_on:
-    whether it has neither diverged nor turned back.
+    sum of the densities of position and momentum over its points. momentum: sum of the momenta of its points, (d,).
+    goes_on: False if it has diverged or turned back, so that the trajectory ends.
     """
 
     first: Point
@@ -160,10 +166,10 @@ class Chain:
         return tuple(map(np.array, zip(*rows, strict=True)))
 
     def transition(self, at: Point) -> tuple[Point, bool, int, float]:
-        """Make one transition of NUTS from the point `at`, whose momentum is not used (a new one is drawn).
+        """Make one transition of NUTS from the point `at`, whose momentum is replaced by a random one.
 
-        Returns the next point, whether the trajectory diverged, its number of leapfrog steps, and its acceptance: the
-        mean over its points of the probability of accepting them.
+        Returns four values: the next point; whether the trajectory diverged; its number of leapfrog steps; and the
+        acceptance, which is the mean over the points of the trajectory of the probability of accepting each.
         """
         at = Point(at.u, self.rng.standard_normal(at.u.size), at.force, at.log_density)
         self._initial_joint, self._steps, self._accepted, self._diverged = at.joint, 0, 0.0, False
@@ -213,9 +219,9 @@ class Chain:
     def _join(tree: _Subtree, new: _Subtree, forwards: bool, chosen: Point) -> _Subtree:
         """Join two adjacent parts of a trajectory.
 
-        forwards: whether `new` is later than `tree`. chosen: the point that was drawn from both parts together. The
-        result goes on unless it, or one of its parts together with the nearest point of the other, turns back (U-turn
-        criterion).
+        forwards: True if `new` is later than `tree`, False if it is earlier. chosen: the point that was drawn from both
+        parts together. The trajectory ends (`goes_on` is False) if the result, or one of its parts together with the
+        nearest point of the other, turns back (U-turn criterion).
         """
         early, late = (tree, new) if forwards else (new, tree)
         momentum = early.momentum + late.momentum
@@ -290,14 +296,14 @@ def is_poor(posterior: Posterior) -> bool:
 
 @dataclass(frozen=True)
 class ChainRun:
-    """Chains with the same leapfrog step and kind of force, and their draws.
+    """Chains of NUTS with the same leapfrog step and kind of force, and their draws.
 
     Attributes
     ----------
     at : Whitening
-        Map from the coordinates of the chains to scores.
+        Map from the whitened coordinates of the chains to standard normal scores of the parameters.
     exact : bool
-        Whether the force is the exact gradient.
+        True if the force of the leapfrog steps is the exact gradient, False if it is that for the linearised motion.
     warmup : int
         Number of first draws of each chain that are discarded.
     chains : list of Chain
@@ -343,7 +349,7 @@ class ChainRun:
         )
 
     def continue_chains(self, count: int) -> ChainRun:
-        """Return a run with the earlier draws and, for each chain, `count` more that continue from its last draw."""
+        """Return a run with the earlier draws and `count` more of each chain, which continue from its last draw."""
         more = [
             chain.sample(u[-1], float(log_density[-1]), count)
             for chain, u, log_density in zip(self.chains, *self.results[:2], strict=True)
@@ -353,20 +359,21 @@ class ChainRun:
 
 
 class MixtureChain(Chain):
-    """A chain in a posterior that is a mixture over hyperparameters (sizes and lengths of deviations from the laws).
+    """A chain of NUTS in a posterior that is a mixture over hyperparameters.
 
-    It alternately draws a combination of hyperparameters given the position, and a position given the combination
-    (Gibbs sampling), because the components of the mixture can have very different widths.
+    The hyperparameters are the sizes (prior sds) and correlation lengths of the deviations from the laws. The chain
+    alternately draws a combination of them given the position, and a position given the combination (Gibbs sampling),
+    because the components of the mixture can have very different widths.
 
     Attributes
     ----------
     mode : Mode
         Mode of the posterior.
     whole : WhitenedPosterior
-        The whole mixture, with the coordinates of the positions that `sample` takes and returns.
+        The whole mixture; `sample` takes and returns positions in its coordinates.
     given : dict of int to WhitenedPosterior
-        Cache: the posterior given a combination, with its own coordinates, by index of the combination; all chains
-        share it.
+        Cache that all chains share: the posterior given a combination, with its own coordinates, by index of the
+        combination.
     """
 
     def __init__(
@@ -415,19 +422,20 @@ class MixtureChain(Chain):
 class Nuts(Sampler):
     """The no-U-turn sampler (Hoffman and Gelman, JMLR 15, 2014) in whitened coordinates.
 
-    Coefficients are bounded at zero. The energies that decide on acceptance are exact. The force of the leapfrog steps
-    is the gradient for the linearised motion, which is cheap; any function of the position is valid as a force. Draws
-    are added if they are too few. If that does not help, or too many proposals are rejected, sampling is repeated: with
-    a curved ridge of the posterior straightened, with shorter steps, and with the exact gradient.
+    Coefficients are bounded at zero. The force of the leapfrog steps is the gradient for the linearised motion, which
+    is cheap. The draws are nevertheless from the exact posterior: acceptance is decided by exact energies, and any
+    function of the position is valid as a force. If there are too few effective draws, the chains are continued. If
+    that does not help, or if too many proposals are rejected, sampling is repeated: with a curved ridge of the
+    posterior straightened, with shorter steps, or with the exact gradient.
     """
 
     name = "nuts"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws from chains that start near the mode; extend or repeat chains that are not good enough.
+        """Return draws from chains that start near the mode; continue or repeat chains that are not good enough.
 
-        The starts are those of `seeded_starts`. If no run is good enough, the last one is returned; its outcome reports
-        poor convergence and divergences, but not a low acceptance.
+        The chains start at the points of `seeded_starts`. If no run is good enough, the last one is returned. Its
+        outcome reports poor convergence and divergences, but not a low acceptance.
         """
         at = whitening_of(target, mode)
         run, posterior = self._run(mode, at, settings, not at.good)
@@ -455,7 +463,8 @@ class Nuts(Sampler):
         settings : Settings
             Numbers of chains, of warm-up and of other draws, and the seed.
         exact : bool
-            Whether the force is the exact gradient, instead of that for the motion linearised at the centre of `at`.
+            True if the force of the leapfrog steps is the exact gradient; False if it is the gradient for the motion
+            linearised at the centre of `at`.
         factor : float
             Length of the leapfrog step, as a multiple of `LEAPFROG_STEP`.
 
@@ -486,10 +495,12 @@ class Nuts(Sampler):
     def _run(
         self, mode: Mode, at: Whitening, settings: Settings, exact: bool, factor: float = 1.0
     ) -> tuple[ChainRun, Posterior]:
-        """Run chains as `run_chains` does, and add draws while they are too few but not poor.
+        """Run chains as `run_chains` does, and continue them while their draws are too few but not poor.
 
-        At most about `MOST_DRAWS_FACTOR` times the requested number is made, and none is added unless `settings.grows`.
-        Returns the run and its posterior.
+        Draws are too few if the outcome of the posterior is not "ok". They are poor if too many proposals are rejected
+        or too many transitions diverge (`is_poor`). If `settings.grows` is True, chains are continued up to about
+        `MOST_DRAWS_FACTOR` times the requested number of draws; otherwise they are not continued. Returns the run and
+        its posterior.
         """
         run = self.run_chains(mode, at, settings, exact, factor)
         posterior, count = run.posterior(mode), run.results[0].shape[1]
