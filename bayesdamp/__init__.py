@@ -4,14 +4,15 @@ This is the public interface. Each name is loaded at its first use; docs/python.
 
 - the answer: `compare(...)` compares damping models on a record.
 - records: `read(path)` returns a `Record`, whose `signal()` is the free decay in it; `signal(t, y)` makes a signal from
-arrays; `simulate(...)` simulates one.
-- one model on one record: `Model(...)` with priors (`HalfNormal`, `LogNormal`, `LogUniform`, `Normal`,
-`Uniform`); `estimate(signal, name, model)`, `fit(signal, model)`, `sample(fit)`, `evidence(posterior)`,
-`model.bind(signal)`.
-- `read_envelope(path)`: reads a record of the amplitude only.
-- studies: `load_study(path)`, `run_study(study)`.
+  arrays; `simulate(...)` simulates a record.
+- one model on one record: `Model(...)` with priors (`HalfNormal`, `LogNormal`, `LogUniform`, `Normal`, `Uniform`);
+  `estimate(signal, name, model)`, `fit(signal, model)`, `sample(fit)`, `evidence(posterior)`, and `model.bind(signal)`,
+  the model's posterior density on the signal.
+- `read_envelope(path)`: reads a record that contains only the amplitude of an oscillation.
+- studies: `load_study(path)` reads a study file, `run_study(study)` computes its results.
 - `load(path)`: loads a result that `save` wrote. `InputError`, `Refusal`: the exceptions.
-- lower level: `read_record`, `clean`, `features`, `Oscillator`, `trajectory(oscillator, parameters, times)`.
+- lower level, for parts of an analysis: `read_record`, `clean`, `features`, `Oscillator`, `trajectory(oscillator,
+  parameters, times)`.
 """
 
 import os
@@ -19,7 +20,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-# JAX reads this when it is loaded (which takes a second): use double precision everywhere.
+# Use double precision in JAX. It reads this variable when it is imported, which takes a second and is not done here.
 os.environ["JAX_ENABLE_X64"] = "1"
 if "jax" in sys.modules:
     sys.modules["jax"].config.update("jax_enable_x64", True)
@@ -51,7 +52,7 @@ _NAMES = {
 """The public names that each module provides; the key is the module's path below `bayesdamp`."""
 _HOME = {name: f"bayesdamp.{module}" for module, names in _NAMES.items() for name in names}
 _NAME_THERE = {"trajectory": "simulate"}
-"""For each public name that is called otherwise in the module which provides it: its name in that module."""
+"""Public names that are renamed here: for each, its name in the module that provides it."""
 __all__ = ["__version__", "trajectory", *(_HOME.keys() - {"trajectory"})]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ def __getattr__(name: str) -> object:
         from bayesdamp.calls import checked_call
 
         value = checked_call(value, name)
-        value.__module__, value.__qualname__ = __name__, name  # where other processes find it
+        value.__module__, value.__qualname__ = __name__, name  # so that pickle finds it
     globals()[name] = value
     return value
 

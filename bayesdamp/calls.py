@@ -21,11 +21,15 @@ KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "quantity": ((str,), "a quantity's name"),
     "rate": ((Real,), "a number, in Hz"),
 }
-"""Allowed types of arguments with these names, in all functions, and their description. Defaults are always allowed."""
+"""For names of arguments: the allowed types, and a description of them for error messages. They apply to every public
+function that has an argument of this name. The default value of an argument is always allowed."""
 
 
 class CheckedMethods:
-    """Base of public classes: `checked_call` wraps each public method and class method that a subclass defines."""
+    """Base of public classes whose methods check their arguments.
+
+    `checked_call` wraps each public method and class method that a subclass defines.
+    """
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -39,11 +43,12 @@ class CheckedMethods:
 
 
 def checked_call(function: Callable[P, R], name: str) -> Callable[P, R]:
-    """Return the function with a check of its arguments; `name` is its public name, for messages.
+    """Return a function that checks its arguments and then calls `function` with them.
 
-    The result raises InputError for arguments that do not match the signature (an unknown keyword, a missing or
-    superfluous argument), or an argument of `KINDS` with a wrong type. Input errors that the function raises name
-    Python keywords instead of options of the command.
+    It raises InputError for arguments that do not match the signature (an unknown keyword, a missing or superfluous
+    argument), or if an argument whose name is in `KINDS` has a wrong type. If `function` itself raises InputError, the
+    message is changed: it names Python keywords (`unit=`) instead of options of the command line (`--unit`). name:
+    public name of the function, for messages.
     """
     signature = inspect.signature(function)
 

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 NONE = "–"
 """Text for a missing number."""
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-"""Table that translates digits to superscripts."""
+"""Table for `str.translate` that replaces digits and the minus sign by superscripts."""
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Return a number with `digits` significant digits; below 1e-4 and from 1e6 on with a power of ten.
+    """Return a number as text with `digits` significant digits; with a power of ten below 1e-4 and from 1e6 on.
 
     Below 1e6 all digits before the decimal point are written: 123456 with four digits is "123456". 0 gives "0", None
     and NaN give a dash, infinity gives ∞ or −∞.
@@ -38,21 +38,22 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def fixed_decimals(value: float, places: int) -> str:
-    """Return a number with `places` decimals; NaN and infinity as `number` returns them."""
+    """Return a number as text with `places` decimals; NaN gives a dash, infinity gives ∞ or −∞."""
     return _typeset(f"{round(value, places) + 0.0:.{places}f}") if math.isfinite(value) else number(value)
 
 
 MOST_DECIMALS, SMALL_NUMBER, LARGE_NUMBER = 8, 1e-3, 1e6
-"""A number has a power of ten if its absolute value is at least `LARGE_NUMBER`, or if it is below `SMALL_NUMBER` and
-needs more than `MOST_DECIMALS` decimals."""
+"""Limits of the function `digits`. It may write a number with a power of ten if the absolute value is at least
+`LARGE_NUMBER`, or if it is below `SMALL_NUMBER` and needs more than `MOST_DECIMALS` decimals. It writes other numbers
+with decimals only."""
 
 
 def digits(value: float, width: float = math.nan, n: int = 4) -> str:
-    """Return a value rounded to the second significant digit of `width`, its uncertainty, with "−" and powers of ten.
+    """Return a value as text, rounded to the second significant digit of its uncertainty `width`.
 
-    It is rounded to a whole number if the width is 10 or more. If the width is not positive, or the value is 0, return
-    the value with at most `n` significant digits, as short as possible, and without a power of ten up to 1e9. NaN and
-    infinity as `number` returns them.
+    It is rounded to a whole number if the width is 10 or more. If the width is missing (NaN) or not positive, or the
+    value is 0, the text has at most `n` significant digits, is as short as possible, and has no power of ten up to 1e9.
+    A NaN value gives a dash, infinity gives ∞ or −∞.
     """
     if not math.isfinite(value):
         return number(value)
@@ -65,14 +66,15 @@ def digits(value: float, width: float = math.nan, n: int = 4) -> str:
 
 
 NEGLIGIBLE_ERROR = 1e-7
-"""An error below this fraction of the value is not shown (records without noise)."""
+"""`with_error` does not show an error below this fraction of the value. Records without noise have such errors."""
 
 
 def with_error(value: float | None, error: float | None) -> str:
-    """Return value ± error, both rounded to the second significant digit of the error.
+    """Return the text "value ± error", both rounded to the second significant digit of the error.
 
-    Return the value alone, as `number` does, if the error is missing, not finite or not positive; with seven digits if
-    the error is below `NEGLIGIBLE_ERROR` times the value. A missing or infinite value is written as by `number`.
+    The text is the value alone if the error is missing, not finite or not positive (four significant digits), or if it
+    is below `NEGLIGIBLE_ERROR` times the value (seven significant digits). A missing value gives a dash, an infinite
+    one ∞ or −∞.
     """
     if value is None or not math.isfinite(value) or error is None or not math.isfinite(error) or error <= 0:
         return number(value)
@@ -82,10 +84,10 @@ def with_error(value: float | None, error: float | None) -> str:
 
 
 def nats(value: float | None, error: float = math.nan) -> str:
-    """Return a log probability (nats) with at most two decimals, and ± error if the error is finite.
+    """Return a log probability (nats) as text with at most two decimals, and ± error if the error is finite.
 
-    From 100 on it has one decimal and from 1000 on none, unless the error is below 0.5: no decision needs more. A value
-    that is missing or not finite is written as by `number`.
+    If its absolute value is 100 or more, it has one decimal, and from 1000 on none, because no decision needs more. If
+    the error is below 0.5, it always has two decimals. A missing or NaN value gives a dash, an infinite one ∞ or −∞.
     """
     if value is None or not math.isfinite(value):
         return number(value)
@@ -97,7 +99,10 @@ def nats(value: float | None, error: float = math.nan) -> str:
 
 
 def interval(low: float, high: float) -> str:
-    """Return [low, high], rounded to the second significant digit of a quarter of the width; a dash if not finite."""
+    """Return the text "[low, high]", rounded to the second significant digit of a quarter of the interval's width.
+
+    It is a dash if an end is not finite.
+    """
     if not (math.isfinite(low) and math.isfinite(high)):
         return NONE
     width = (high - low) / 4
@@ -105,11 +110,14 @@ def interval(low: float, high: float) -> str:
 
 
 EQUAL_FRACTION = 1e-6
-"""Values of `spread` count as equal if their relative difference is at most this."""
+"""`spread` shows a single number if its values differ by at most this fraction of the largest."""
 
 
 def spread(values: Sequence[float]) -> str:
-    """Return "smallest to largest" of values, or the largest alone if they differ by at most `EQUAL_FRACTION`."""
+    """Return the range of values as text, such as "0.1 to 0.2"; the largest value alone if they are equal.
+
+    They count as equal if their range is at most `EQUAL_FRACTION` times the largest value.
+    """
     low, high = min(values), max(values)
     agree = high - low <= EQUAL_FRACTION * abs(high)
     return number(high, 6) if agree else f"{number(low, 5)} to {number(high, 5)}"
@@ -144,7 +152,10 @@ def duration(seconds: float | None) -> str:
 
 
 def listing(items: Iterable[str], last: str = "and") -> str:
-    """Return the items as "a, b and c", "" for none; `last` replaces "and"."""
+    """Return the items as one text such as "a, b and c"; "" if there are none.
+
+    last: the word before the last item, instead of "and".
+    """
     texts = list(items)
     return f"{', '.join(texts[:-1])} {last} {texts[-1]}" if len(texts) > 1 else "".join(texts)
 
@@ -155,14 +166,14 @@ def _power(value: float, digits: int) -> int:
 
 
 def _typeset(text: str) -> str:
-    """Return a number with a minus sign and a power of ten: "-3.5e+07" becomes "−3.5 × 10⁷"."""
+    """Return a formatted number with the sign − and superscripts: "-3.5e+07" becomes "−3.5 × 10⁷"."""
     mantissa, _, power = text.partition("e")
     tens = f" × 10{str(int(power)).translate(SUPERSCRIPTS)}" if power else ""
     return mantissa.replace("-", "−") + tens
 
 
 def percentage(fraction: float) -> str:
-    """Return a fraction in per cent, without the sign %: two significant digits, or an integer from 10 % on."""
+    """Return a fraction in per cent as text, without the sign %: two significant digits, or an integer from 10 % on."""
     return f"{100 * fraction:.0f}" if 100 * fraction >= 9.95 else digits(100 * fraction, n=2)
 
 
@@ -173,10 +184,10 @@ def time_span(start: float, stop: float) -> str:
 
 
 def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
-    """Return a value with its interval, as `0.65 % (0.64 to 0.66)`; a dash if the value is not finite.
+    """Return a value with its interval as text, such as `0.65 % (0.64 to 0.66)`; a dash if the value is not finite.
 
-    unit: text after the value. scale: factor for the three numbers. If an end is not finite, the text is the value and
-    "interval unbounded".
+    unit: text after the value. scale: factor by which the three numbers are multiplied. If an end of the interval is
+    not finite, the text is the value and "interval unbounded".
     """
     if not math.isfinite(value):
         return NONE
@@ -195,8 +206,8 @@ LONG_CELL = 24
 class TableLine(tuple[str, ...]):
     """A row of a table, a tuple of its cells.
 
-    kind: the style of the row in HTML: "" (usual), "best", "quiet" (for a method that was refused or is not applicable)
-    or "alert".
+    kind: the style of the row in HTML: "" (usual), "best" (the best result), "quiet" (for a method that was refused or
+    is not applicable) or "alert" (a warning).
     """
 
     kind: str
@@ -231,10 +242,10 @@ class Table:
         caption: str = "",
         kind: Callable[[T], str] = lambda _: "",
     ) -> Self:
-        """Make a table with a line for each row.
+        """Make a table with one line for each of the objects in `rows`.
 
-        columns: for each header, the function that returns the cell of a row. kind: function that returns the `kind` of
-        a row's `TableLine`.
+        columns: for each header, the function that returns the text of the cell for an object. kind: function that
+        returns the style of the line for an object, the `kind` of `TableLine`.
         """
         lines = [TableLine((cell(row) for cell in columns.values()), kind(row)) for row in rows]
         return cls(list(columns), lines, left, caption)
@@ -283,14 +294,21 @@ class Table:
 
 
 def _look(is_text: bool, cell: str = "") -> str:
-    """Return the HTML class attribute of a cell; "" for numbers. Text of over `LONG_CELL` characters may wrap."""
+    """Return the HTML class attribute of a table cell: "" for a number, `t` for text, `t w` for text that may wrap.
+
+    is_text: whether the column contains text. cell: content of the cell; it may wrap if it has more than `LONG_CELL`
+    characters.
+    """
     if not is_text:
         return ""
     return ' class="t w"' if len(Markup(cell).striptags()) > LONG_CELL else ' class="t"'
 
 
 def symbols(text: str) -> Markup:
-    """Return escaped text in which the indices of μc, μq, μk, μp, θs, θe, F_damp and F_rest are HTML subscripts."""
+    """Return text as HTML, in which the indices of μc, μq, μk, μp, θs, θe, F_damp and F_rest are subscripts.
+
+    All other characters are escaped.
+    """
     shown = str(escape(text))
     for letters in ("μc", "μq", "μk", "μp", "θs", "θe"):
         shown = shown.replace(letters, f"{letters[0]}<sub>{letters[1]}</sub>")
@@ -302,7 +320,7 @@ def data_frame(
     columns: Iterable[str] | None = None,
     index: Iterable[str] | None = None,
 ) -> pd.DataFrame:
-    """Return a table as a data frame of pandas, which is imported only when it is needed.
+    """Return rows of values as a data frame of pandas, which is imported only when it is needed.
 
     Parameters
     ----------
@@ -325,7 +343,7 @@ def markdown_table(headers: Sequence[str], rows: Iterable[Sequence[str]]) -> str
 
 
 def show(value: object) -> str:
-    """Return a value as text for a message, as in a study file; shortened to at most 60 characters."""
+    """Return a value as text for an error message, written as in a study file, shortened to at most 60 characters."""
     try:
         text = str(value).lower() if isinstance(value, bool) else repr(value)
     except ValueError:  # Python does not convert integers of more than 4,300 digits

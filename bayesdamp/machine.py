@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent import futures  # loads its pools where they are used
+from concurrent import futures  # imports its pools only when they are used
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from functools import wraps
@@ -16,13 +16,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 END_SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""Signals that end a run; only those that the operating system has."""
+"""Signals that end a run: SIGTERM and SIGHUP, if the operating system has them."""
 
 
 def cache_folder() -> Path:
-    """Return the folder for results that are computed once for a machine, such as kernels; it may not exist yet.
+    """Return the folder for results that a machine computes only once, such as compiled ODE solvers.
 
-    The environment variable `BAYESDAMP_CACHE` gives its path; by default it is the system's cache folder for programs.
+    The folder may not exist yet. The environment variable `BAYESDAMP_CACHE` gives its path; by default it is the
+    system's cache folder for programs.
     """
     from platformdirs import user_cache_dir
 
@@ -31,10 +32,10 @@ def cache_folder() -> Path:
 
 @contextmanager
 def kill_as_interrupt() -> Iterator[None]:
-    """Make signals that end a run, or close its terminal, raise KeyboardInterrupt within this context.
+    """Make the signals `END_SIGNALS`, which end a program, raise KeyboardInterrupt within this context.
 
-    Signals that are already handled or ignored, as under `nohup`, are not changed. Outside the main thread nothing is
-    done.
+    SIGTERM comes from `kill`, SIGHUP from a terminal that is closed. Signals that are already handled or ignored, as
+    under `nohup`, are not changed. Outside the main thread this context does nothing.
     """
 
     def interrupt(*_: object) -> None:
@@ -56,8 +57,8 @@ def kill_as_interrupt() -> Iterator[None]:
 def interruptible(function: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a function that Numba compiled, so that a signal during a call raises KeyboardInterrupt.
 
-    Numba converts results with Python code, in which the signal's handler runs, and replaces the KeyboardInterrupt by a
-    SystemError, which does not stop a run.
+    Python handles the signal while Numba converts the result of the function. Numba then replaces the KeyboardInterrupt
+    by a SystemError, which would not stop a run. The wrapper raises the original exception again.
     """
 
     @wraps(function)
@@ -88,7 +89,7 @@ def cores() -> int:
 def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """Apply `function` to each item in parallel threads; return the results in the order of the items.
 
-    Raises the exception of the first item, in this order, that failed.
+    If calls fail, the exception of the first failed item, in this order, is raised.
     """
     work = list(items)
     threads = min(cores(), MAX_THREADS, len(work))
@@ -99,23 +100,23 @@ def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
 
 
 OBJECTS_PER_COLLECTION = 100_000
-"""Number of new objects after which Python collects garbage. The default, 700, takes a tenth of a short run, because
-each collection traverses the 100,000 objects of JAX (measured)."""
+"""Number of new objects after which Python collects garbage. With Python's default, 700, the collections take a tenth
+of the time of a short run, because each may traverse the 100,000 objects of JAX (measured)."""
 
 
 def collect_garbage_rarely() -> None:
     """Let Python collect garbage only after `OBJECTS_PER_COLLECTION` new objects, and not when the process ends.
 
-    At the end it would take up to 0.3 s.
+    A collection at the end would take up to 0.3 s.
     """
     gc.set_threshold(OBJECTS_PER_COLLECTION)
     atexit.register(gc.freeze)
 
 
 class Processes(Executor):
-    """A pool of spawned processes. It can be restarted after one of them was killed, which stops the whole pool.
+    """A pool of spawned processes that can be restarted.
 
-    width: number of processes.
+    If one process is killed, the whole pool stops working; `restart` then replaces it. width: number of processes.
     """
 
     def __init__(self, width: int) -> None:
@@ -128,7 +129,10 @@ class Processes(Executor):
         )
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Schedule a call, as any executor does. Raises BrokenExecutor after a process was killed, until `restart`."""
+        """Schedule the call `fn(*args, **kwargs)` in a process of the pool, and return the future of its result.
+
+        Raises BrokenExecutor if a process was killed, until `restart` is called.
+        """
         return self._pool.submit(fn, *args, **kwargs)
 
     def restart(self) -> None:

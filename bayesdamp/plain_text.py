@@ -11,10 +11,10 @@ MOST_BYTES = 2**24
 
 
 def read_plain(path: Path, right: str) -> str:
-    """Return the text of a file in UTF-8.
+    """Read a text file in UTF-8 and return its text.
 
-    right: what to give instead, such as "a study file", for error messages. Raises InputError if the path is not a
-    regular file in UTF-8 of at most `MOST_BYTES`.
+    right: what the user should give instead of a wrong path, such as "a CSV file"; error messages say this. Raises
+    InputError if the path is not a regular file in UTF-8 of at most `MOST_BYTES`.
     """
     try:
         status = path.stat()
@@ -26,14 +26,14 @@ def read_plain(path: Path, right: str) -> str:
     except FileNotFoundError:
         raise InputError(f"there is no such file; give {right}") from None
     except UnicodeDecodeError:
-        raise InputError(f"is not text in UTF-8; give {right}") from None
+        raise InputError(f"it is not text in UTF-8; give {right}") from None
     except (OSError, ValueError) as error:
         what = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot be read: {what[:1].lower()}{what[1:]}; give {right}") from None
+        raise InputError(f"it cannot be read: {what[:1].lower()}{what[1:]}; give {right}") from None
 
 
 def at_home(path: Path) -> Path:
-    """Return a path with `~` expanded; unchanged if there is no such home folder."""
+    """Return a path in which `~` is replaced by the home folder; unchanged if there is no such home folder."""
     try:
         return path.expanduser()
     except RuntimeError:

@@ -32,22 +32,22 @@ T = TypeVar("T")
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _COMPILED = ("bayesdamp.physics.", "bayesdamp.inference.", "bayesdamp.estimators.", "bayesdamp.records.")
-"""Prefixes of the modules whose `lru_cache` functions may hold results under names of plug-ins. Their caches are
-cleared when a user's plug-ins change."""
+"""Prefixes of modules whose `lru_cache` functions may have stored results under the name of a plug-in. These caches are
+cleared when a user's plug-ins change, because the same name may then be another plug-in."""
 
 _EXTENDED: list[str] = []
-"""Names of all plug-ins that were ever added in this process."""
+"""Names of all plug-ins, other than the shipped ones, that were ever added in this process."""
 _REGISTRIES: dict[str, Registry[Any]] = {}
-"""All registries of plug-ins, by the package that contains the shipped plug-ins of the kind."""
+"""The registry of each kind of plug-in, by the name of the package that contains the shipped plug-ins of this kind."""
 _USED: list[PluginModule] = []
 """The user's modules whose plug-ins are registered."""
 
 
 @dataclass(frozen=True)
 class PluginModule:
-    """A user's module of plug-ins; its source is sent to every process.
+    """A user's Python file with plug-ins; its source is sent to every process.
 
-    file: path as the user wrote it.
+    file: path as the user wrote it. source: the Python code in the file.
     """
 
     file: str
@@ -60,10 +60,11 @@ class PluginModule:
 
 
 class Registry(Generic[T]):
-    """The plug-ins of one kind. Each module of `package` contains one, assigned to the name `PLUGIN`.
+    """The plug-ins of one kind, such as damping terms, by name.
 
-    kind: what the plug-ins are called in messages. home: package of the base class, by which a user's plug-in is
-    recognised as one of this kind.
+    package: the package with the shipped plug-ins; each of its modules contains one, assigned to the name `PLUGIN`.
+    kind: what the plug-ins are called in messages. home: package of the base class of these plug-ins; a user's plug-in
+    is of this kind if its class is derived from a class in this package.
     """
 
     def __init__(self, package: str, kind: str, home: str | None = None) -> None:
@@ -76,7 +77,7 @@ class Registry(Generic[T]):
         _REGISTRIES[package] = self
 
     def names(self) -> list[str]:
-        """Return the names of all plug-ins, shipped, added or in installed packages, sorted; nothing is imported."""
+        """Return the names of all plug-ins, sorted: shipped, added, or in installed packages. Nothing is imported."""
         return sorted({*self._modules, *self._added, *self._entries})
 
     def present(self) -> list[str]:
@@ -132,7 +133,10 @@ class Registry(Generic[T]):
         _EXTENDED.append(name)
 
     def remove(self, name: str) -> None:
-        """Remove a plug-in that was added; do nothing if none of this name was added (one that ships stays)."""
+        """Remove a plug-in that a user added; do nothing if there is no added plug-in with this name.
+
+        A shipped plug-in cannot be removed.
+        """
         self._added.pop(name, None)
         self._sources.pop(name, None)
 
@@ -154,9 +158,10 @@ class Registry(Generic[T]):
         raise InputError(f"unknown {self.kind} {name!r}{nearest(name, self.names())}", where)
 
     def source(self, name: str) -> str:
-        """Return the SHA-256 of a plug-in's source; if it ships, also of the modules that it imports, at any depth.
+        """Return the SHA-256 of a plug-in's source code.
 
-        Raises InputError for an unknown name.
+        For a shipped plug-in, the sources of the modules that it imports, at any depth, are included. Raises InputError
+        for an unknown name.
         """
         if name not in self._added and name in self._modules:
             return code_digest(self._modules[name])
@@ -165,15 +170,20 @@ class Registry(Generic[T]):
 
 
 def sources_below(package: str) -> list[str]:
-    """Return digests of the sources of all `present` plug-ins in the registries below a package."""
+    """Return the SHA-256 of the source of each shipped or added plug-in whose kind belongs to a package.
+
+    A kind belongs to the package if the package of its shipped plug-ins is below it. Plug-ins of installed packages
+    that were not used yet are left out.
+    """
     registries = [_REGISTRIES[p] for p in sorted(_REGISTRIES) if p.startswith(f"{package}.")]
     return [registry.source(name) for registry in registries for name in registry.present()]
 
 
 def read_modules(files: Iterable[str | Path], folder: Path | None = None) -> tuple[PluginModule, ...]:
-    """Return modules of plug-ins with their sources, in the order of `files`, each once; they are not run.
+    """Read a user's files of plug-ins, without running them; return them in the order of `files`, each file once.
 
-    folder: folder of relative paths; by default the working folder. Raises InputError if a file cannot be read.
+    folder: folder to which relative paths refer; by default the working folder. Raises InputError if a file cannot be
+    read.
     """
     modules: list[PluginModule] = []
     for file in dict.fromkeys(str(f) for f in files):
@@ -291,7 +301,10 @@ def _in_one_line(error: Exception) -> str:
 
 @lru_cache(maxsize=2)
 def _entry_points(path: tuple[str, ...]) -> Any:
-    """Return the entry points of all packages on a path (reading one group would take as long)."""
+    """Return the entry points of all installed packages on `path`.
+
+    path: `sys.path`; it serves only as the key of the cache. Reading a single group would take as long as reading all.
+    """
     del path
     return importlib.metadata.entry_points()
 
@@ -320,6 +333,9 @@ def has_added_plugins() -> bool:
 
 
 def nearest(name: object, valid: list[str]) -> str:
-    """Return a clause for the end of a message: the most similar valid name, or all valid names if none is similar."""
+    """Return a clause for the end of an error message: the valid name that is most similar to `name`.
+
+    If no valid name is similar, the clause lists all of them.
+    """
     close = get_close_matches(str(name), valid, n=1, cutoff=0.6)
     return f"; did you mean {close[0]!r}?" if close else f"; valid are {', '.join(valid)}"

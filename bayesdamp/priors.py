@@ -1,8 +1,8 @@
 """Define the prior distributions of parameters.
 
-Each prior is defined by a transformation x(z) of a standard normal variable z, called the (normal) score of the
-parameter: if z ~ N(0, 1), then x has this prior. For a half-normal, x = scale · |z|. Samplers work with the scores, in
-which every independent prior is N(0, 1).
+Each prior is defined by a transformation x(z) of a standard normal variable z. If z ~ N(0, 1), then the parameter x has
+this prior; for a half-normal prior, x = scale · |z|. The value z is called the (normal) score of the parameter value x.
+Samplers work with the scores, in which every independent prior is N(0, 1).
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ if TYPE_CHECKING:
 
 Scalar: TypeAlias = "float | Array"
 _ARRAY = SimpleNamespace(exp=np.exp, log=np.log, ndtr=lambda z: scipy.special.ndtr(z))
-"""The functions exp, log and Φ (`ndtr`) for NumPy arrays."""
+"""The functions exp, log and Φ (`ndtr`, the standard normal distribution function) for NumPy arrays."""
 _NUMBER = SimpleNamespace(
     exp=lambda z: math.exp(min(z, 709.0)), log=math.log, ndtr=lambda z: 0.5 * math.erfc(-z / math.sqrt(2.0))
 )
-"""The same functions for a single float, which is several times faster; exp does not overflow."""
+"""The functions exp, log and Φ (`ndtr`) for a single float, several times faster than those of NumPy. exp limits its
+argument to 709, so that it does not overflow."""
 
 
 def _is_traced(value: object) -> bool:
@@ -39,7 +40,7 @@ def _is_traced(value: object) -> bool:
 
 
 def _functions(z: Any) -> SimpleNamespace:
-    """Return the functions exp, log and ndtr for the type of z: float, NumPy array or JAX array."""
+    """Return the functions exp, log and Φ (`ndtr`) for the type of z: float, NumPy array or JAX array."""
     if isinstance(z, float):
         return _NUMBER
     if not _is_traced(z):
@@ -57,9 +58,9 @@ def _field_names(kind: type[BaseModel]) -> tuple[str, ...]:
 
 
 class _Prior(BaseModel):
-    """Base class of priors, each of which is a transformation of a standard normal score z to the parameter.
+    """Base class of priors. Each is a transformation of a standard normal score z to the parameter.
 
-    reflected: whether the parameter depends on |z| only, so that scores are kept ≥ 0.
+    reflected: whether the parameter depends only on |z|, as for half-normal priors; its scores are then kept ≥ 0.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -86,10 +87,11 @@ class _Prior(BaseModel):
         super().__init_subclass__(**options)
 
     transform: ClassVar[Callable[..., Any]]
-    """Function (z, *numbers) that returns the parameter value at the score z, for a prior with these numbers; z may be
-    a float, a NumPy array or a JAX array."""
+    """Function (z, *numbers) that returns the parameter value at the standard normal score z. numbers: those that
+    define the prior, such as mean and sd. z may be a float, a NumPy array or a JAX array."""
     derivative: ClassVar[Callable[..., Any]]
-    """Function (z, *numbers) that returns the derivative of `transform` by z."""
+    """Function (z, *numbers) that returns the derivative of the parameter value by its standard normal score z. The
+    arguments are those of `transform`."""
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -97,16 +99,19 @@ class _Prior(BaseModel):
         return tuple(getattr(self, name) for name in _field_names(type(self)))
 
     def value(self, z: ArrayLike) -> np.ndarray:
-        """Transform a standard normal score z (any shape) to the parameter; z ~ N(0, 1) gives this prior."""
+        """Return the parameter value at the standard normal score z (any shape); z ~ N(0, 1) gives this prior."""
         return self.transform(np.asarray(z, float), *self.numbers)
 
     def rate(self, z: ArrayLike) -> np.ndarray:
-        """Return the derivative of `value` at the score z (any shape)."""
+        """Return the derivative of the parameter value by its standard normal score, at z (any shape)."""
         z = np.asarray(z, float)
         return np.broadcast_to(self.derivative(z, *self.numbers), z.shape)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return the standard normal score z of the value x, the inverse of `value`; z ≥ 0 for half-normal priors."""
+        """Return the standard normal score z of the parameter value x (any shape).
+
+        It is the inverse of `value`; for half-normal priors the score z ≥ 0 is returned.
+        """
         raise NotImplementedError
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
@@ -117,7 +122,7 @@ class _Prior(BaseModel):
         raise NotImplementedError
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """Return the derivative of `log_density` at x, which must be inside the support."""
+        """Return the derivative of `log_density` by the parameter, at values x inside the support (any shape)."""
         raise NotImplementedError
 
     def describe(self) -> str:
@@ -146,50 +151,56 @@ class Normal(_Prior):
 
     @staticmethod
     def transform(z: Any, mean: Scalar, sd: Scalar) -> Any:
-        """Return mean + sd z."""
+        """Return the parameter value mean + sd · z at the standard normal score z."""
         return mean + sd * z
 
     @staticmethod
     def derivative(z: Any, mean: Scalar, sd: Scalar) -> Any:
-        """Return sd."""
+        """Return sd, the derivative of the parameter by its standard normal score z."""
         return sd
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return (x − mean)/sd."""
+        """Return the standard normal score (x − mean)/sd of the parameter value x."""
         return np.asarray((np.asarray(x, float) - self.mean) / self.sd)
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """Return log N(x; mean, sd²)."""
+        """Return the log density of the prior, log N(x; mean, sd²), at the parameter value x."""
         return -0.5 * self.score(x) ** 2 - _HALF_LOG_2PI - math.log(self.sd)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """Return −(x − mean)/sd²."""
+        """Return −(x − mean)/sd², the derivative of the log density by the parameter x."""
         return -self.score(x) / self.sd
 
 
 class _Reflected(_Prior):
-    """Base class of half-normal priors, whose only number is the value at a score of 1."""
+    """Base class of half-normal priors, x = scale · |z| with a standard normal score z.
+
+    The only number of such a prior is its scale, the parameter value at z = 1.
+    """
 
     reflected: bool = Field(default=True, exclude=True, init=False, repr=False)
 
     @staticmethod
     def transform(z: Any, scale: Scalar) -> Any:
-        """Return scale · |z|."""
+        """Return the parameter value scale · |z| at the standard normal score z."""
         return scale * abs(z)
 
     @staticmethod
     def derivative(z: Any, scale: Scalar) -> Any:
-        """Return scale · sign z."""
+        """Return scale · sign z, the derivative of the parameter by its standard normal score z."""
         return scale * np.sign(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return |x|/scale; infinite or nan if the scale is 0."""
+        """Return the standard normal score |x|/scale of the parameter value x; infinite or nan if the scale is 0."""
         with np.errstate(divide="ignore", invalid="ignore"):  # the coefficient of an absent term has scale 0
             return np.asarray(np.abs(x) / self.numbers[0])
 
 
 class HalfNormal(_Reflected):
-    """Half-normal distribution, |N(0, scale²)|. In the score z, zero is not a boundary."""
+    """Half-normal distribution: the parameter is |N(0, scale²)|.
+
+    It is scale · |z| with a standard normal score z of either sign, so that a sampler of z has no boundary at zero.
+    """
 
     prior: Literal["halfnormal"] = "halfnormal"
     scale: PositiveFloat = Field(description="a number above 0")
@@ -198,22 +209,22 @@ class HalfNormal(_Reflected):
         self._begin(scale=scale)
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """Return log(2 N(x; 0, scale²)) at x ≥ 0, −∞ below."""
+        """Return the log density of the prior at the parameter value x: log(2 N(x; 0, scale²)) for x ≥ 0, else −∞."""
         x = np.asarray(x, float)
         inside = -0.5 * (x / self.scale) ** 2 - _HALF_LOG_2PI - math.log(self.scale) + math.log(2)
         return np.where(x >= 0, inside, -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """Return −x/scale²."""
+        """Return −x/scale², the derivative of the log density by the parameter x."""
         return -np.asarray(x, float) / self.scale**2
 
 
 class SharedHalfNormal(_Reflected):
-    """Half-normal prior of an equivalent damping ratio, with an unknown scale that all terms of a model share.
+    """Half-normal prior of a damping coefficient, with an unknown scale that all damping terms of a model share.
 
-    The scale is one of `SHARED_SCALES`, all equally probable, so that the evidence does not depend on how small the
-    damping is. Because of the common scale, the joint prior density of the terms is not a product; it is given by
-    `shared_log_density`.
+    The prior applies to the equivalent damping ratio of the coefficient. Its scale is one of `SHARED_SCALES`, all
+    equally probable, so that the evidence does not depend on how small the damping is. Because of the common scale, the
+    joint prior density of the terms is not a product; it is given by `shared_log_density`.
 
     Parameters
     ----------
@@ -229,11 +240,14 @@ class SharedHalfNormal(_Reflected):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Return the one number of this prior: the coefficient for which the damping ratio is `SCORE_RATIO`."""
+        """Return the only number of this prior: the coefficient that gives the damping ratio `SCORE_RATIO`."""
         return (SCORE_RATIO * self.per_ratio,)
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """Return the marginal log density of one coefficient x, with the shared scale summed out; −∞ below 0."""
+        """Return the marginal log density of one coefficient x, averaged over the possible values of the shared scale.
+
+        It is −∞ for x < 0.
+        """
         x = np.asarray(x, float)
         inside = shared_log_density(self.score(x) ** 2, 1) - math.log(self.numbers[0])
         return np.where(x >= 0, inside, -np.inf)
@@ -247,20 +261,24 @@ class SharedHalfNormal(_Reflected):
 
 
 SCORE_RATIO = 0.1
-"""Equivalent damping ratio at a score of 1. It is only a unit; no result depends on it (conventional)."""
+"""Equivalent damping ratio of a coefficient with a `SharedHalfNormal` prior whose standard normal score is 1. It is
+only the unit of these scores; no result depends on it (conventional)."""
 LEAST_SCALE, MOST_SCALE = 1e-8, 0.3
-"""Smallest and largest scale of the damping ratio (Q from 5e7 to 1.7); the prior of the scale is uniform in its
-logarithm between these (conventional)."""
+"""Smallest and largest value of the unknown scale of `SharedHalfNormal` priors, which is a damping ratio (Q from 5e7 to
+1.7). The prior of the scale is uniform in its logarithm between these (conventional)."""
 SHARED_SCALES = LEAST_SCALE * (MOST_SCALE / LEAST_SCALE) ** ((np.arange(25) + 0.5) / 25)
-"""Equally probable scales, over which we sum: the middles of 25 intervals in the logarithm, each about twice the one
-before. The sum differs from the integral by at most 0.02 nats for three terms and far less for fewer (the error of the
-midpoint rule is bounded by the Fourier transform of the integrand, a gamma function)."""
+"""Possible values of the unknown scale of `SharedHalfNormal` priors, all equally probable: the middles of 25 intervals
+in the logarithm, each about twice the one before. We sum over them; the sum differs from the integral by at most 0.02
+nats for three terms and far less for fewer (the error of the midpoint rule is bounded by the Fourier transform of the
+integrand, a gamma function)."""
 SHARED_SIGMAS = SHARED_SCALES / SCORE_RATIO
-"""`SHARED_SCALES` in units of the score."""
+"""The values of `SHARED_SCALES` as standard deviations σ of the coefficients' scores: divided by `SCORE_RATIO`."""
 
 
 def shared_log_density(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> Any:
-    """Return the joint log prior density of the scores (each ≥ 0) of `count` coefficients that share a scale.
+    """Return the joint log prior density of the scores z ≥ 0 of `count` coefficients with a common, unknown scale.
+
+    Given the scale σ, each score is half-normal, |N(0, σ²)|; the density is averaged over the values of σ in `scales`.
 
     Parameters
     ----------
@@ -269,24 +287,30 @@ def shared_log_density(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) ->
     count
         Number of coefficients.
     scales
-        Equally probable scales, in units of the score, (s,).
+        Possible values of σ, all equally probable, (s,).
+
+    Returns
+    -------
+    ndarray or JAX array
+        The log density in nats, in the shape of `squares`.
     """
     return _over_scales(squares, count, scales)[0]
 
 
 def shared_precision(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> Any:
-    """Return the posterior mean of 1/σ² for the shared scale σ in units of the score, given the squared scores.
+    """Return the posterior mean of 1/σ² for the common, unknown scale σ of coefficients, given their scores z.
 
-    The derivative of `shared_log_density` by a score is minus the score times this mean. The arguments are those of
-    `shared_log_density`.
+    Given σ, each score is half-normal, |N(0, σ²)|. The derivative of `shared_log_density` by a score is minus the score
+    times this mean. squares: sum of the squared scores, any shape, also that of the result. count: number of
+    coefficients. scales: possible values of σ, all equally probable, (s,).
     """
     return _over_scales(squares, count, scales)[1]
 
 
 def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
-    """Return the joint log prior density of scores that share an unknown scale, and the posterior mean of 1/scale².
+    """Return the results of `shared_log_density` and `shared_precision`, which have the same arguments.
 
-    They are the results of `shared_log_density` and of `shared_precision`, whose arguments are the same.
+    They are the joint log prior density of scores with a common, unknown scale σ, and the posterior mean of 1/σ².
     """
     np_: Any = sys.modules["jax"].numpy if _is_traced(squares) else np
     scales = np_.asarray(scales)
@@ -300,10 +324,11 @@ def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
 
 
 def log_prior_of(z: np.ndarray, shared: np.ndarray, scales: ArrayLike = SHARED_SIGMAS) -> np.ndarray:
-    """Return the log prior density, shape (...), of scores z, (..., d), of which all may be negative.
+    """Return the log prior density, shape (...), of standard normal scores z, (..., d).
 
-    shared: mask (d,) of scores with a common unknown scale, one of `scales`; the others are standard normal. For scores
-    ≥ 0 (half-normal priors) the density is twice as large for each of them.
+    Scores may be negative: a half-normal prior counts here as a normal one over both signs. If scores are restricted to
+    values ≥ 0, the density is larger by a factor of 2 for each of them. shared: mask (d,) of the scores with a common,
+    unknown scale, one of `scales`; the others are N(0, 1).
     """
     plain = z[..., ~shared]
     value = -0.5 * np.sum(plain**2, axis=-1) - plain.shape[-1] * _HALF_LOG_2PI
@@ -319,8 +344,8 @@ def joint_log_density(
 ) -> np.ndarray:
     """Return the joint log prior density, shape (...), of parameters x, (..., d).
 
-    It is −∞ outside the support and where a parameter is nan or infinite. The priors are independent, except for those
-    that share an unknown scale, one of `scales` (in units of the score).
+    It is −∞ outside the support, and where a parameter is nan or infinite. The priors are independent, except for
+    coefficients with `SharedHalfNormal` priors, which share an unknown scale, one of `scales` (in units of the score).
     """
     shared = [i for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)]
     total = np.zeros(x.shape[:-1])
@@ -340,7 +365,11 @@ def joint_log_density(
 
 
 def joint_slope(priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHARED_SIGMAS) -> np.ndarray:
-    """Return the gradient of `joint_log_density` by x, (d,), at x, (d,), which must be inside the support."""
+    """Return the gradient, (d,), of `joint_log_density` by the parameters at one point x, (d,), inside the support.
+
+    scales: possible values of the common, unknown scale of coefficients with `SharedHalfNormal` priors, in units of the
+    score.
+    """
     scores = {i: float(p.score(x[i])) for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)}
     precision = shared_precision(sum(z * z for z in scores.values()), len(scores), scales) if scores else 1.0
     return np.array(
@@ -365,33 +394,36 @@ class LogNormal(_Prior):
 
     @staticmethod
     def transform(z: Any, median: Scalar, sigma: Scalar) -> Any:
-        """Return median · exp(sigma z)."""
+        """Return the parameter value median · exp(sigma z) at the standard normal score z."""
         return median * _functions(z).exp(sigma * z)
 
     @staticmethod
     def derivative(z: Any, median: Scalar, sigma: Scalar) -> Any:
-        """Return sigma · median · exp(sigma z)."""
+        """Return sigma · median · exp(sigma z), the derivative of the parameter by its standard normal score z."""
         return sigma * median * _functions(z).exp(sigma * z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return log(x/median)/sigma; −∞ at 0, nan below."""
+        """Return the standard normal score log(x/median)/sigma of the parameter value x; −∞ at 0, nan below."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.log(np.asarray(x, float) / self.median) / self.sigma
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """Return log N(log x; log median, sigma²) − log x at x > 0, −∞ elsewhere."""
+        """Return the log density of the prior at x: log N(log x; log median, sigma²) − log x for x > 0, else −∞."""
         x = np.asarray(x, float)
         safe = np.where(x > 0, x, self.median)
         inside = -0.5 * self.score(safe) ** 2 - _HALF_LOG_2PI - math.log(self.sigma) - np.log(safe)
         return np.where(x > 0, inside, -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """Return −(1 + z/sigma)/x with the score z of x."""
+        """Return −(1 + z/sigma)/x, the derivative of the log density by the parameter x.
+
+        z is the standard normal score of x.
+        """
         return -(1.0 + self.score(x) / self.sigma) / np.asarray(x, float)
 
 
 class _Between(_Prior):
-    """Base class of priors with two bounds."""
+    """Base class of the priors of a parameter between the bounds low and high."""
 
     low: float = Field(description="a number")
     high: float = Field(description="a number")
@@ -414,31 +446,41 @@ class Uniform(_Between):
 
     @staticmethod
     def transform(z: Any, low: Scalar, high: Scalar) -> Any:
-        """Return low + (high − low) Φ(z), with the normal distribution function Φ."""
+        """Return the parameter value low + (high − low) Φ(z) at the standard normal score z.
+
+        Φ is the standard normal distribution function.
+        """
         return low + (high - low) * _functions(z).ndtr(z)
 
     @staticmethod
     def derivative(z: Any, low: Scalar, high: Scalar) -> Any:
-        """Return (high − low) φ(z), with the normal density φ."""
+        """Return (high − low) φ(z), the derivative of the parameter by its standard normal score z.
+
+        φ is the standard normal density.
+        """
         return (high - low) * _density(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return Φ⁻¹((x − low)/(high − low)), with the fraction clipped so that z is finite also outside the bounds."""
+        """Return the standard normal score Φ⁻¹((x − low)/(high − low)) of the parameter value x.
+
+        Φ⁻¹ is the inverse of the standard normal distribution function. Its argument is clipped, so that the score is
+        finite also at the bounds and outside them.
+        """
         share = (np.asarray(x, float) - self.low) / (self.high - self.low)
         return scipy.special.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """Return −log(high − low) between the bounds, −∞ outside."""
+        """Return the log density of the prior at the parameter value x: −log(high − low) inside the bounds, else −∞."""
         x = np.asarray(x, float)
         return np.where((x >= self.low) & (x <= self.high), -math.log(self.high - self.low), -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """Return 0 in the shape of x."""
+        """Return 0, the derivative of the log density by the parameter x, in the shape of x."""
         return np.zeros_like(np.asarray(x, float))
 
 
 class LogUniform(_Between):
-    """Distribution between low and high whose logarithm is uniform."""
+    """Log-uniform distribution: log x is uniform between log(low) and log(high)."""
 
     prior: Literal["loguniform"] = "loguniform"
     low: PositiveFloat = Field(description="a number above 0")
@@ -449,34 +491,41 @@ class LogUniform(_Between):
 
     @staticmethod
     def transform(z: Any, low: Scalar, high: Scalar) -> Any:
-        """Return low · (high/low)^Φ(z), with the normal distribution function Φ."""
+        """Return the parameter value low · (high/low)^Φ(z) at the standard normal score z.
+
+        Φ is the standard normal distribution function.
+        """
         f = _functions(z)
         return low * f.exp(f.log(high / low) * f.ndtr(z))
 
     @staticmethod
     def derivative(z: Any, low: Scalar, high: Scalar) -> Any:
-        """Return log(high/low) φ(z) x(z), with the normal density φ and the value x(z)."""
+        """Return log(high/low) φ(z) x(z), the derivative of the parameter x(z) by its standard normal score z.
+
+        φ is the standard normal density.
+        """
         f = _functions(z)
         return f.log(high / low) * _density(z) * low * f.exp(f.log(high / low) * f.ndtr(z))
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return Φ⁻¹(log(x/low)/log(high/low)), with the fraction clipped so that z is finite at and beyond bounds.
+        """Return the standard normal score Φ⁻¹(log(x/low)/log(high/low)) of the parameter value x.
 
-        It is nan at x < 0.
+        Φ⁻¹ is the inverse of the standard normal distribution function. Its argument is clipped, so that the score is
+        finite also at the bounds and outside them; it is nan at x < 0.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.log(np.asarray(x, float) / self.low) / math.log(self.high / self.low)
         return scipy.special.ndtri(np.clip(share, 1e-300, 1 - 1e-16))
 
     def log_density(self, x: ArrayLike) -> np.ndarray:
-        """Return −log x − log log(high/low) between the bounds, −∞ outside."""
+        """Return the log density of the prior at x: −log x − log log(high/low) between the bounds, else −∞."""
         x = np.asarray(x, float)
         safe = np.where(x > 0, x, self.low)
         inside = -np.log(safe) - math.log(math.log(self.high / self.low))
         return np.where((x >= self.low) & (x <= self.high), inside, -np.inf)
 
     def slope(self, x: ArrayLike) -> np.ndarray:
-        """Return −1/x."""
+        """Return −1/x, the derivative of the log density by the parameter x."""
         return -1.0 / np.asarray(x, float)
 
 
@@ -487,24 +536,24 @@ Prior = Normal | HalfNormal | SharedHalfNormal | LogNormal | Uniform | LogUnifor
 
 
 FURTHER_TERM = 0.125
-"""Factor of a model's prior probability for each damping term beyond the first. Measured on 82 simulated records with a
-damping ratio of 0.01 (3/7 of them with one term, 3/7 with two, 1/7 with three): with this factor the answer states one
-damping without reservation on nearly as many records, and on as many of these correctly, as with half-normal priors of
-the fixed scale 0.1."""
+"""Factor by which each damping term beyond the first reduces the prior probability of a damping model. Measured on 82
+simulated records with a damping ratio of 0.01 (3/7 of them with one term, 3/7 with two, 1/7 with three): compared with
+half-normal priors of the fixed scale 0.1, the answer states one damping without reservation on nearly as many records,
+and it is right on as many of them."""
 OTHER_FORMS_ODDS, OTHER_FORMS_COUNT = 0.1, 9
-"""Prior odds of all rivals (sums with another form of damping) together, relative to a single term (conventional), and
-the number of rivals in a full comparison (`add_rivals`). Each rival has the same share of these odds, however many are
-compared."""
+"""A rival is a damping sum with a form of damping that is not among the compared ones. `OTHER_FORMS_ODDS`: prior odds
+of all rivals together, relative to a model with a single term (conventional). `OTHER_FORMS_COUNT`: number of rivals in
+a full comparison (`add_rivals`). Each rival has the same share of these odds, however many are compared."""
 
 
 def odds(damping: Sequence[str], other: bool = False) -> float:
-    """Return the prior odds of a damping model against a model with a single term.
+    """Return the prior odds of a damping model relative to a compared model with a single term.
 
     Parameters
     ----------
     damping
-        Damping terms of the model.
+        Names of the damping terms of the model.
     other
-        Whether the model is a rival, with another form of damping, instead of one of the compared sums.
+        Whether the model is a rival: a damping sum with a form of damping that is not among the compared ones.
     """
     return FURTHER_TERM ** (len(damping) - 1) * (OTHER_FORMS_ODDS / OTHER_FORMS_COUNT if other else 1.0)

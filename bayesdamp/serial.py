@@ -18,7 +18,10 @@ UNIONS = (Union, UnionType)
 
 
 class Storable:
-    """Base of classes whose instances are stored in the form of another class, `_STORED`, and restored from it."""
+    """Base of classes whose instances are stored as instances of another class.
+
+    A subclass sets `_STORED` to this other class, which `split` can convert to JSON.
+    """
 
     _STORED: type
 
@@ -33,7 +36,7 @@ class Storable:
 
 
 def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str = "") -> Any:
-    """Convert a value to types of JSON.
+    """Convert a value to types of JSON; `join` is the inverse.
 
     Parameters
     ----------
@@ -41,10 +44,10 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
         Value that consists of dataclasses, pydantic models, mappings, sequences, arrays and types of JSON. Floats that
         are not finite stay floats.
     arrays
-        Each array is stored in this mapping under its path, such as `signal/t`, and replaced by None. If no mapping is
-        given, arrays become lists.
+        Mapping to which each array is added under its path, such as `signal/t`; in the value it is replaced by None. If
+        no mapping is given, arrays become lists.
     path
-        Path of the value.
+        Path of the value itself, with which the paths of its arrays begin.
 
     Returns
     -------
@@ -79,11 +82,11 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
 
 
 def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, path: str = "") -> Any:
-    """Convert JSON and arrays from `split` back to a value of the type `kind`. None becomes NaN if a float is expected.
+    """Convert JSON and arrays from `split` back to a value of the type `kind`.
 
-    value: the JSON. arrays: arrays by path, as `split` stored them. path: path of the value in `arrays`. Raises
-    KeyError, TypeError or ValueError if the structure of the value does not match the type. Types of single numbers and
-    texts are not checked.
+    value: the JSON. arrays: arrays by path, as `split` stored them. path: path of the value in `arrays`. None becomes
+    NaN where a float is expected. Raises KeyError, TypeError or ValueError if the structure of the value does not match
+    the type. The types of single numbers and texts are not checked.
     """
     arrays, below = arrays or {}, f"{path}/" if path else ""
     if path in arrays:
@@ -116,11 +119,11 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
 
 
 def _member(kind: Any, value: object) -> Any:
-    """Return the type in a union `kind` that `value`, in JSON form, was stored from.
+    """Return the member of a union type that matches a stored value in JSON form.
 
-    For None it is NoneType. If all members of the union are pydantic models, it is the union itself. If the union has
-    only one member besides None, it is this member. Otherwise it is the first member that fits a list (tuple, array) or
-    an object (mapping, dataclass), or Any if none fits, as for numbers and texts.
+    kind: the union. For None the result is NoneType. If all members of the union are pydantic models, it is the union
+    itself. If the union has only one member besides None, it is this member. Otherwise it is the first member that fits
+    a list (tuple, array) or an object (mapping, dataclass), or Any if none fits, as for numbers and texts.
     """
     kinds = [k for k in get_args(kind) if k is not NoneType]
     if value is None and NoneType in get_args(kind):
@@ -134,5 +137,8 @@ def _member(kind: Any, value: object) -> Any:
 
 @cache
 def _hints(kind: type) -> dict[str, Any]:
-    """Return the types of a dataclass's fields, also if its module imports NumPy only for type checkers."""
+    """Return the types of a dataclass's fields by name.
+
+    This also works if the module of the dataclass imports NumPy only under `if TYPE_CHECKING`.
+    """
     return get_type_hints(kind, localns={"np": np, "NDArray": NDArray})

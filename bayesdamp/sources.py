@@ -14,14 +14,14 @@ UNRELATED_MODULES = (
     "bayesdamp.cli", "bayesdamp.config", "bayesdamp.machine", "bayesdamp.plugins", "bayesdamp.report",
     "bayesdamp.sources", "bayesdamp.store",
 )  # fmt: skip
-"""Modules that do not affect results, but only where and when something is computed and how it is shown; they are not
-part of a digest. (The values of settings are part of a key.)"""
+"""Modules that do not affect results, but only where and when something is computed and how it is shown. They are not
+part of a digest. (The values of settings are a separate part of the key of a result.)"""
 LEAF_MODULES = (
     "bayesdamp.pipeline", "bayesdamp.pipeline.candidates.candidate", "bayesdamp.pipeline.candidates.tasks",
     "bayesdamp.pipeline.envelopes", "bayesdamp.interface.envelopes",
 )  # fmt: skip
-"""Modules that combine many computations: their source is part of a digest, but the modules that they import are
-not."""
+"""Modules that import many independent computations. Their own source is part of a digest, but not the modules that
+they import, so that a change of one computation does not affect the digests of all others."""
 
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+(bayesdamp[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n]+)|import[ \t]+(bayesdamp[\w.]*))",
@@ -34,7 +34,7 @@ _ONLY_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.M
 def code_digest(*modules: str) -> str:
     """Return the SHA-256 of the sources of modules and of all modules of the package that they import, at any depth.
 
-    Plug-ins that are found by name are not imports; a caller must add their sources.
+    It does not contain plug-ins, because these are found by name and not imported; a caller must add their sources.
     """
     digest = hashlib.sha256()
     for name in sorted(import_closure(modules)):
@@ -49,10 +49,10 @@ def package_digest() -> str:
 
 
 def import_closure(modules: Iterable[str]) -> set[str]:
-    """Return the names of modules and of all package modules that they import, at any depth.
+    """Return the names of `modules` and of all modules of this package that they import, at any depth.
 
-    The packages that contain them are included, but not `bayesdamp` itself. Imports of `LEAF_MODULES` are not followed.
-    `UNRELATED_MODULES` are left out, unless they are given.
+    The packages that contain these modules are included, but not `bayesdamp` itself. Imports of `LEAF_MODULES` are not
+    followed. A module of `UNRELATED_MODULES` is left out, unless it is one of `modules`.
     """
     waiting = list(modules)
     names = {name for name in waiting if _is_outside(name)}
@@ -69,13 +69,13 @@ def import_closure(modules: Iterable[str]) -> set[str]:
 
 @cache
 def _is_outside(name: str) -> bool:
-    """Return whether a module is one of `UNRELATED_MODULES`, or inside a package that is."""
+    """Return whether a module is in `UNRELATED_MODULES`, or inside a package that is in this list."""
     return any(name == module or name.startswith(f"{module}.") for module in UNRELATED_MODULES)
 
 
 @cache
 def direct_imports(name: str) -> frozenset[str]:
-    """Return the modules of the package that a module imports directly, at its top or in functions.
+    """Return the names of the modules of this package that a module imports directly, at its top or in functions.
 
     Imports under `if TYPE_CHECKING` are left out.
     """
@@ -90,9 +90,9 @@ def direct_imports(name: str) -> frozenset[str]:
 
 @cache
 def _text(name: str) -> str | None:
-    """Return the source of a module; None if the package has no such module.
+    """Return the source code of a module; None if this package has no such module.
 
-    A change of the file after the first call does not affect this process.
+    The result is cached: a change of the file after the first call has no effect in this process.
     """
     file = _files().get(name)
     return file.read_text(encoding="utf-8") if file else None
@@ -100,6 +100,9 @@ def _text(name: str) -> str | None:
 
 @cache
 def _files() -> dict[str, Path]:
-    """Return the files of all modules of the package, by module name (faster than testing each import)."""
+    """Return the path of the file of each module in this package, by module name.
+
+    The list is made once, which is faster than a search for the file of each import.
+    """
     parts = {path: path.relative_to(ROOT.parent).with_suffix("").parts for path in ROOT.rglob("*.py")}
     return {".".join(part for part in each if part != "__init__"): path for path, each in parts.items()}

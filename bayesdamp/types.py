@@ -1,8 +1,9 @@
 """Define the data types that all parts of the package share (frozen dataclasses with hardly any methods), and units.
 
-The functions below `Status` and `FitStatus` convert the outcome of a task, and whether a model fits, between values and
-the text in tables. There an outcome is `ok`, or a sentence that begins with the words of its status. A sentence that
-does not is a method's refusal. Only these functions write and interpret these words."""
+The outcome of a task is stored as text: `ok`, or a sentence. The sentence begins with the words of a `Status`, such as
+"failed:"; without such words it is the reason why a method refused the record. Likewise the sentence on the fit of a
+model begins with the words of a `FitStatus`. Only the functions below these two classes write and interpret the words.
+"""
 
 from __future__ import annotations
 
@@ -19,20 +20,23 @@ if TYPE_CHECKING:
 
 
 OK = "ok"
-"""Outcome of a task that succeeded; any other outcome is a sentence on what went wrong or is doubtful."""
+"""Outcome of a task that succeeded. Any other outcome is a sentence that says what went wrong or why the result is
+doubtful."""
 VERDICT_SCHEMA = 3
 """Version of the format of verdict.json; it increases if a field is renamed, removed, or changes its meaning."""
 NORMAL_95 = 1.959963984540054
 """Half the width of the central 95 % interval of a normal distribution, in standard deviations."""
 SENSOR = 0.002
-"""Default relative standard deviation of every damping ratio because of the sensor's linearity and clock, which the
-record does not show (conventional)."""
+"""Default relative standard deviation of the systematic error of every damping ratio that the sensor causes, by its
+nonlinearity and its clock. A record does not show this error (conventional)."""
 DERIVATIVES = {"angle": 0, "velocity": 1, "acceleration": 2}
-"""Order of the time derivative of the displacement that is recorded, by the name of the recorded quantity."""
+"""By the name of the recorded quantity: which time derivative of the displacement it is (0 for the displacement
+itself)."""
 LAW_MARK = "@"
-"""Separator between damping sum and restoring law in the name of a candidate."""
+"""Separator in the name of a candidate, such as `viscous+coulomb@pendulum`: between the damping sum and the restoring
+law."""
 _OPTIONS = {"value": "angle", "channels": "channel"}
-"""For each argument of the function `read` whose command line option has another name: the name of the option."""
+"""Command line options whose name differs from that of the argument of `read`: the option's name, by argument."""
 
 
 class BayesdampError(Exception):
@@ -42,9 +46,9 @@ class BayesdampError(Exception):
 class InputError(BayesdampError):
     """An error in the input. The message says where it is, what is wrong, and what to do (exit status 2).
 
-    what: the fault, and what to do. where: the file, record, option or argument; at: the position in it, such as a
-    line; both may be empty. arguments: names of arguments of `read` by which the user can resolve the
-    error; the message names the corresponding command line options.
+    what: the fault, and what to do. where: the file, record, option or argument; "" if it is not known. at: the
+    position in it, such as a line; "" if there is none. arguments: names of arguments of `read` with which the user can
+    resolve the error; the message names the corresponding command line options.
     """
 
     def __init__(self, what: str, where: str = "", at: str = "", arguments: Sequence[str] = ()) -> None:
@@ -54,25 +58,26 @@ class InputError(BayesdampError):
         super().__init__((f"{place}: {what}" if place else what) + (f" ({options})" if options else ""))
 
     def naming(self, name: Callable[[str], str]) -> InputError:
-        """Return the error with arguments named `name(argument)` in its message, instead of as options.
+        """Return this error with another notation of its `arguments` in the message.
 
-        Its own `arguments` are empty.
+        In the new message an argument is `name(argument)`, such as "unit=", instead of the command line option. The
+        field `arguments` of the result is empty.
         """
         named = ", ".join(map(name, self.arguments))
         return InputError(f"{self.what} ({named})" if named else self.what, self.where, self.at)
 
 
 class Refusal(BayesdampError):  # noqa: N818 - a method's answer, not an error
-    """Raised if a method cannot be applied to a record; the message, a sentence, is shown in tables."""
+    """Raised if a method cannot be applied to a record. The message is a sentence with the reason, shown in tables."""
 
 
 Fact = str | float
-"""A number or text that a file states."""
+"""A value in the metadata of a record's file: a number or a text."""
 
 
 @dataclass(frozen=True)
 class FreeDecay:
-    """A free decay in a record: start and stop in s, in the times of the record."""
+    """A free decay in a record, from `start` to `stop` (s, on the time axis of the record)."""
 
     start: float
     stop: float
@@ -82,12 +87,12 @@ class FreeDecay:
 class Provenance:
     """How a record was read, and what was done to it.
 
-    warnings: sentences that the user must see; notes: sentences on what was done; header_lines: number of skipped
-    lines. facts: metadata in the file, by name. time_column, value_column: labels of the columns in the file;
-    time_unit: who stated the unit of the times: "given" (the user), "file", or ""; first_line: line number (from 1) of
-    the first row of numbers; unit: unit of the record, a name in UNITS. start, stop: of the part that is used, in s, in
-    the times of the record; offset: constant that was subtracted from all values (in the unit of y); decays: all free
-    decays in the record, including the used one.
+    warnings: sentences that the user must see. notes: sentences on what was done. header_lines: number of skipped
+    lines. facts: metadata in the file, by name. time_column, value_column: labels of the columns in the file.
+    time_unit: source of the unit of the times: "given" (the user), "file", or "" if none is stated. first_line: line
+    number (from 1) of the first row of numbers. unit: unit of the record, a name in UNITS. start, stop: ends of the
+    used part of the record, in s on its time axis; stop is None if the record was not cleaned. offset: constant that
+    was subtracted from all values (in the unit of y). decays: all free decays in the record, including the used one.
     """
 
     warnings: tuple[str, ...] = ()
@@ -123,22 +128,23 @@ class Provenance:
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Self:
-        """Return the provenance from a dictionary of `to_dict`, also after it was stored as JSON with further keys."""
+        """Rebuild the provenance from a dictionary of `to_dict`.
+
+        The dictionary may come from JSON and contain further keys, which are ignored.
+        """
         own = {f.name for f in fields(cls)}
         return join(cls, {name: value for name, value in given.items() if name in own and value is not None})
 
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """A record after cleaning, in base units. Instances compare by identity.
+    """A record after cleaning, in base units. Two instances are equal only if they are the same object.
 
-    t: times in s, shape (n,), strictly increasing, t[0] = 0 at the first sample.
-    y: the recorded quantity, shape (n,), in `unit`, per s or per s² for velocity or acceleration.
-    quantity: "angle", "velocity" or "acceleration".
-    unit: unit of the displacement: "rad", "m", or that of a sensor of unknown scale, such as "V".
-    name: name of the record.
-    step: recording step (quantisation) in the unit of y; 0 if none is detected.
-    provenance: how the record was read, and what was done to it.
+    t: times in s, shape (n,), strictly increasing, t[0] = 0 at the first sample. y: the recorded quantity, shape (n,):
+    in `unit`, for a velocity in `unit` per s, for an acceleration in `unit` per s². quantity: "angle", "velocity" or
+    "acceleration". unit: unit of the displacement: "rad", "m", or that of a sensor of unknown scale, such as "V". name:
+    name of the record. step: recording step (quantisation) in the unit of y; 0 if none is detected. provenance: how the
+    record was read, and what was done to it.
     """
 
     t: np.ndarray
@@ -158,14 +164,13 @@ class Signal:
 
 @dataclass(frozen=True)
 class FeatureValues:
-    """Features of an oscillation: the numbers that are stored.
+    """Features of a decaying oscillation, as single numbers that can be stored.
 
-    rest: median midline of the last half of the turning points (rad or m; 0 for velocity and acceleration).
-    amplitude, final_amplitude: displacement amplitude at the first and at the last sample (rad or m).
+    rest: equilibrium (rad or m), the median midline of the last half of the turning points; 0 for velocity and
+    acceleration. amplitude, final_amplitude: displacement amplitude at the first and at the last sample (rad or m).
     frequency, period: mean over the record, in rad/s and s, from a line through the times of its turning points.
-    cycles: number of cycles whose turning points stand out of the noise.
-    samples_per_cycle: number of samples in a mean period.
-    roughness: standard deviation of the noise, in the unit of the recorded quantity.
+    cycles: number of cycles whose turning points are distinguishable from the noise. samples_per_cycle: number of
+    samples in a mean period. roughness: standard deviation of the noise, in the unit of the recorded quantity.
     """
 
     rest: float
@@ -194,9 +199,8 @@ class Symbol:
 class System:
     """What is known about the oscillator before inference.
 
-    restoring: name of the restoring law.
-    known: specified values of parameters (of the restoring law, theta0, omega0, epsilon, noise_sd, ...), by name.
-    free: priors of unknown parameters, by name; None for the default prior.
+    restoring: name of the restoring law. known: specified values of parameters (of the restoring law, theta0, omega0,
+    epsilon, noise_sd, ...), by name. free: priors of parameters that are inferred, by name; None for the default prior.
     amplitude, frequency: reference amplitude (unit of displacement) and frequency (rad/s), if specified.
     """
 
@@ -209,13 +213,13 @@ class System:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A point estimate of one method at one stage.
+    """A point estimate of the damping by one method, at one stage.
 
-    estimator, stage: names of the method and of the stage. values: parameter values that the method computes, by name
-    (SI units). stderr: standard errors that the method computes, by parameter. details: further results of the method
-    (selected terms, an expression, a learnt force), as strings, numbers and lists of these. evaluations, seconds:
-    number of evaluations, and computing time. outcome: `ok`, why the method failed (there are then no values), or why
-    the values are doubtful.
+    estimator: name of the method. stage: "initial" for the method's own estimate, "refined" for the trajectory fit that
+    starts there. values, stderr: values and standard errors of the parameters that are computed, by name (SI units).
+    details: further results of the method (selected terms, an expression, a learnt force), as strings, numbers and
+    lists of these. evaluations: number of simulations, fits or models that the method evaluated. seconds: computing
+    time. outcome: `ok`, why the method failed (there are then no values), or why the values are doubtful.
     """
 
     estimator: str
@@ -230,7 +234,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class FitCheck:
-    """The checks of how well a model fits, at its posterior mode.
+    """The checks of how well a model fits a record, at the mode of its posterior.
 
     Attributes
     ----------
@@ -241,10 +245,10 @@ class FitCheck:
     predictive_p
         Posterior predictive p-value of the autocorrelation of the whitened residuals.
     window_spread
-        Largest shift of a damping coefficient between a half and the whole record, in standard deviations of its chance
-        distribution.
+        Largest difference of a damping coefficient between a half and the whole record, in standard deviations that
+        such a difference has by chance.
     verdict
-        Whether the model fits, and the reason if not.
+        Text that says whether the model fits, and if not, why.
     """
 
     rms: float = float("nan")
@@ -256,10 +260,10 @@ class FitCheck:
 
 @dataclass(frozen=True)
 class Ratio:
-    """Equivalent viscous damping ratio at an amplitude (rad or m).
+    """The posterior of the equivalent viscous damping ratio at one amplitude.
 
-    value: median. low, high: 95 % interval. sd_noise, sd_law: contributions to its standard deviation by the noise and
-    by deviations from the model.
+    amplitude: in rad or m. value: median. low, high: ends of the 95 % interval. sd_noise, sd_law: contributions to the
+    standard deviation, by the noise and by deviations of the motion from the damping and restoring laws.
     """
 
     amplitude: float
@@ -272,7 +276,7 @@ class Ratio:
 
 @dataclass(frozen=True)
 class LawFreeDamping:
-    """Damping and frequency of a record at k amplitudes, measured without a law of damping or restoring force.
+    """Damping and frequency of a record at k amplitudes, measured without assuming a damping law or restoring law.
 
     Attributes
     ----------
@@ -288,7 +292,7 @@ class LawFreeDamping:
     energy : ndarray, shape (k,)
         Energy of the oscillation per unit of inertia, in the square of the amplitude's unit per s².
     sentence : str
-        What `first_words` says about the record; else empty.
+        Description of this result in words, if `first_words` made it; otherwise empty.
     """
 
     amplitude: np.ndarray
@@ -301,21 +305,25 @@ class LawFreeDamping:
 
 
 FRICTION_WIDTH = 0.02
-"""Default of the width ε of the velocity within which dry friction changes its sign, relative to the peak velocity
-(conventional)."""
+"""Default width ε of the velocity range around zero in which dry friction changes its sign, as a fraction of the peak
+velocity (conventional)."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Reference amplitude (rad or m) and angular frequency (rad/s), with which the widths of priors scale."""
+    """Reference amplitude (rad or m) and angular frequency (rad/s).
+
+    The widths of default priors scale with these two.
+    """
 
     amplitude: float
     frequency: float
 
     def scales(self, rest: float) -> dict[str, float]:
-        """Return the reference amplitude, its peak velocity and the rest position, by their names in `damping.GIVEN`.
+        """Return the numbers on which some damping forces depend, by their names in `damping.GIVEN`.
 
-        Some damping terms are defined relative to these. rest: the equilibrium, rad or m.
+        They are the rest position, the reference amplitude, and the peak velocity at this amplitude. rest: the
+        equilibrium, in rad or m.
         """
         return {
             "rest": rest,
@@ -325,21 +333,21 @@ class Reference:
 
     @property
     def peak_velocity(self) -> float:
-        """Return the peak velocity, amplitude times frequency, in rad/s or m/s."""
+        """Return the peak velocity of a motion with the reference amplitude: amplitude · frequency (rad/s or m/s)."""
         return self.amplitude * self.frequency
 
     @property
     def friction_width(self) -> float:
-        """Return the default width ε of the velocity within which dry friction changes its sign, in rad/s or m/s."""
+        """Return the default ε (rad/s or m/s): the width of the velocity range in which dry friction changes sign."""
         return FRICTION_WIDTH * self.peak_velocity
 
 
 @dataclass(frozen=True)
 class Friction:
-    """A width ε of the velocity within which dry friction changes its sign, and the fit with this width.
+    """A trial value of ε, the width of the velocity range in which dry friction changes its sign, and the fit with it.
 
-    epsilon: ε in rad/s or m/s. weight: posterior probability of this width among those that were tried. coefficients,
-    further: coefficients of all damping terms, and their further parameters, at this width.
+    epsilon: ε in rad/s or m/s. weight: posterior probability of this value among those that were tried. coefficients,
+    further: coefficients of all damping terms, and the other parameters of these terms, in this fit.
     """
 
     epsilon: float
@@ -352,10 +360,12 @@ class Friction:
 class Posterior:
     """Draws from a posterior: draws[chain, draw, parameter] in natural units.
 
-    names: of the parameters. log_likelihood: of each draw. stats: statistics of the sampler for each draw. summaries:
-    of each parameter. divergences: number of divergent transitions, None for samplers without them. evaluations: number
-    of likelihood evaluations. ensembles: number of groups of chains that share their moves. diagnostics: further
-    diagnostics of the sampler. seconds: computing time. outcome: `ok`, or why the draws are unreliable or missing.
+    sampler: name of the sampler. names: names of the parameters. log_likelihood: log likelihood of each draw in nats,
+    (chain, draw). stats: statistics of the sampler by name, such as the acceptance rate. summaries: for each parameter,
+    statistics of its draws by name. divergences: number of divergent transitions; None for samplers without them.
+    evaluations: number of likelihood evaluations. ensembles: number of groups of chains, if the chains of a group
+    depend on each other. diagnostics: further diagnostics of the sampler. seconds: computing time. outcome: `ok`, or
+    why the draws are unreliable or missing.
     """
 
     sampler: str
@@ -376,9 +386,9 @@ class Posterior:
 class Evidence:
     """Log marginal likelihood (nats) of one model by one method, with its standard error and diagnostic.
 
-    model: name of the candidate. log_evidence and stderr are NaN if they could not be computed. diagnostic: text on the
-    reliability of the method, "" without one. evaluations: number of likelihood evaluations. seconds: computing time.
-    outcome: `ok`, or why the result is unreliable or missing.
+    model: name of the candidate, such as `viscous@pendulum`. log_evidence and stderr are NaN if they could not be
+    computed. diagnostic: text on the reliability of the result; "" if the method has none. evaluations: number of
+    likelihood evaluations. seconds: computing time. outcome: `ok`, or why the result is unreliable or missing.
     """
 
     model: str
@@ -397,15 +407,19 @@ def candidate_name(damping: str, restoring: str = "") -> str:
 
 
 def candidate_parts(name: str) -> tuple[str, str]:
-    """Return damping sum and restoring law, in this order, from the name of a candidate; without `@` the law is ""."""
+    """Return the damping sum and the restoring law in the name of a candidate, such as `viscous+coulomb@pendulum`.
+
+    If the name contains no `@`, the law is "".
+    """
     damping, _, restoring = name.partition(LAW_MARK)
     return damping, restoring
 
 
 def sum_probabilities(probabilities: Mapping[str, float], part: int = 0) -> dict[str, float]:
-    """Sum the probabilities of candidates over restoring laws; return them by damping sum, the largest first.
+    """Return the total probability of each damping sum over all restoring laws, the largest first.
 
-    With `part` 1, sum over damping sums and return them by restoring law.
+    probabilities: probabilities of candidates by name (damping sum and restoring law). part: 0 as above; 1 for the
+    total of each restoring law over all damping sums.
     """
     sums: dict[str, float] = {}
     for name, p in probabilities.items():
@@ -416,7 +430,7 @@ def sum_probabilities(probabilities: Mapping[str, float], part: int = 0) -> dict
 
 @dataclass(frozen=True)
 class Problem:
-    """The problem that an estimator solves.
+    """The problem that an estimator solves: which damping coefficients to estimate, and what is known.
 
     damping: names of the damping terms whose coefficients are estimated. system: restoring law, known values and
     priors.
@@ -433,20 +447,21 @@ noise."""
 
 
 class _Beginning(Enum):
-    """Base of enumerations whose values are the beginnings of sentences."""
+    """Base of enumerations whose values are the first words of a sentence."""
 
     def because(self, reason: str) -> str:
-        """Return the sentence "VALUE: REASON", with the words of this status and a reason, such as "pruned: ..."."""
+        """Return the sentence "VALUE: REASON", which begins with the words of this member, such as "pruned: ..."."""
         return f"{self.value}: {reason}"
 
 
 class Status(_Beginning):
-    """The outcome of a task; the value is the beginning of its sentence.
+    """The outcome of a task; the value contains the first words of its sentence.
 
-    FAILED: by a fault of the program. NOT_COMPUTED: it depends on a task that failed. Both are computed again in the
-    next run. PRUNED: the model has far lower evidence than others. NOT_SAMPLED: the posterior of the model, and
-    results that need its draws, are left out, because the model is not among the best by evidence. NOT_APPLICABLE: the
-    record has no data for the task. REFUSED: a method cannot work on this record; the sentence is the reason alone.
+    FAILED: the task failed because of a fault of the program. NOT_COMPUTED: the task depends on another one, which
+    failed. Both are computed again in the next run. PRUNED: the model has far lower evidence than others. NOT_SAMPLED:
+    the posterior of the model, and results that need its draws, are left out, because the model is not among the best
+    by evidence. NOT_APPLICABLE: the record has no data for the task. REFUSED: a method cannot work on this record; the
+    sentence is the reason alone.
     """
 
     OK = "ok"
@@ -459,14 +474,17 @@ class Status(_Beginning):
 
 
 class FitStatus(_Beginning):
-    """Whether a model fits a record; the value is the beginning of the sentence on its fit."""
+    """Whether a model fits a record; the value contains the first words of the sentence on its fit."""
 
     FITS = "fits"
     DOES_NOT_FIT = "does not fit"
 
 
 def status_of(outcome: str) -> Status:
-    """Return the status that an outcome's text states; `REFUSED` if it begins with the words of no other status."""
+    """Return the status of a task from the text of its outcome.
+
+    It is the status with whose words the text begins, or `REFUSED` if there is none.
+    """
     if outcome == Status.OK.value:
         return Status.OK
     named = (s for s in Status if s not in (Status.OK, Status.REFUSED))
@@ -474,17 +492,17 @@ def status_of(outcome: str) -> Status:
 
 
 def fitting_of(sentence: str) -> FitStatus | None:
-    """Return whether a model fits, according to the sentence on its fit.
+    """Return whether a model fits, from the first words of the sentence on its fit.
 
-    None if the sentence begins with neither value of `FitStatus`, as when nothing was checked.
+    The result is None if the sentence does not begin with a value of `FitStatus`, as when nothing was checked.
     """
     return next((fitting for fitting in FitStatus if sentence.startswith(fitting.value)), None)
 
 
 def reason_of(sentence: str) -> str:
-    """Return a sentence without the words of `Status` or `FitStatus` at its beginning, such as "failed:".
+    """Return a sentence without its first words if these are a value of `Status` or `FitStatus`, such as "failed:".
 
-    A sentence that does not begin with these is returned unchanged.
+    A sentence that does not begin with such words is returned unchanged.
     """
     for beginning in (*Status, *FitStatus):
         if beginning.value and sentence.startswith(f"{beginning.value}:"):
@@ -493,10 +511,10 @@ def reason_of(sentence: str) -> str:
 
 
 def following(name: str, outcome: str) -> str:
-    """Return the outcome of a task that depends on another task whose outcome is not ok.
+    """Return the outcome of a task that cannot be computed because another task, on which it depends, is not ok.
 
-    name, outcome: of the other task. If that task failed, the result is "not computed" and names it; else the outcome
-    is the same.
+    name, outcome: name and outcome of that other task. If it failed, the result is "not computed: ...", which names it;
+    otherwise the result is the outcome of the other task.
     """
     if status_of(outcome) is Status.FAILED:
         return Status.NOT_COMPUTED.because(f"{name} {outcome}")
@@ -504,16 +522,16 @@ def following(name: str, outcome: str) -> str:
 
 
 _PER = {"angle": "", "velocity": "/s", "acceleration": "/s²", "envelope": ""}
-"""Text that follows the unit of displacement in the unit of each quantity, such as /s."""
+"""By recorded quantity: what is added to the unit of displacement to get the unit of the quantity, such as "/s"."""
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of displacement.
+    """A unit of displacement, or of velocity or acceleration.
 
-    base: unit in which we compute: rad, m, or the unit itself for a sensor of unknown scale. factor: size of the unit
-    in the base. quantity: if it is a unit of velocity or acceleration (rpm, g), that quantity; None for a unit of
-    displacement. written: other ways of writing it in column names, in small letters.
+    base: unit in which we compute: rad, m, or the unit itself for a sensor of unknown scale. factor: size of this unit
+    in the base unit, such as 0.001 for mm. quantity: "velocity" or "acceleration" if it is a unit of this quantity
+    (rpm, g); None for a unit of displacement. written: other spellings in column names, in small letters.
     """
 
     name: str
@@ -524,17 +542,20 @@ class Unit:
 
     @property
     def translates(self) -> bool:
-        """Return whether the displacement is not an angle, so that laws of a pendulum do not apply."""
+        """Return whether the displacement is not an angle, so that the restoring laws of pendulums do not apply."""
         return self.base != "rad"
 
     @property
     def physical(self) -> bool:
-        """Return whether the scale is known (rad or m), so that forces and energies follow if the inertia is known."""
+        """Return whether the displacement is an angle or a length, and not the output of a sensor of unknown scale.
+
+        If so, forces and energies can be computed from the inertia.
+        """
         return self.base in ("rad", "m")
 
     @property
     def scale(self) -> float:
-        """Return the size of the base unit in this unit, 1 / factor."""
+        """Return 1 / factor, by which a value in the base unit is multiplied to get its value in this unit."""
         return 1.0 / self.factor
 
     @property
@@ -543,19 +564,19 @@ class Unit:
         return self if self.quantity is None else UNITS[self.base]
 
     def quantity_name(self, quantity: str) -> str:
-        """Return the name of a recorded quantity, such as "velocity".
+        """Return the name of a recorded quantity as sentences use it, such as "velocity".
 
-        For the quantity "angle" (a displacement) it depends on the base of this unit: "angle" (rad), "position" (m) or
-        "signal".
+        For the quantity "angle", which means any displacement, it depends on the base of this unit: "angle" (rad),
+        "position" (m) or "signal".
         """
         if quantity != "angle":
             return quantity
         return {"rad": "angle", "m": "position"}.get(self.base, "signal")
 
     def of(self, quantity: str) -> str:
-        """Return the unit of a quantity if the displacement has this unit, such as "mm/s".
+        """Return the name of the unit of a quantity, such as "mm/s" for the velocity if this unit is mm.
 
-        For a unit that is itself one of this quantity, such as rpm of a velocity, return its own name.
+        If this is itself a unit of the quantity, such as rpm for the velocity, it is the name of this unit.
         """
         return self.name if quantity == self.quantity else self.name + _PER[quantity]
 
@@ -586,16 +607,22 @@ UNITS = {
 }
 """Units by name, as in study files and options."""
 DECIBELS = ("dB", "dBm", "dBV", "dBu", "dBmV", "dBuV", "dBW", "dBA", "dBFS", "dBc")
-"""Units of the levels of envelopes, 20 log10 of the amplitude."""
+"""Decibel units in which the level of an envelope may be given, 20 log10 of the amplitude."""
 
 
 def unit_named(name: str) -> Unit:
-    """Return the unit with a name; an unknown one, such as dBm of an envelope, is its own base."""
+    """Return the unit with a name.
+
+    A name that is not in `UNITS`, such as dBm of an envelope, gives a unit that is its own base.
+    """
     return UNITS.get(name) or Unit(name, name, 1.0)
 
 
 def quantity_unit(unit: str, quantity: str) -> str:
-    """Return `Unit.of(quantity)` of the unit with this name. Raises KeyError if it is not in `UNITS`."""
+    """Return the name of a quantity's unit, such as "mm/s" for the unit "mm" and the quantity "velocity".
+
+    unit: name of the unit of the displacement. Raises KeyError if it is not in `UNITS`.
+    """
     return UNITS[unit].of(quantity)
 
 

@@ -1,4 +1,7 @@
-"""Simulation-based calibration: draw records from the prior, and rank their true parameters among posterior draws."""
+"""Simulation-based calibration: draw records from the prior, and rank their true parameters among posterior draws.
+
+If the posterior is right, all ranks are equally probable.
+"""
 
 import time
 import zlib
@@ -25,31 +28,34 @@ from bayesdamp.store.results import RanksContent
 from bayesdamp.types import OK, Estimate, InputError, Problem, Reference, Refusal, Signal, System
 
 ESTIMATOR = "least_squares"
-"""The estimator whose refined estimate is the starting point of the search for the posterior mode."""
+"""The estimator from whose estimate a trajectory fit starts. The result of this fit, the refined estimate, is the start
+of the search for the posterior mode."""
 SECOND_ESTIMATOR = "envelope"
-"""If the trajectory fit of `ESTIMATOR` has an outcome other than `ok`, this estimator's estimate, the initial estimate
-of `ESTIMATOR` and the centre of the prior are further starting points of the search."""
+"""The search for the posterior mode has three further starts if the trajectory fit of `ESTIMATOR` does not succeed (its
+outcome is not `ok`): this estimator's estimate, the initial estimate of `ESTIMATOR`, and the centre of the prior."""
 SCALE_RANGE = (0.003, 0.1)
-"""Range of the scale of the half-normal prior of equivalent damping ratios (`SharedHalfNormal`), itself a damping ratio
-(1 is critical). Records are drawn, and their posteriors and evidence computed, with only those of `SHARED_SCALES` that
-are in this range: below it noise hides the damping of most records; above it many records do not oscillate."""
+"""Range of the scale of the half-normal prior of equivalent damping ratios (`SharedHalfNormal`); the scale is itself a
+damping ratio (1 is critical). A calibration uses only those of `SHARED_SCALES` that are in this range, to draw records
+and to compute their posteriors and evidence. Below it noise hides the damping of most records; above it many records do
+not oscillate."""
 MOST_ESCAPES = 100
-"""A prior is rejected if records cannot be simulated with this many successive draws from it, because trajectories are
-unbounded, for example (conventional)."""
+"""A prior is rejected if no record can be simulated with this many successive draws from it, for example because the
+motions are unbounded (conventional)."""
 Result = TypeVar("Result")
 RECORDS_PER_TASK = 16
-"""Number of records that one task simulates."""
+"""Number of records that one task (a computation whose result is stored) simulates."""
 LIKELIHOOD = "log_likelihood"
-"""Name of the log likelihood among the ranked quantities: its rank at the true parameters can show an error that the
-rank of no parameter shows (Modrák et al., 2023)."""
+"""Name of the log likelihood, which is ranked like a parameter. The rank of its value at the true parameters can show
+an error that the rank of no parameter shows (Modrák et al., 2023)."""
 
 
 @dataclass(frozen=True)
 class DrawnRecord:
-    """A simulated record: the true values of all inferred parameters, the signal, and a posterior density.
+    """A simulated record whose true parameters were drawn from the prior, and a posterior density for it.
 
-    truth: true values by name, in the units of the parameters (not scores). target: the posterior density for this
-    signal under the model that is fitted to it, at first the one that it was drawn from.
+    truth: true values of all inferred parameters by name, in the units of the parameters (not scores). signal: the
+    record. target: the posterior density for this record under the model that is fitted to it; after `Generator.draw`
+    this is the model from which the record was drawn.
     """
 
     truth: Mapping[str, float]
@@ -61,10 +67,10 @@ class DrawnRecord:
 class Generator:
     """A generator of simulated records of one damping model, with parameters drawn from its priors.
 
-    model: the damping sum. source: the settings of the simulation; its damping terms and true values are not used.
-    system: the restoring law, the known values and the priors of the parameters. blank: the posterior density for an
-    empty record. Records are drawn from its priors, and replacing its signal by a record gives the posterior density
-    for that record.
+    model: name of the damping model, such as "viscous+coulomb". source: the settings of the simulation; its damping
+    terms and true values are not used. system: the restoring law, the known values and the priors of the parameters.
+    blank: the posterior density for an empty record. Records are drawn from its priors, and replacing its signal by a
+    record gives the posterior density for that record.
     """
 
     model: str
@@ -73,11 +79,11 @@ class Generator:
     blank: Target
 
     def draw(self, rng: np.random.Generator, name: str) -> DrawnRecord:
-        """Return a record with this name that is simulated with parameters drawn from the prior.
+        """Draw parameters from the prior, and return a record with this name that is simulated with them.
 
-        `rng` draws the parameters and then the noise. If the simulation raises InputError, as for an unbounded
-        trajectory, the parameters are drawn again. The likelihood of such parameters is zero for every record, so that
-        leaving them out of the prior does not change the posterior.
+        `rng` draws the parameters and then the noise. If the simulation raises InputError, as for an unbounded motion,
+        the parameters are drawn again. Such parameters have likelihood zero for every record, so leaving them out of
+        the prior does not change the posterior.
 
         Raises
         ------
@@ -104,7 +110,7 @@ class Generator:
 def record_rng(seed: int, *labels: object) -> np.random.Generator:
     """Return the random number generator of one record, seeded by the study's seed and the record's labels.
 
-    The labels, such as the model and the number of the record, are joined to one text. Equal arguments give equal
+    The labels, such as the model and the number of the record, are joined into one text. Equal arguments give equal
     random numbers.
     """
     return np.random.default_rng([seed, zlib.crc32("/".join(map(str, labels)).encode())])
@@ -176,7 +182,7 @@ def make_generator(
 
 
 def _reference(study: Study, system: System) -> Reference:
-    """Return the amplitude and frequency with which default priors scale, from the settings of the study.
+    """Return the reference amplitude and frequency, with which default priors scale, from the settings of a study.
 
     Raises InputError if one of them is neither stated nor follows from known parameters.
     """
@@ -197,11 +203,11 @@ def _reference(study: Study, system: System) -> Reference:
 
 
 def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
-    """Return the posterior mode of a record, and the refined estimate: the trajectory fit that starts at `ESTIMATOR`.
+    """Return the posterior mode of a record, and its refined estimate.
 
-    `system` contains the known values and priors that the estimators use. The refined estimate has no values if this
-    fit failed. No starting point of the search for the mode uses the true values: the starting points come from the
-    record or the prior.
+    The refined estimate is the trajectory fit that starts at the estimate of `ESTIMATOR`; it has no values if this fit
+    failed. The search for the mode starts from estimates that follow from the record, or from the centre of the prior,
+    never from the true values. system: the known values and priors that the estimators use.
 
     Raises
     ------
@@ -221,10 +227,10 @@ def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
 
 
 def run_safely(compute: Callable[..., Result], *arguments: object) -> tuple[Result | None, str]:
-    """Call a function and return its result and OK, or None and the outcome of its exception.
+    """Call a function; return its result and OK, or None and a text that says why it failed.
 
-    The outcome is the message of a Refusal, and "failed: TYPE: MESSAGE" for other exceptions. InputError and the
-    OSError of a full disk are raised to the caller, and with BAYESDAMP_DEBUG every exception except Refusal.
+    The text is the message of a Refusal, or "failed: TYPE: MESSAGE" for another exception. InputError and the OSError
+    of a full disk are raised to the caller. If BAYESDAMP_DEBUG is set, every exception except Refusal is raised.
     """
     try:
         return compute(*arguments), OK
@@ -240,12 +246,12 @@ def compute_chunk(study: Study, model: str, first: int) -> Product:
     Returns
     -------
     Product
-        The content is a `RanksContent` with the outcome of each record and the names of the k parameters, the log
-        likelihood last. Arrays for c = `RECORDS_PER_TASK` records and s samplers, in the units of the parameters (nats
-        for the log likelihood): truth (c, k), the true values; value and stderr (c, k), the refined estimate and its
-        standard errors, NaN where missing; ranks (c, s, k), the number of thinned draws below the truth (0 to
-        calibration.draws), −1 if the sampler gave no draws; below (c, s, k), the fraction of all draws below the truth,
-        then NaN.
+        The content is a `RanksContent` with the outcome of each record and the names of the k quantities: the
+        parameters, and last the log likelihood. The arrays are for c = `RECORDS_PER_TASK` records and s samplers, in
+        the units of the parameters (nats for the log likelihood). truth (c, k): the true values. value and stderr (c,
+        k): the refined estimate and its standard errors; NaN where missing. ranks (c, s, k): number of thinned draws
+        below the true value, 0 to calibration.draws; −1 if the sampler gave no draws. below (c, s, k): fraction of all
+        draws below the true value; NaN if there are no draws.
     """
     source, table, p = make_generator(study, model), study.calibration, study.posterior
     names = [*source.blank.names, LIKELIHOOD]
@@ -311,7 +317,10 @@ def check(study: Study) -> None:
 
 
 def key_parts(study: Study) -> dict[str, Any]:
-    """Return the settings, by name, on which the result of a task depends besides the model and the first record."""
+    """Return the settings, by name, on which the result of a task depends.
+
+    The model and the number of the task's first record, on which it depends too, are not included.
+    """
     table, resolved = study.calibration, study.resolved()
     return {
         "signal": resolved["signals"][0],
@@ -324,10 +333,10 @@ def key_parts(study: Study) -> dict[str, Any]:
 
 
 def thin(draws: np.ndarray, count: int) -> np.ndarray:
-    """Return `count` draws, shape (count,), that are spread evenly over all chains of `draws`, shape (chain, draw).
+    """Select `count` draws that are spread evenly over all chains; return them, (count,).
 
-    The chains are joined one after the other; the first and the last draw are included. Raises ValueError if there are
-    fewer than `count` draws.
+    draws: shape (chain, draw). The chains are joined one after the other; the first and the last draw are included.
+    Raises ValueError if there are fewer than `count` draws.
     """
     flat = draws.reshape(-1)
     if flat.size < count:

@@ -1,4 +1,7 @@
-"""Model recovery: draw a damping model and a record of it, and compute the probabilities of all models."""
+"""Model recovery: draw a damping model and a record of it, and compute the probabilities of all models.
+
+If the probabilities are right, models with the probability p are the true ones in the fraction p of the records.
+"""
 
 import math
 import time
@@ -18,7 +21,7 @@ from bayesdamp.store.results import RecoveryContent
 from bayesdamp.types import OK, InputError, Refusal
 
 RECORDS_PER_TASK = 4
-"""Number of records that one task simulates."""
+"""Number of records that one task (a computation whose result is stored) simulates."""
 
 
 def compute_chunk(study: Study, series: str, first: int) -> Product:
@@ -29,11 +32,11 @@ def compute_chunk(study: Study, series: str, first: int) -> Product:
     Returns
     -------
     Product
-        The content is a `RecoveryContent`. Arrays for c = `RECORDS_PER_TASK` records and the m models in `models` of
-        the content: model (c,), the index of the true model, from 0; probability (c, m) of each model, with equal prior
-        probabilities; log_evidence (c, m) in nats; design (c, 2), whose columns are the noise (fraction of the
-        reference amplitude) and the number of cycles. For records that are not used (their outcome is not `ok`), all
-        probabilities are NaN, and so is the evidence of models after the first that failed.
+        The content is a `RecoveryContent`. The arrays are for c = `RECORDS_PER_TASK` records and the m models in
+        `models` of the content. model (c,): index of the true model, from 0. probability (c, m): probability of each
+        model, with equal prior probabilities. log_evidence (c, m): in nats. design (c, 2): the noise (fraction of the
+        reference amplitude) and the number of cycles. A record whose outcome is not `ok` is not used: all its
+        probabilities are NaN, and so is the evidence of the model that failed and of those after it.
     """
     models, began = study.models.compare, time.perf_counter()
     outcomes = [OK] * RECORDS_PER_TASK
@@ -73,26 +76,25 @@ def compute_chunk(study: Study, series: str, first: int) -> Product:
 def design_of(study: Study, number: int) -> tuple[float, float]:
     """Return the noise (fraction of the reference amplitude) and the number of cycles of record `number`, from 0.
 
-    A cycle is one of the reference frequency. Records take all combinations of the study's noise levels and cycles in
-    turn.
+    A cycle has the reference frequency. Successive records use all combinations of the study's noise levels and numbers
+    of cycles in turn.
     """
     levels = list(product(study.recovery.noise, study.recovery.cycles))
     return levels[number % len(levels)]
 
 
 def _generators(study: Study, noise: float, cycles: float) -> list[Generator]:
-    """Return a generator for each model of the study, in their order, for records with this number of reference cycles.
+    """Return a generator of records for each model of the study, in the order of the models.
 
-    The prior of the noise's standard deviation is log-normal and has its median at `noise` times the reference
-    amplitude.
-
-    Raises InputError if the study's first signal is not simulated, or states no reference amplitude or frequency.
+    noise: fraction of the reference amplitude that is the median of the noise's standard deviation, which has a
+    log-normal prior. cycles: duration of the records, in cycles of the reference frequency. Raises InputError if the
+    study's first signal is not simulated, or states no reference amplitude or frequency.
     """
     table, system, source = study.recovery, study.signals[0].system, study.signals[0].source
     if not isinstance(source, Simulation) or system.amplitude is None or system.frequency is None:
         raise InputError(
             f"{study.source}: calibrate --models needs a simulated first signal, and amplitude and frequency in "
-            "[system], with which noise and duration of the records scale"
+            "[system]; they determine the noise and the duration of the records"
         )
     duration = 2 * math.pi * cycles / system.frequency
     source = source.model_copy(update={"duration": duration, "samples": table.samples})
@@ -106,8 +108,8 @@ def _evidence(
     """Return the log evidence (nats) of one model for a record, by importance sampling, and the outcome of this method.
 
     source: the generator of the model whose evidence is computed. drawn: the record, from this or any other model; its
-    true values are not used. labels: values that, with the study's seed, determine the random numbers. Raises Refusal
-    if no mode is found, or the evidence is not finite.
+    true values are not used. labels: values that determine the random numbers, together with the study's seed. Raises
+    Refusal if no mode is found, or the evidence is not finite.
     """
     assumed = replace(drawn, target=replace(source.blank, signal=drawn.signal))
     mode, _ = mode_of(assumed, source.system)
@@ -133,7 +135,10 @@ def check(study: Study) -> None:
 
 
 def key_parts(study: Study) -> dict[str, Any]:
-    """Return the settings, by name, on which the result of a task depends besides its first record."""
+    """Return the settings, by name, on which the result of a task depends.
+
+    The number of the task's first record, on which it depends too, is not included.
+    """
     resolved = study.resolved()
     return {
         "signal": resolved["signals"][0],

@@ -1,7 +1,8 @@
 """Run a calibration: simulate and analyse records, and write tables and report.
 
-A series is a number of records of one kind, such as those that are drawn from one model. A task simulates and analyses
-the next few records of a series, a chunk. An interrupted calibration resumes.
+A series is a set of simulated records of one kind, such as those that are drawn from one damping model. Its records are
+divided into chunks of a few successive records. A task simulates and analyses one chunk, and its result is stored, so
+that an interrupted calibration resumes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,14 +30,14 @@ from bayesdamp.store.results import RanksContent, Store, TaskResult, provenance
 from bayesdamp.types import OK, Status, status_of
 
 RECOVERY = "recovery"
-"""Name of the series of records of a model recovery."""
+"""Name of the series of simulated records that tests the probabilities of models (model recovery)."""
 DONE, SOME_FAILED = 0, 3
-"""Exit statuses: everything is computed, or the program failed on some records."""
+"""Exit statuses: `DONE` if everything is computed, `SOME_FAILED` if the program failed on some records."""
 
 
 @dataclass(frozen=True)
 class RecordSeries:
-    """A series of simulated records.
+    """A series of simulated records, which tests posteriors of one damping model or the probabilities of all models.
 
     records: number of records, which is rounded up to whole tasks. model: the model whose posteriors are tested; empty
     if the probabilities of all models of the study are tested.
@@ -56,7 +57,7 @@ class RecordSeries:
         return ranks if self.model else recovery
 
     def task(self, study: Study, first: int) -> tuple[str, str]:
-        """Return the name of the task that begins with record number `first`, and its key.
+        """Return the name and the key of the task that begins with record number `first` of this series.
 
         A name is, for example, `ranks/viscous/000016`. The key is a digest of all settings and sources on which the
         result depends; a stored result with this key is not computed again.
@@ -82,7 +83,7 @@ def run_calibration(
     report: bool = True,
     console: Console | None = None,
 ) -> int:
-    """Compute the results that `out` does not contain yet, and write tables and report.
+    """Compute the results that the folder `out` does not contain yet, and write tables and report.
 
     Parameters
     ----------
@@ -91,9 +92,9 @@ def run_calibration(
     out
         The folder of the results.
     records
-        Number of simulated records for each model (with `models`, for all models together), instead of the study's.
+        Number of simulated records, instead of the study's: for each model, or with `models` for all models together.
     models
-        Whether to test the probabilities of models (model recovery) instead of the posteriors of parameters.
+        If True, test the probabilities of models (model recovery). If False, test the posteriors of parameters.
     workers
         Number of processes; by default the number of cores.
     fresh
@@ -154,10 +155,10 @@ def run_calibration(
 
 
 def _write(study: Study, store: Store, results: Mapping[str, Sequence[TaskResult]], models: bool) -> None:
-    """Write run.json and the tables into the folder of the store.
+    """Write run.json and the tables of a calibration into the folder of the store.
 
-    The tables are recovery.csv if `models`, else calibration.csv and ranks.csv. results: results of tasks by the name
-    of their series.
+    models: True for a model recovery, whose table is recovery.csv; False for a test of posteriors, whose tables are
+    calibration.csv and ranks.csv. results: results of tasks by the name of their series.
     """
     if models:
         columns, rows = tables.recovery_table(results[RECOVERY])
@@ -184,9 +185,10 @@ def _write(study: Study, store: Store, results: Mapping[str, Sequence[TaskResult
 def compute_series(
     study: Study, every: Sequence[RecordSeries], store: Store, workers: int | None, console: Console
 ) -> dict[str, list[TaskResult]]:
-    """Compute the tasks of every series, and return their results by the name of the series, in order of the records.
+    """Compute the tasks of every series of simulated records, and return their results by the name of the series.
 
-    Results that are already stored are read instead. workers: number of processes; None for one on each core.
+    The results of a series are in the order of its records. Stored results are read instead of computed. workers:
+    number of processes; None for one on each core.
     """
     results: dict[str, list[TaskResult]] = {s.name: [] for s in every}
     tasks = [(s, first) for s in every for first in range(0, s.records, s.module.RECORDS_PER_TASK)]
@@ -200,9 +202,10 @@ def compute_series(
 
 
 def _compute_task(study: Study, folder: Path, series: RecordSeries, first: int) -> TaskResult:
-    """Return the result of a task from the store in `folder`.
+    """Return the result of one task; compute and store it first if necessary.
 
-    It is computed and stored first if it is missing, if it has another key, or if the program failed in it.
+    This is necessary if the store in `folder` does not contain the result, if the stored result has another key, or if
+    the program failed in it. first: number of the task's first record in the series.
     """
     use_modules(study.plugins)
     store, (name, key) = Store(folder), series.task(study, first)

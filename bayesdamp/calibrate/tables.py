@@ -1,8 +1,10 @@
 """Build the tables and summaries of a calibration and of a model recovery, with a p value for every test.
 
-Simulation-based calibration (Talts, Betancourt, Simpson, Vehtari and Gelman, arXiv 1804.06788): parameters drawn from
-the prior, and a record from these, make the rank of the truth among independent posterior draws uniform. The rank is
-also uniform over any selection of records that depends on the record alone, as the posterior is conditional on it."""
+A calibration draws parameters from the prior and simulates a record with them. If the posterior is right, the rank of a
+true parameter among independent posterior draws is then uniform (Talts, Betancourt, Simpson, Vehtari and Gelman, arXiv
+1804.06788). The rank is also uniform over any selection of records that depends on the record alone, because the
+posterior is conditional on the record.
+"""
 
 import math
 from collections import Counter
@@ -19,39 +21,41 @@ from bayesdamp.store.results import ChunkContent, RanksContent, RecoveryContent,
 from bayesdamp.types import OK
 
 LEVELS = (0.5, 0.8, 0.95)
-"""Probabilities of the intervals whose coverage is tested."""
+"""Probabilities of the parameter intervals that are tested: each should contain the true value in this fraction of
+records."""
 EDGES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0)
-"""Edges of the bins into which the records of a model recovery are sorted, by the probability of the model that is most
-probable for the record."""
+"""Edges of the bins into which the records of a model recovery are sorted: by the probability of the most probable
+model of each record."""
 FALSE_ALARM = 0.01
 """Probability that any test in a table has the verdict "wrong" although everything is correct (conventional)."""
 CLASSICAL = "refined estimate"
-"""Name, in the column "method", of the trajectory fit, whose intervals of several standard errors are tested too."""
+"""Name of the trajectory fit (the refined estimate) in the column "method". Its intervals, a multiple of its standard
+errors, are tested too."""
 COLUMNS = (
     "model", "method", "parameter", "check", "level", "records", "without", "value", "low", "high", "p", "p_holm",
     "verdict",
 )  # fmt: skip
 """Columns of calibration.csv; the docstring of `calibration_rows` explains them."""
 RANK_COLUMNS = ("model", "sampler", "parameter", "ranks")
-"""Columns of ranks.csv. A field in `ranks` has the ranks of the truth in all records, separated by spaces."""
+"""Columns of ranks.csv. The column `ranks` contains the ranks of the true value in all records, separated by spaces."""
 RECORD_COLUMNS = ("record", "noise", "cycles", "model", "outcome", "doubts")
-"""First columns of recovery.csv: the noise (fraction of the reference amplitude), the number of cycles, the true model,
-and the number of models whose evidence is doubtful, among others. A column with the probability of each damping sum
-follows."""
+"""First columns of recovery.csv: the number of the record, its noise (fraction of the reference amplitude), number of
+cycles, true model, outcome (`ok`, or why it is not used), and the number of models whose evidence is doubtful. They are
+followed by a column for each damping sum with its probability."""
 
 Row = dict[str, Any]
 Results = Mapping[str, Sequence[TaskResult]]
 
 
 def _join(chunks: Sequence[TaskResult], name: str) -> np.ndarray:
-    """Return the array `name` of all results of a series, joined along its first axis (records)."""
+    """Return the array `name` in the results of all tasks of a series, joined along its first axis (records)."""
     return np.concatenate([c.arrays[name] for c in chunks])
 
 
 def _adjust(family: Iterable[Row]) -> list[Row]:
-    """Return the rows of a family of tests, to which Holm's adjusted p values are added as `p_holm`.
+    """Add to each row of a family of tests its p value adjusted by Holm's method, as `p_holm`; return the rows.
 
-    The p values are adjusted for the number of tests in the family. The given rows are changed.
+    The adjustment is for the number of tests in the family. The given rows are changed.
     """
     rows = list(family)
     for row, adjusted in zip(rows, holm([r["p"] for r in rows]), strict=True):
@@ -60,17 +64,21 @@ def _adjust(family: Iterable[Row]) -> list[Row]:
 
 
 def calibration_rows(study: Study, results: Results) -> list[Row]:
-    """Return the rows of calibration.csv.
+    """Return the rows of calibration.csv; each row is one test.
 
-    For each model, sampler and parameter there is a test of the ranks and one for each level of intervals; then follow
-    the intervals of the refined estimates. Samplers and refined estimates are two families of tests, each with its own
-    adjusted p values (`p_holm`). results: results of tasks by series.
+    For each model, sampler and parameter there is a test of the ranks, and a test of coverage for each level of
+    intervals (`LEVELS`). Further rows test the coverage of the intervals of the refined estimates (trajectory fits).
+    Samplers and refined estimates are two families of tests, each with its own adjusted p values (`p_holm`). results:
+    results of tasks by series.
 
-    records: number of tested records. without: number of further records, without an interval. value: for "ranks" the
-    largest difference (with its sign) of their distribution function from the uniform one; for "coverage" the fraction
-    of intervals that contain the truth. low, high: range that contains this fraction with 99 % probability if the
-    intervals are right. p: two-sided p value, nan if there are no records. The verdict is "wrong" if p_holm is below
-    `FALSE_ALARM`, "not tested" if it is nan, else "passes".
+    Values in a row:
+
+    - records: number of tested records. without: number of further records, which have no interval.
+    - value: for "ranks" the largest difference, with its sign, of their distribution function from the uniform one; for
+      "coverage" the fraction of intervals that contain the true value.
+    - low, high: range that contains this fraction with 99 % probability if the intervals are right.
+    - p: two-sided p value, nan if there are no records.
+    - verdict: "wrong" if p_holm is below `FALSE_ALARM`, "not tested" if it is nan, else "passes".
     """
     rows, classical = list[Row](), list[Row]()
     for model, sampler, name, ranks, below in _ranks(study, results):
@@ -101,10 +109,11 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
 
 
 def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.ndarray, np.ndarray]]:
-    """Yield for each model, sampler and parameter these names, the ranks of the truth, and fractions, (n,) each.
+    """Yield the ranks of the true value among posterior draws, for each model, sampler and parameter.
 
-    The n records are those with draws of this sampler. A rank is the number of thinned draws below the truth, a
-    fraction the share of all draws below the truth.
+    Each item contains the names of model, sampler and parameter, the ranks, (n,), and the fractions, (n,), for the n
+    records that have draws of this sampler. A rank is the number of thinned draws below the true value; a fraction is
+    the share of all draws below it.
     """
     for chunks in results.values():
         content = RanksContent.of(chunks[0])
@@ -116,12 +125,12 @@ def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.n
 
 
 def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
-    """Return the row of a test of coverage.
+    """Return the row of a test of coverage: do intervals of probability `level` contain the truth in this fraction?
 
-    `inside` (n,): whether each interval of probability `level` contains the truth; `without`: number of records without
-    an interval, which are not tested. The row has the number of tested records, the fraction of intervals that contain
-    the truth (value), the range that contains this fraction with 99 % probability if the intervals are right (low,
-    high), and the p value of the exact binomial test.
+    inside, (n,): whether each interval contains the truth. without: number of records without an interval, which are
+    not tested. The row contains the number of tested records, the fraction of intervals that contain the truth (value),
+    the range of this fraction with 99 % probability if the intervals are right (low, high), and the p value of the
+    exact binomial test.
     """
     n, hits = inside.size, int(inside.sum())
     low, high = binom.interval(1 - FALSE_ALARM, n, level) if n else (math.nan, math.nan)
@@ -138,9 +147,10 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
 
 
 def rank_rows(study: Study, results: Results) -> Iterator[Row]:
-    """Yield the rows of ranks.csv: the ranks of the truth among the thinned draws, in the order of the records.
+    """Yield the rows of ranks.csv: the ranks of the true values among thinned posterior draws.
 
-    A row has all ranks of a model, sampler and parameter in one field, separated by spaces.
+    A row contains the ranks of all records, in their order, for one model, sampler and parameter: in one field,
+    separated by spaces.
     """
     for model, sampler, name, ranks, _ in _ranks(study, results):
         text = " ".join(map(str, ranks.tolist()))
@@ -150,8 +160,9 @@ def rank_rows(study: Study, results: Results) -> Iterator[Row]:
 def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> Row:
     """Return the summary of a calibration for run.json: counts by model, verdicts, and bands for the figures.
 
-    results: results of tasks by series. rows: the rows of calibration.csv. bands: by the number of records, the range
-    that contains the number of uniform ranks in one bin with a probability of 99 %.
+    results: results of tasks by series. rows: the rows of calibration.csv. The bands are for histograms of ranks: for
+    each number of records, the range that contains the number of ranks in a bin with 99 % probability if ranks are
+    uniform.
     """
     table, counts = study.calibration, {}
     for chunks in results.values():
@@ -184,14 +195,14 @@ def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> 
 def _outcomes(contents: Iterable[ChunkContent]) -> Row:
     """Count the simulated records of tasks: all (`tried`), the usable ones (`counted`), and the others (`refused`).
 
-    `refused` has the number of records for each reason. contents: contents of the results of tasks.
+    `refused` contains the number of records for each reason. contents: the stored contents of the tasks' results.
     """
     outcomes = Counter(o for c in contents for o in c.outcomes)
     return {"tried": sum(outcomes.values()), "counted": outcomes.pop(OK, 0), "refused": dict(outcomes)}
 
 
 def recovery_table(chunks: Sequence[TaskResult]) -> tuple[tuple[str, ...], list[Row]]:
-    """Return columns and rows of recovery.csv: all simulated records, with the probability of each model.
+    """Return columns and rows of recovery.csv: a row for each simulated record, with the probability of each model.
 
     The probabilities of a record that is not used are NaN. chunks: results of all tasks.
     """
@@ -220,7 +231,8 @@ def recovery_summary(chunks: Sequence[TaskResult]) -> Row:
 
     Its entry `recovery` contains the numbers of tried and counted records, the confusion matrix (a row for each true
     model, a column for each most probable model), the tests of the models' probabilities, and the mean natural log of
-    the probability of the true model (`log_score`). chunks: results of all tasks.
+    the probability of the true model (`log_score`), also as it is expected if the probabilities are right
+    (`log_score_expected`). chunks: results of all tasks.
     """
     contents = [RecoveryContent.of(c) for c in chunks]
     models = contents[0].models
@@ -248,11 +260,12 @@ def recovery_summary(chunks: Sequence[TaskResult]) -> Row:
 
 
 def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
-    """Return how often the most probable model is the true one, and how often it should be.
+    """Return how often the most probable model is the true one (hits), and how often it should be.
 
-    hit, p (n,): whether the most probable model of each record is the true one, and its probability. expected: sum of
-    these probabilities. excess: hits minus expected, whose 99 % range is low to high, and whose standard deviation is
-    sd, if the probabilities are right. share_low, share_high: 95 % interval of the fraction of hits.
+    hit, (n,): whether the most probable model of each record is the true one. p, (n,): its probability. In the result,
+    `expected` is the sum of these probabilities, and `excess` is the number of hits minus this sum. If the
+    probabilities are right, the standard deviation of the excess is `sd`, and its 99 % range is `low` to `high`.
+    share_low, share_high: 95 % interval of the fraction of hits. p: two-sided p value of the number of hits.
     """
     n, hits = hit.size, int(hit.sum())
     low, high = hits_band(p, 1 - FALSE_ALARM)
@@ -272,11 +285,12 @@ def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
 
 
 def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
-    """Yield a row for each bin of `EDGES` that contains records.
+    """Yield a row for each bin of `EDGES` that contains records; these are sorted by their `p`.
 
-    It has the fraction of records whose most probable model is the true one, and the range of this fraction if the
-    probabilities are right. The ranges of all bins hold jointly with 99 % probability (Bonferroni). hit, p (n,):
-    whether the most probable model of each record is the true one, and its probability.
+    hit, (n,): whether the most probable model of each record is the true one. p, (n,): the probability of this model. A
+    row contains the fraction of records whose most probable model is the true one (share), and the range of this
+    fraction if the probabilities are right (low, high). With 99 % probability all fractions are in their ranges
+    (Bonferroni).
     """
     bin_of = np.clip(np.searchsorted(EDGES, p, side="left") - 1, 0, len(EDGES) - 2)
     edges, used = list(pairwise(EDGES)), np.unique(bin_of)
@@ -297,12 +311,12 @@ def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
 
 
 def uniformity_test(ranks: np.ndarray, draws: int) -> tuple[float, float]:
-    """Test ranks (n,), whole numbers from 0 to `draws`, against uniform ranks; return the statistic and the p value.
+    """Test whether ranks, (n,), whole numbers from 0 to `draws`, are uniform; return the statistic and the p value.
 
     The statistic is that of Kolmogorov and Smirnov: the largest difference, with its sign, of the ranks' distribution
-    function from the uniform one. Its distribution is exact for any n, while that of χ² over bins needs several ranks
-    in each bin. A rank counts as the middle of its 1/(draws + 1) of the interval from 0 to 1, which changes the
-    statistic by at most half of that: 0.002 for 255 draws. Both values are nan if n is 0.
+    function from the uniform one. Its distribution is exact for any n, whereas the χ² test needs several ranks in each
+    bin. Each rank is replaced by the middle of its part, 1/(draws + 1), of the interval from 0 to 1. This changes the
+    statistic by at most half of that part: 0.002 for 255 draws. Both results are nan if n is 0.
     """
     if not ranks.size:
         return math.nan, math.nan
@@ -311,10 +325,10 @@ def uniformity_test(ranks: np.ndarray, draws: int) -> tuple[float, float]:
 
 
 def holm(tests: Sequence[float]) -> np.ndarray:
-    """Return the p values of k tests adjusted by Holm's method, (k,).
+    """Return the p values of k tests adjusted by Holm's method, (k,), in the order of the tests.
 
-    They are in the order of the tests. If tests with adjusted p values below α are rejected, the probability of any
-    false rejection is at most α. A test without a p value (nan) keeps nan and does not count.
+    If all tests with adjusted p values below α are rejected, the probability of any false rejection is at most α. A
+    test without a p value (nan) keeps nan and does not count.
     """
     p = np.asarray(tests, float)
     adjusted = np.full(p.size, np.nan)
@@ -326,7 +340,10 @@ def holm(tests: Sequence[float]) -> np.ndarray:
 
 
 def hits_distribution(p: np.ndarray) -> np.ndarray:
-    """Return the probabilities of 0 to n hits, (n + 1,), of independent events with probabilities p (n,)."""
+    """Return the probabilities of 0, 1, ..., n hits, (n + 1,).
+
+    A hit is an event that occurs. The n events are independent and have the probabilities p, (n,).
+    """
     distribution = np.ones(1)
     for probability in np.clip(p, 0.0, 1.0):
         distribution = np.convolve(distribution, [1.0 - probability, probability])
@@ -334,9 +351,9 @@ def hits_distribution(p: np.ndarray) -> np.ndarray:
 
 
 def hits_p(hits: int, p: np.ndarray) -> float:
-    """Return the two-sided p value of a number of hits among independent events with probabilities p (n,).
+    """Return the two-sided p value of a number of hits among independent events with probabilities p, (n,).
 
-    nan if there are no events.
+    It is nan if there are no events.
     """
     if not p.size:
         return float("nan")
@@ -345,10 +362,10 @@ def hits_p(hits: int, p: np.ndarray) -> float:
 
 
 def hits_band(p: np.ndarray, probability: float) -> tuple[int, int]:
-    """Return the least and greatest number of hits of a range that has at least this probability.
+    """Return the smallest and the largest number of hits in a range that has at least the given probability.
 
-    A hit is one of n independent events with probabilities p (n,). Fewer and more hits than in the range each have at
-    most the probability (1 − probability)/2.
+    A hit is an event that occurs; the n events are independent and have the probabilities p, (n,). Fewer hits than in
+    the range have at most the probability (1 − probability)/2; the same applies to more hits.
     """
     cumulative = np.cumsum(hits_distribution(p))
     tail = 0.5 * (1.0 - probability)

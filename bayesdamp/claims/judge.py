@@ -1,4 +1,7 @@
-"""Define claims of the paper and verdicts on them, measure on the paper's records, and write the page of verdicts."""
+"""Define claims of the paper on eleven damping estimators, and judge them by measurements.
+
+The module also simulates the paper's records, measures on them, and writes the page of verdicts.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -25,16 +28,16 @@ from bayesdamp.report.results.run import RunFolder
 from bayesdamp.types import Estimate, Problem, Signal, System
 
 TITLE = "# The paper's claims, measured\n"
-"""First line of the page of verdicts. A file that begins with it may be overwritten."""
+"""First line of the page of verdicts. An existing file that begins with it may be overwritten."""
 Verdict = Literal["holds", "does not hold", "holds in part", "better than claimed", "cannot be judged"]
-"""Verdicts on a claim. "Better than claimed": the measured error or time is so far below the printed one that the
-printed one is not confirmed."""
+"""Verdicts on a claim of the paper. "Better than claimed": the measured error or time is so far below the printed value
+that it does not confirm this value."""
 MUCH_SMALLER = 10.0
-"""If a measured error is smaller than the printed error by more than this factor, the claim is judged "better than
-claimed" instead of "holds"."""
+"""If a measured error is smaller than the error printed in the paper by more than this factor, the claim is judged
+"better than claimed" instead of "holds"."""
 MUCH_FASTER = 3.0
-"""A measured value that is below the printed range by more than this factor is judged "better than claimed" instead of
-"holds". For times: other machines differ by less."""
+"""If a measured value, such as a time, is below the range printed in the paper by more than this factor, the claim is
+judged "better than claimed" instead of "holds". The times of different computers differ by less than this factor."""
 TRUTH = {"viscous": 0.05, "coulomb": 0.03, "quadratic": 0.05}
 """True damping coefficient of each of the paper's three records (its section 2.3): viscous in 1/s, Coulomb in rad/s²,
 quadratic in 1/rad."""
@@ -50,7 +53,7 @@ SEED = 20260101
 
 @dataclass(frozen=True)
 class Judgement:
-    """The verdict on a claim, and a sentence (`measured`) with the measurement on which it is based."""
+    """The verdict on a claim of the paper, and a sentence (`measured`) with the measurement on which it is based."""
 
     verdict: Verdict
     measured: str
@@ -58,7 +61,7 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Runs:
-    """The folders of finished runs whose results decide on claims.
+    """The folders of finished runs whose results decide on claims of the paper.
 
     Attributes
     ----------
@@ -78,9 +81,10 @@ class Runs:
 
     @cached_property
     def along_noise(self) -> list[ErrorSeries]:
-        """The errors of the estimators against the noise level, in per cent of the first amplitude.
+        """The errors of the estimators as functions of the noise level, in per cent of the first amplitude.
 
-        There is one series for each damping with at least three noise levels in each run of `noise`; [] without runs.
+        The list contains one series for each run in `noise` and each damping with at least three noise levels in it. It
+        is empty without runs.
         """
         return [s for folder in self.noise for s in error_series(RunFolder(folder)) if s.factor == "noise"]
 
@@ -97,9 +101,9 @@ class Claim:
     text
         The claim, in our words.
     where
-        Section, table or figure of the paper.
+        Section, table or figure of the paper that contains it.
     judge
-        Function that measures and judges; it maps the `Runs` to a `Judgement`.
+        Function that measures and judges: it returns a `Judgement` from the `Runs`.
     """
 
     text: str
@@ -121,11 +125,11 @@ def claim(claims: list[Claim], text: str, where: str) -> Callable[[Judge], Judge
 
 
 NO_RUN = Judgement("cannot be judged", "The run that this claim needs is missing.")
-"""Judgement on a claim if the results of the run with which it is measured are missing."""
+"""Judgement on a claim for which the results of a run are needed that does not exist or does not contain them."""
 
 
 def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:
-    """Adapt a judge of the comparison on records without noise to a judge of `Runs`.
+    """Convert a function that judges by the comparison on records without noise to a function that judges by `Runs`.
 
     The returned function applies `judge` to `runs.compared`. If there is no such comparison, it returns `NO_RUN`, the
     judgement "cannot be judged".
@@ -134,10 +138,11 @@ def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:
 
 
 def verdict_of(own: float, low: float, high: float, factor: float = MUCH_FASTER) -> Verdict:
-    """Return the verdict on a printed range, `low` to `high`, given the measured value `own` (all in one unit).
+    """Return the verdict on a claim that prints a range, `low` to `high`, from the measured value `own`.
 
-    A finite value above the range means "does not hold", nan or an infinite value "cannot be judged", and a value below
-    `low` / `factor` "better than claimed"; any other value means "holds".
+    All three have the same unit. The claim "holds" if the value is in the range, or below it by at most `factor`. It is
+    "better than claimed" if the value is below `low` / `factor`, and "does not hold" if it is above the range. It
+    "cannot be judged" if the value is nan or infinite.
     """
     if not own <= high:
         return "does not hold" if np.isfinite(own) else "cannot be judged"
@@ -190,14 +195,14 @@ def initial_estimate(
     Parameters
     ----------
     method, options
-        The estimator and its options.
+        Name of the estimator, and its options by name.
     damping, restoring
-        Damping term of the record, and its restoring law: "horizontal_pendulum" for the paper's pendulum, any other
-        law for a spring with the same stiffness.
+        Damping term of the record, and its restoring law: "horizontal_pendulum" for the paper's pendulum, any other law
+        for a spring with the same stiffness.
     simulated
         Velocity in rad/s within which Coulomb friction changes its sign in the simulated record.
     assumed
-        The value of this velocity in rad/s that the estimator is given.
+        The value of this velocity in rad/s that the estimator assumes.
     """
     signal, problem = paper_record(damping, restoring, simulated)
     if assumed != simulated:
@@ -208,9 +213,10 @@ def initial_estimate(
 def initial_error(
     method: str, damping: str, options: Mapping[str, object] | None = None, **record: Any
 ) -> float:
-    """Return the absolute error of `initial_estimate`, called with the same arguments, in per cent of `TRUTH`.
+    """Return the absolute error of a method's initial estimate on the paper's record, in per cent of the truth.
 
-    `record` can contain restoring, simulated and assumed. The error is nan if there is no estimate.
+    The arguments are those of `initial_estimate`; `record` may contain restoring, simulated and assumed. The truth is
+    the damping coefficient in `TRUTH`. The error is nan if there is no estimate.
     """
     estimate = initial_estimate(method, damping, options, **record)
     value = estimate.values.get(TERMS.get(damping).parameter, np.nan)
@@ -218,9 +224,10 @@ def initial_error(
 
 
 def period_drift(damping: str) -> float:
-    """Return 100·|P₁/P₂ − 1| in per cent for the paper's record (the pendulum) with this damping.
+    """Return the relative change of the mean period during the paper's pendulum record with this damping, in per cent.
 
-    P₁ and P₂ are the mean periods in the first and in the second half of the record's periods.
+    It is 100·|P₁/P₂ − 1|, where P₁ is the mean period in the first half of the record's periods, and P₂ in the second
+    half.
     """
     signal, _ = paper_record(damping)
     turns = features(signal).turning_times
@@ -232,7 +239,7 @@ def period_drift(damping: str) -> float:
 def page_of_verdicts(claims: Iterable[Claim], runs: Runs) -> str:
     """Judge each claim by the results of `runs`, and return the page of claims and verdicts in Markdown.
 
-    The page names the runs.
+    The page also contains the names of the runs and the versions of the program that computed them.
     """
     judgements = [(claim, claim.judge(runs)) for claim in claims]
     counts = Counter(judgement.verdict for _, judgement in judgements)

@@ -1,6 +1,7 @@
 """Define the claims of the paper on mechanisms, errors and computing times, and the functions that judge them.
 
-The mechanisms are why the topological estimator fails, and the smoothing of Coulomb friction by tanh.
+"The paper" compares eleven damping estimators (see `bayesdamp.estimators`). The mechanisms are the reason why the
+topological estimator fails, and the smoothing of Coulomb friction by tanh.
 """
 
 import math
@@ -46,15 +47,15 @@ CLAIMS: list[Claim] = []
 """All claims that are judged, in the order of the page: mechanisms, errors on records without noise, errors on noisy
 records, times. The decorator `claim` appends to it."""
 AS_PRINTED = {"variant": "as_printed"}
-"""Options of the topological estimator for the formulas as the paper prints them."""
+"""Options of the topological estimator that select the formulas as the paper prints them."""
 HYBRID = 0.1
 """Largest error, in per cent of the true coefficient, that the paper claims for hybrid methods: an estimator whose
 estimate is refined by a least-squares fit of the trajectory."""
 GENERATIONS = (20, 40)
 """Smallest and largest number of generations in which the genetic algorithm converges, as the paper claims."""
 LEAST_ERRORS = 20
-"""Smallest number of errors whose root mean square is compared with the Cramér–Rao bound. Its relative standard error
-is then about 1/√(2·20) = 16 % (for Gaussian errors)."""
+"""Smallest number of errors whose root mean square is compared with the Cramér–Rao bound. With 20 errors, the relative
+standard error of the root mean square is about 1/√(2·20) = 16 % (for Gaussian errors)."""
 PRINTED_ERRORS = {
     "least_squares": "0.0004 / 0.006 / 0.001",
     "koopman": "~0",
@@ -86,9 +87,9 @@ is 0 if the paper prints only an upper one."""
 
 
 def _listing(errors: dict[str, float], n: int = 2) -> str:
-    """Return errors in per cent, which are given by damping term, as one line of text.
+    """Return errors as one line of text, such as "viscous 0.12 %, coulomb 3.4 %".
 
-    Each has `n` significant digits, as in "viscous 0.12 %, coulomb 3.4 %".
+    errors: errors in per cent, by damping term. n: number of significant digits.
     """
     return ", ".join(f"{damping} {_per_cent(error, n)}" for damping, error in errors.items())
 
@@ -207,10 +208,17 @@ def _hybrid(comparison: EstimatorComparison) -> Judgement:
 def _row(method: str, comparison: EstimatorComparison) -> Judgement:
     """Judge the errors that the paper's table 2 prints for one estimator, by the measured errors in `comparison`.
 
-    "holds" if the initial estimates (before the trajectory fit) reach every printed error, "holds in part" if only the
-    refined estimates do, else "does not hold"; a printed error counts as at least 0.005 %, and a missing one is never
-    reached. "better than claimed" if every initial error is smaller than the printed one by more than the factor
-    `MUCH_SMALLER`, printed zeros left out. "cannot be judged" if `comparison` does not contain the estimator.
+    Initial estimates are those before the trajectory fit, refined estimates those after it. The verdict is
+
+    - "cannot be judged" if `comparison` does not contain the estimator,
+    - "better than claimed" if every initial error is smaller than the printed one by more than the factor
+      `MUCH_SMALLER` (printed zeros are left out),
+    - "holds" if no initial error is larger than the printed one,
+    - "holds in part" if this is true only for the refined errors,
+    - "does not hold" otherwise.
+
+    For "holds" and "holds in part", a printed error counts as at least 0.005 %. A missing error does not confirm a
+    claim.
     """
     if method not in comparison.methods:
         return NO_RUN
@@ -286,19 +294,19 @@ def _best_clean(comparison: EstimatorComparison) -> Judgement:
 
 
 def _errors(along: ErrorSeries, method: str, level: float) -> dict[int, float]:
-    """Return the errors of a method's initial estimates at a noise level in per cent of the first amplitude.
+    """Return the errors of a method's initial estimates at one noise level, by the number of the repeat.
 
-    The errors are absolute, in per cent of the true value, by the number of the repeat; {} if there are none, or if the
-    level is not one of `along.values`.
+    The errors are absolute, in per cent of the true value. level: the noise in per cent of the first amplitude. The
+    result is {} if there are no errors or if the level is not one of `along.values`.
     """
     return along.of(method, "initial", along.values.index(level)) if level in along.values else {}
 
 
 def _size(along: ErrorSeries, method: str, level: float) -> str:
-    """Return the root mean square error of a method's initial estimates at a noise level as text.
+    """Return the root mean square error of a method's initial estimates at one noise level as text.
 
-    It is in per cent of the true value, with its 95 % interval if at least three repeats have an estimate. The level,
-    in per cent of the first amplitude, is one of `along.values`. An example is "2.1 % (1.5 to 2.9)".
+    It is in per cent of the true value, such as "2.1 % (1.5 to 2.9)"; the 95 % interval is included if at least three
+    repeats have an estimate. level: the noise in per cent of the first amplitude, one of `along.values`.
     """
     low, high = error_interval(_errors(along, method, level))
     error = along.errors.at[(method, "initial"), along.values.index(level)]
@@ -372,9 +380,9 @@ def _time(method: str, comparison: EstimatorComparison) -> Judgement:
     """Judge the computing time that the paper's table 3 prints for one estimator, by the measured time.
 
     The measured time is that of the initial estimates (without the trajectory fit) on all records of `comparison`
-    together. "holds" if it is in the printed range or below it by at most the factor `MUCH_FASTER`, "better than
-    claimed" if it is still less, "does not hold" if it is above the range, and "cannot be judged" if `comparison` does
-    not contain the estimator or its time.
+    together. The verdict is "holds" if it is in the printed range or below it by at most the factor `MUCH_FASTER`,
+    "better than claimed" if it is even shorter, "does not hold" if it is above the range, and "cannot be judged" if
+    `comparison` does not contain the estimator or its time.
     """
     if method not in comparison.methods:
         return NO_RUN

@@ -1,7 +1,9 @@
 """Checks of a fit: tests of the residuals, and fits to parts of the record.
 
 The spectrum of the residuals shows structure near the frequency of the oscillation, at its overtones, and at low
-frequencies. The fitted directions (changes of the motion by fitted parameters) are projected out of it."""
+frequencies. The fit removes from the residuals whatever a change of the fitted parameters can explain; the tests of the
+spectrum take this into account by projecting these directions out.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -19,18 +21,18 @@ from bayesdamp.types import P_LIMIT, FitCheck, FitStatus, Refusal
 OVERTONES = (2, 3)
 """Overtones at which the spectrum of the residuals is tested, as multiples of the frequency of the oscillation."""
 BAND_NEIGHBOURS = 2
-"""In the test of the residuals' spectrum, number of neighbouring frequencies on either side that are tested together
-with a frequency, in steps of 1/duration. The residual of an oscillation under a wrong damping law is modulated slowly,
-which spreads its peak over them."""
+"""The test of the residuals' spectrum at one frequency includes up to this number of neighbouring frequencies on either
+side, in steps of 1/duration. If the damping law is wrong, the residual is an oscillation with slowly changing
+amplitude, and its peak in the spectrum is spread over these neighbours."""
 SLOW_TURNS = (0.5, 1.0, 1.5)
 """Low frequencies at which the spectrum of the residuals is tested, in cycles per duration of the record."""
 LEAST_REMAINING_NORM = 0.3
-"""The spectrum of the residuals is tested by projections on test waves (sines and cosines). A combination of them is
-left out if at most this fraction of its norm remains after the changes of the residuals by fitted parameters are
-projected out."""
+"""The spectrum of the residuals is tested by projections on test waves (sines and cosines). The changes of the
+residuals by the fitted parameters are first projected out of these waves. A combination of waves is left out if at most
+this fraction of its norm remains."""
 MOST_SAMPLES = 20_000
-"""Greatest number of values in the search for the largest peak of the residuals' spectrum; a longer record is averaged
-in blocks. The frequencies that are lost are far above the tested overtones."""
+"""The search for the largest peak of the residuals' spectrum uses at most this number of values; a longer record is
+averaged in blocks. This loses only frequencies that are far above the tested overtones."""
 
 # Clauses on the largest peak in the spectrum of the residuals; they follow "structure remains in the residuals: ".
 AT_OSCILLATION = "at the frequency of the oscillation, as if damping or stiffness had another form or changed"
@@ -38,7 +40,7 @@ AT_OVERTONES = (
     "at overtones of the oscillation, as if the restoring force or the recorder's scale were nonlinear"
 )
 SLOW_STRUCTURE = "at low frequencies, as if the record's zero drifted"
-OTHER_OSCILLATION = "another oscillation, {ratio:.2g} times as fast, as of a second mode or a drive"
+OTHER_OSCILLATION = "another oscillation, {ratio:.2g} times as fast, such as a second mode or a drive"
 
 
 @dataclass(frozen=True)
@@ -62,10 +64,11 @@ def find_spectral_line(
 ) -> SpectralLine:
     """Find the most significant peak in the spectrum of whitened residuals.
 
-    It tests bands of frequencies at the oscillation, at its overtones and, unless the record has few cycles, at low
-    frequencies; and the largest peak of the periodogram. In a band, the squared projection of the residuals on waves,
-    from which the fitted directions are projected out, is chi-square distributed. The largest of m ordinates of the
-    periodogram exceeds x with probability 1−(1−e^−x)^m (Fisher 1929).
+    Bands of frequencies are tested at the oscillation, at its overtones and, unless the record has few cycles, at low
+    frequencies. Without a misfit, the squared projection of the residuals on the waves of a band is chi-square
+    distributed; the directions in which the fit changes the residuals (`absorbed`) are first projected out of the
+    waves. The largest peak of the whole periodogram is tested too: the largest of m ordinates exceeds x with
+    probability 1−(1−e^−x)^m (Fisher 1929).
 
     Parameters
     ----------
@@ -76,7 +79,7 @@ def find_spectral_line(
     period : float
         Period of the oscillation in s.
     absorbed : ndarray, shape (n, k)
-        Orthonormal basis of the fitted directions, which are the derivatives of the residuals by the fitted parameters.
+        Orthonormal basis of the derivatives of the residuals by the fitted parameters.
 
     Returns
     -------
@@ -107,11 +110,11 @@ def find_spectral_line(
 
 
 def _extent(t: np.ndarray, period: float) -> tuple[float, float, int]:
-    """Return the duration of a record in s, its number of cycles, and the half-width of a band of frequencies.
+    """Return the duration of a record in s, its number of cycles, and the half-width of the tested frequency bands.
 
-    The half-width is a number of steps of 1/duration: a third of the number of cycles, rounded down, but at most
-    `BAND_NEIGHBOURS`. The duration includes one sampling interval after the last sample. period: period of the
-    oscillation in s.
+    The half-width is a number of frequency steps of 1/duration: a third of the number of cycles, rounded down, but at
+    most `BAND_NEIGHBOURS`. The duration includes one sampling interval after the last sample. t: times in s, (n,).
+    period: period of the oscillation in s.
     """
     length = float(t[-1] - t[0]) * t.size / (t.size - 1)
     return length, length / period, int(np.clip(length / period / 3, 0, BAND_NEIGHBOURS))
@@ -120,8 +123,8 @@ def _extent(t: np.ndarray, period: float) -> tuple[float, float, int]:
 def orthonormal(columns: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis, (n, r), of the space that columns, (n, k), span.
 
-    The columns are first scaled to unit length. Negligible columns and directions are left out, so that r may be below
-    k.
+    The columns are first scaled to unit length. Negligible columns and directions are left out, so r may be smaller
+    than k.
     """
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)]
@@ -132,11 +135,11 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
 
 
 def find_largest_peak(t: np.ndarray, scores: np.ndarray, period: float) -> SpectralLine:
-    """Return the largest peak of the periodogram; its p value is corrected for the number of frequencies.
+    """Return the largest peak of the periodogram of residuals; its p value is corrected for the number of frequencies.
 
-    t: times in s, (n,), taken as evenly spaced; gaps broaden a peak, which then is only less significant. scores:
-    whitened residuals, (n,); of other residuals only the words of the result have a meaning. period: period of the
-    oscillation in s.
+    t: times in s, (n,), assumed evenly spaced; gaps broaden a peak, which makes it less significant. scores: whitened
+    residuals, (n,). If other residuals are given, the description of the peak is right but its p value has no meaning.
+    period: period of the oscillation in s.
     """
     _, cycles, across = _extent(t, period)
     block = -(-scores.size // MOST_SAMPLES)
@@ -164,14 +167,14 @@ MOST_RESIDUALS = 2_000_000
 DIFFERENCE_STEP = 0.1
 """Step of the finite differences of the residuals with respect to a parameter, in posterior standard deviations."""
 ZERO_SCORE = 1e-6
-"""A damping coefficient counts as zero if the absolute value of its score is at most this. (A score is a transformed
-parameter with a standard normal prior; a score of 0 is a coefficient of 0.)"""
+"""A damping coefficient counts as zero if the absolute value of its score is at most this. (A score is a parameter
+transformed to a standard normal prior; a score of 0 is a coefficient of 0.)"""
 LINE_LIMIT = 0.005
-"""The residuals have a misfit if the largest peak of their spectrum has a p value below this. Together with `P_LIMIT`
-and `WINDOW_LIMIT`, 2 % of true models are rejected (conventional)."""
+"""A model has a misfit if the largest peak in the spectrum of its residuals has a p value below this. The limits
+`LINE_LIMIT`, `P_LIMIT` and `WINDOW_LIMIT` together reject 2 % of true models (conventional)."""
 NAMED_PEAK_LIMIT = 0.1
-"""If the largest peak of the whitened residuals' spectrum has a p value of at most this, the verdict names it as the
-remaining structure; otherwise the verdict names the largest peak of the residuals themselves."""
+"""If a model does not fit, the verdict describes the structure that remains: the largest peak in the spectrum of the
+whitened residuals if its p value is at most this, otherwise the largest peak in that of the residuals themselves."""
 OUTLIER_KURTOSIS = 1.0
 """Outliers are reported only if the excess kurtosis of the whitened residuals is larger than this. A Student t
 distribution with ten degrees of freedom has the excess kurtosis 1."""
@@ -181,10 +184,10 @@ has a p value below this, after correction for the number of shifts (conventiona
 
 
 def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
-    """Return the autocorrelation of series x, (..., n), at lags 0 to `lags`, (..., lags + 1); it is 1 at lag 0.
+    """Return the autocorrelation of series x, (..., n), at lags of 0 to `lags` samples, (..., lags + 1).
 
-    The mean of each series is subtracted first. The lags are in samples. Sums at larger lags have fewer terms, which is
-    not corrected. A constant series gives 0 at all lags.
+    It is 1 at lag 0. The mean of each series is subtracted first. Sums at larger lags have fewer terms, which is not
+    corrected. A constant series gives 0 at all lags.
     """
     x = x - x.mean(axis=-1, keepdims=True)
     size = scipy.fft.next_fast_len(x.shape[-1] + lags, real=True)
@@ -206,9 +209,9 @@ def laplace_draws(mode: Mode, count: int, seed: int) -> np.ndarray:
 
 
 def kurtosis(x: np.ndarray) -> np.ndarray:
-    """Return the excess kurtosis of x, (..., n), along its last axis: 0 if normal, large with outliers.
+    """Return the excess kurtosis of x, (..., n), along its last axis: (...).
 
-    It is −3 for a constant series.
+    It is about 0 for normal values, large if there are outliers, and −3 for a constant series.
     """
     x = x - x.mean(axis=-1, keepdims=True)
     square = x**2
@@ -216,10 +219,10 @@ def kurtosis(x: np.ndarray) -> np.ndarray:
 
 
 def _statistics(scores: np.ndarray, lags: int) -> np.ndarray:
-    """Return two statistics of series of whitened residuals, `scores` (..., n), for the predictive check: (2, ...).
+    """Return the two statistics that the predictive check uses, (2, ...), for series of whitened residuals, (..., n).
 
     The first is the Box–Pierce statistic n Σ ρ_l², where ρ_l is the autocorrelation at a lag of l samples and the sum
-    is over the lags 1 to `lags`. The second is the excess kurtosis.
+    is over the lags 1 to `lags`. The second is the excess kurtosis. scores: the whitened residuals.
     """
     squares = np.sum(autocorrelation(scores, lags)[..., 1:] ** 2, axis=-1)
     return np.stack([scores.shape[-1] * squares, kurtosis(scores)])
@@ -239,11 +242,11 @@ def _null_statistics(n: int, lags: int, seed: int) -> np.ndarray:
 def tangents(target: Target, mode: Mode) -> np.ndarray:
     """Return the derivatives of the whitened residuals by the parameters of the motion, one row for each, (k, n).
 
-    They are finite differences, per posterior standard deviation of the parameter's standard normal score. Two kinds of
-    parameters have no row: coefficients that are zero at the mode, because they are at their bound and do not adapt to
-    the residuals, and parameters whose derivative is not finite. The rows are in the order of `target.names`. Under
-    heavy-tailed noise the residuals are not whitened, but in the unit of the record: whitening is not linear there, and
-    would distort the directions of the derivatives.
+    The rows are in the order of `target.names`. They are finite differences, per posterior standard deviation of the
+    parameter's standard normal score. Two kinds of parameters have no row: coefficients that are zero at the mode,
+    because they are at their bound and do not adapt to the residuals, and parameters whose derivative is not finite.
+    Under heavy-tailed noise the residuals are in the unit of the record instead of whitened, because whitening is not
+    linear for this noise and would distort the derivatives.
     """
     at_zero = target.reflected & (np.abs(mode.z) <= ZERO_SCORE)
     free = [i for i in target.moving if not at_zero[i]]
@@ -297,7 +300,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     p, p_tails = ((1 + beyond) / (PREDICTIVE_DRAWS + 1)).tolist()
     tails = float(kurtosis(white))
     line = find_spectral_line(t, white, period, orthonormal(tangents(target, mode).T))
-    # Whitening has removed the peaks: name that of the residuals themselves.
+    # Whitening has removed the peaks, so describe the largest peak of the residuals themselves.
     if line.chance > NAMED_PEAK_LIMIT:
         line = replace(line, words=find_largest_peak(t, r, period).words)
     shift, count = _largest_shift(target, mode)
@@ -345,22 +348,25 @@ def _verdict(noise: NoiseModel, p: float, line: SpectralLine, window_p: float, o
 def _largest_shift(target: Target, mode: Mode) -> tuple[float, int]:
     """Fit the first, the middle and the last half of the record, and compare their damping coefficients with the mode.
 
-    The motion of every fit starts at the record's first sample.
+    The motion of every fit starts at the record's first sample. A half whose fit has no finite posterior is left out.
 
     Returns
     -------
     largest : float
         Largest difference of a damping coefficient between a half and the whole record, in standard deviations of this
-        difference (taken as at least half of the sd in the whole record); 0 without halves or coefficients. A half
-        without a finite posterior is left out.
+        difference (taken as at least half of the sd in the whole record); 0 if there are no differences.
     count : int
-        Number of differences of which this is the largest. A difference whose standard deviation is nan, because the
-        information of a fit is not positive definite, does not count.
+        Number of differences that were compared. A difference whose standard deviation is nan does not count: the
+        information matrix of a fit is then not positive definite.
     """
     names, n = target.oscillator.coefficients, target.signal.t.size
 
     def values_and_sds(z: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the damping coefficients at scores z, (d,), and their standard deviations."""
+        """Return the damping coefficients at standard normal scores z, (d,), and their standard deviations.
+
+        The standard deviations follow from the information of the scores, (d, d); they are nan if it is not positive
+        definite.
+        """
         try:
             factor = covariance_factor(information)
         except Refusal:  # the information is too ill-conditioned

@@ -1,11 +1,15 @@
 """Coordinates in which a posterior is nearly standard normal.
 
-From scores to coordinates in three steps: `NoiseMap` transforms the scores of correlated noise so that their posterior
-is normal ("level" scores); `Shear` straightens a curved ridge of the parameters of the motion ("straight" scores); and
-`Whitening` subtracts the mean and divides by a Cholesky factor of the covariance (u).
+A score is a parameter that is transformed to a standard normal prior. Three maps lead from scores to the coordinates u:
 
-A reflected score is that of a parameter with a half-normal prior, which depends only on the score's absolute value; it
-is restricted to values ≥ 0. The boundary, where such a score is 0, is called a wall. `TruncatedNormal` is a normal
+1. `NoiseMap` replaces the scores of two parameters of correlated noise by numbers whose posterior is nearly normal. The
+   result is called level scores.
+2. `Shear` straightens a curved ridge of the posterior in the parameters of the motion. The result is called straight
+   scores.
+3. `Whitening` subtracts the mean and divides by a Cholesky factor of the covariance. The result is u.
+
+A parameter with a half-normal prior depends only on the absolute value of its score. Such a score is called reflected
+and is restricted to values ≥ 0. The boundary, where it is 0, is called a wall. `TruncatedNormal` is a normal
 distribution of scores with such walls.
 """
 
@@ -32,21 +36,20 @@ if TYPE_CHECKING:
 
 
 LEAST_INSIDE = 0.02
-"""`TruncatedNormal.draw` draws from a normal distribution and rejects draws with negative values where these are not
-allowed. If less than this fraction of the draws is accepted, it uses the approximate sampler of `numerics.orthant`
+"""`TruncatedNormal.draw` draws from a normal distribution and rejects draws in which a score that must be ≥ 0 is
+negative. If less than this fraction of the draws is accepted, it uses the approximate sampler `numerics.orthant.draw`
 instead."""
 MOMENT_DRAWS = 20_000
-"""Number of draws from which the mean and covariance of a normal distribution with values restricted to ≥ 0 are
-computed."""
+"""Number of draws with which `TruncatedNormal.moments` computes a mean and a covariance."""
 FAR_WALL_SDS = 8.0
-"""The restriction of a standard normal score to values ≥ 0 is ignored if its mean is at least this many sds above
-zero."""
+"""`TruncatedNormal` does not restrict a score to values ≥ 0 if its mean is at least this many standard deviations above
+zero, because negative values are then practically impossible."""
 
 
 class TruncatedNormal:
     """A normal distribution of d scores, truncated at zero, whose log density has a given gradient at a point.
 
-    Scores are parameters transformed to standard normal priors; reflected ones are those of half-normal priors.
+    Scores are parameters transformed to standard normal priors.
 
     Parameters
     ----------
@@ -55,8 +58,9 @@ class TruncatedNormal:
     covariance : ndarray, shape (d, d)
         The covariance before the truncation.
     reflected : ndarray of bool, shape (d,)
-        Which scores are restricted to values ≥ 0. The restriction of those whose mean is at least `FAR_WALL_SDS` sds
-        above zero is ignored; `walls` has the indices of the others.
+        Which scores are restricted to values ≥ 0: those of parameters with half-normal priors. The restriction is
+        ignored for scores whose mean is at least `FAR_WALL_SDS` sds above zero; the attribute `walls` contains the
+        indices of the scores for which it is not ignored.
     """
 
     def __init__(
@@ -87,8 +91,9 @@ class TruncatedNormal:
     def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
         """Return n draws of the truncated distribution, (n, d).
 
-        They are independent normal draws that meet the restriction. If a fraction of less than `LEAST_INSIDE` meets it,
-        they are from `numerics.orthant.draw`, whose values can repeat.
+        Normal draws are rejected unless they meet the restriction, so that the draws are independent. If a fraction of
+        less than `LEAST_INSIDE` meets it, the draws come from `numerics.orthant.draw` instead; these can contain equal
+        draws.
         """
         factor = np.linalg.cholesky(self.covariance)
         draws = np.empty((0, self.mean.size))
@@ -115,16 +120,16 @@ def truncated_near(likelihood: Likelihood, z: np.ndarray, factor: np.ndarray) ->
 def negative_hessian(
     gradient: Callable[[np.ndarray], np.ndarray], at: np.ndarray, factor: np.ndarray, step: float
 ) -> np.ndarray:
-    """Return the negative Hessian of a function by coordinates u, (d, d), at the point `at`, (d,).
+    """Return the negative Hessian, (d, d), of a function by coordinates u that are linear in x: x = at + factor @ u.
 
-    It is computed by central differences of the gradient with respect to points x = at + factor @ u.
+    It is computed at u = 0 by central differences of the gradient.
 
     Parameters
     ----------
     gradient : callable
         Function that returns the gradient, (d,), by x at a point x, (d,).
     at : ndarray, shape (d,)
-        The point.
+        The point x at u = 0.
     factor : ndarray, shape (d, d)
         Derivatives of x by u.
     step : float
@@ -136,53 +141,54 @@ def negative_hessian(
 
 
 FIRST_STEP, STEP_GROWTH = 0.3, 1.2
-"""`NoiseMap.of` computes the posterior of a noise parameter, the second of two of which the record mainly determines a
-combination (`NoiseModel.tied`), by maximising over all other parameters at values in steps. The first step away from
-the mode is `FIRST_STEP` posterior sds, and each further one is longer by the factor `STEP_GROWTH`."""
+"""Steps in `NoiseMap.of`, which computes the posterior of the second of the two noise parameters in `NoiseModel.tied`
+by maximising over all other parameters at a sequence of its values. The first step away from the mode is `FIRST_STEP`
+posterior sds, and each further step is longer by the factor `STEP_GROWTH`."""
 RIDGE_END_NATS = 16.0
 """`NoiseMap.of` extends the steps of a noise parameter until the log density is this many nats below its maximum: 5.7
 sds of a normal distribution."""
 MOST_STEPS = 40
 """Largest number of steps of a noise parameter, in `NoiseMap.of`, to each side of the mode."""
 LEAST_STEPS = 4
-"""If the posterior of a noise parameter can be computed at no more values than this, `NoiseMap` changes no
+"""If `NoiseMap.of` can compute the posterior of a noise parameter at no more values than this, the map changes no
 parameter."""
 PARTS_PER_STEP = 8
-"""Number of parts into which each step of a noise parameter, in `NoiseMap.of`, is divided when the log density between
-the steps is interpolated and integrated."""
+"""`NoiseMap.of` computes the log density of a noise parameter at values in steps, and interpolates between them to
+integrate it. This is the number of parts into which it divides each step."""
 LARGEST_LEVEL = 4.5
-"""`NoiseMap.table` has points up to this absolute value of its argument, the level score of a noise parameter (the
-standard normal quantile of its marginal posterior); beyond, it is continued linearly."""
+"""`NoiseMap.table` maps the level score of a noise parameter (the standard normal quantile of its marginal posterior)
+to its score. The table has points up to this absolute value of the level score; beyond, it is continued linearly."""
 LINEAR_END = 1000.0
-"""`NoiseMap.table` is continued by straight lines up to this absolute value of its argument, the level score of a noise
-parameter (conventional)."""
+"""`NoiseMap.table` is continued by straight lines up to this absolute value of its argument, the standard normal
+quantile of a noise parameter's marginal posterior (conventional)."""
 NEWTON_STEPS = 6
-"""Number of Newton steps by which `NoiseMap.level` inverts its map of a noise parameter (four are enough)."""
+"""Number of Newton steps with which `NoiseMap.level` inverts the map of a noise parameter (four are enough)."""
 RIDGE_DIMENSIONS = 2
-"""Number of wide scores: those standard normal scores of the motion's parameters that have the largest posterior sds. A
-curved ridge of the posterior may extend along them."""
+"""Number of wide scores. These are the standard normal scores of the motion's parameters with the largest posterior
+sds; a curved ridge of the posterior may extend along them."""
 CURVATURE_SDS = 1.5
-"""Distance from the mode, in posterior sds, at which `shear_of` measures how a ridge of the posterior, along which
-parameters of the motion fit about equally well, is curved."""
+"""A ridge is a set of values of the motion's parameters that fit about equally well. `shear_of` measures the curvature
+of such a ridge at this distance from the mode, in posterior sds."""
 VISIBLE_BEND = 0.02
 """`shear_of` straightens a curved ridge of the posterior only if, one sd from the mode, the ridge is at least this far
 from its tangent, in posterior sds."""
 HESSIAN_STEP = 0.5
-"""Step of the differences of gradients that give Hessians of the log posterior, in posterior sds from the mean. Where a
-coefficient must not be negative, zero is about one sd or more from the mean, so that no step crosses it."""
+"""Step of the differences of gradients that give Hessians of the log posterior, in posterior sds. If a coefficient must
+not be negative, zero is about one sd or more from its mean, so that no step crosses zero."""
 LEAST_CURVATURE = 0.1
-"""Smallest eigenvalue of the log posterior's negative Hessian that is used, in coordinates in which the Gauss–Newton
-Hessian is the identity; smaller ones are replaced by it."""
+"""Smallest eigenvalue of the log posterior's negative Hessian that `whitening_of` uses, in coordinates in which the
+Gauss–Newton Hessian is approximately the identity. It replaces smaller eigenvalues."""
 
 
 @dataclass(frozen=True)
 class NoiseMap:
-    """A map from level scores to scores, which changes two parameters of the noise whose posterior is not normal.
+    """A map from level scores to scores, for two parameters of the noise whose posterior is not normal.
 
-    The two parameters are those that the noise model declares as `tied`. The second of them, such as a correlation
-    time, can have a very skew posterior. Its level score is the standard normal quantile of its marginal posterior. The
-    level score of the first parameter is its score minus a shift: the change of its most probable value with the second
-    parameter. All other level scores are equal to the scores.
+    Scores are parameters transformed to standard normal priors. Level scores are new coordinates in which the posterior
+    is nearly normal. The two parameters are those that the noise model declares as `tied`. The second of them, such as
+    a correlation time, can have a very skew posterior; its level score is the standard normal quantile of its marginal
+    posterior. The level score of the first parameter is its score minus a shift: the change of its most probable value
+    with the second parameter. All other level scores are equal to the scores.
 
     Attributes
     ----------
@@ -199,12 +205,11 @@ class NoiseMap:
 
     @classmethod
     def of(cls, target: Target, mode: Mode) -> NoiseMap:
-        """Return the map for the posterior of a target.
+        """Return the map for the posterior of a target, from maxima at many values of the second noise parameter.
 
-        It is computed from maxima of the posterior at many values of the second of the two tied noise parameters. The
-        map is the identity if the noise model has no `tied` parameters or not both of them are inferred, if one of them
-        is a reflected score (half-normal prior), if the model allows for deviations from its laws, or if at most
-        `LEAST_STEPS` maxima can be computed.
+        The map is the identity in each of these cases: the noise model has no `tied` parameters; not both of them are
+        inferred; one of them has a half-normal prior (a reflected score); the model allows for deviations from its
+        laws; or at most `LEAST_STEPS` maxima can be computed.
         """
         tied = NOISES.get(target.noise).tied
         if tied is None or not set(tied) <= set(target.names) or mode.linear is not None:
@@ -293,8 +298,8 @@ class NoiseMap:
     def log_volume(self, level: np.ndarray) -> np.ndarray:
         """Return the log determinant of the derivatives of scores by level scores, (...), at level scores (..., d).
 
-        It is the log density of level scores minus the log density of the same point in standard normal scores (see
-        `NoiseMap`), and 0 for the identity.
+        Added to the log density of standard normal scores, it gives the log density of level scores at the same point
+        (see `NoiseMap`). It is 0 for the identity.
         """
         if self.table is None:
             return np.zeros(level.shape[:-1])
@@ -310,7 +315,7 @@ class NoiseMap:
 
     @cached_property
     def _knots(self) -> np.ndarray:
-        """Standard normal scores of the second noise parameter at the points of `table`, in increasing order, (m,)."""
+        """Standard normal scores of the second noise parameter at the points of `table`, (m,), in increasing order."""
         assert self.table is not None
         return self.table(self.table.x)[:, 0]
 
@@ -371,10 +376,13 @@ def _profile(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Compute the marginal posterior of the second of two tied noise parameters, in steps to both sides of the mode.
 
-    At each of m values the log posterior is maximised over all other parameters. Returns the standard normal scores of
-    the second parameter, increasing, their marginal log density by Laplace's approximation, up to a constant, and the
-    most probable score of the first noise parameter given each, (m,) each; all empty if the posterior at the mode is
-    not finite. A side ends at `RIDGE_END_NATS`, after `MOST_STEPS` steps, or where the posterior is not finite.
+    At each value of this parameter, the log posterior is maximised over all other parameters. A side ends at
+    `RIDGE_END_NATS`, after `MOST_STEPS` steps, or where the posterior is not finite. first, second: indices of the two
+    parameters.
+
+    Returns three arrays for the m values, (m,) each, which are empty if the posterior at the mode is not finite: the
+    standard normal scores of the second parameter, increasing; their marginal log density by Laplace's approximation,
+    up to a constant; and the most probable score of the first parameter given each.
     """
     others = np.setdiff1d(np.arange(mode.z.size), [second])
     index = int(np.searchsorted(others, first))
@@ -401,12 +409,13 @@ def _profile(
 
 @dataclass(frozen=True)
 class Shear:
-    """A map to standard normal scores from straight scores, in which a curved ridge of the posterior is straight.
+    """A map from straight scores, in which a curved ridge of the posterior is straight, to standard normal scores.
 
-    It is a shear with unit determinant, followed by the map of the noise parameters. Level scores, the result of the
-    shear, are straight scores plus a quadratic form, ½ aᵀ C a. Here a, (k,), are the wide scores minus their values at
-    `centre`; `shear_of` chooses the wide scores, which have large posterior sds. Each level score has its own matrix C,
-    which is zero for the wide scores and for those that must not be negative.
+    A shear with unit determinant leads from straight scores to level scores; the map of the noise parameters
+    (`NoiseMap`) leads from these to standard normal scores. Level scores are straight scores plus a quadratic form, ½
+    aᵀ C a. Here a, (k,), are the wide scores minus their values at `centre`; `shear_of` chooses the wide scores, which
+    have large posterior sds. Each level score has its own matrix C, which is zero for the wide scores and for those
+    that must not be negative.
 
     Attributes
     ----------
@@ -431,7 +440,7 @@ class Shear:
 
     @classmethod
     def of_noise(cls, target: Target, mode: Mode) -> Shear:
-        """Return a `Shear` that only maps the noise parameters: it has no wide scores and straightens no ridge."""
+        """Return a `Shear` that straightens no ridge and only maps the noise parameters (`NoiseMap`)."""
         d, none = mode.z.size, np.arange(0)
         return cls(np.zeros(d), none, np.zeros((d, 0, 0)), NoiseMap.of(target, mode))
 
@@ -469,8 +478,8 @@ class Shear:
     def log_volume(self, straight: np.ndarray) -> np.ndarray:
         """Return the log determinant of the derivatives of standard normal scores by straight scores, (...).
 
-        It is the log density of straight scores minus the log density of the same point in standard normal scores (see
-        `Shear`). straight: the straight scores, (..., d).
+        Added to the log density of standard normal scores, it gives the log density of straight scores at the same
+        point. straight: the straight scores, (..., d), in which a curved ridge of the posterior is straight.
         """
         return self.noise.log_volume(self.level(straight))
 
@@ -480,16 +489,19 @@ class Shear:
         return slope + slope @ self._bending(straight)
 
     def _bending(self, straight: np.ndarray) -> np.ndarray:
-        """Return the derivatives of `_shift` (rows) by straight scores (columns), (d, d), at one point, (d,)."""
+        """Return the derivatives of `_shift` (rows) by straight scores (columns), (d, d).
+
+        straight: one point in straight scores, (d,), in which a curved ridge of the posterior is straight.
+        """
         bending = np.zeros((straight.size, straight.size))
         bending[:, self.wide] = self.curve @ (straight - self.centre)[self.wide]
         return bending
 
     def _shift(self, z: np.ndarray) -> np.ndarray:
-        """Return the quadratic form, (..., d), that turns straight scores into level scores (see `Shear`).
+        """Return the quadratic form, (..., d), that is added to straight scores to get level scores (see `Shear`).
 
-        z: straight or level scores, (..., d); both give the same result, which depends only on the wide scores, the
-        same in both.
+        z: straight or level scores, (..., d). Both give the same result, because it depends only on the wide scores,
+        which are equal in both.
         """
         away = z[..., self.wide] - self.centre[self.wide]
         both = away[..., :, None] * away[..., None, :]
@@ -500,13 +512,15 @@ class Shear:
 def shear_of(target: Target, mode: Mode) -> Shear | None:
     """Return the shear that straightens the ridge of a posterior; None if its bend is below `VISIBLE_BEND`.
 
-    Wide scores are the standard normal scores of the motion's parameters (without half-normal priors) with the largest
-    posterior sds: first the largest, then the one with the largest conditional sd given the first. The ridge is the set
-    of maxima of the posterior over all other scores, for all values of the wide ones. Its curvature is measured by
-    second differences at `CURVATURE_SDS` posterior sds from the mode. A ridge occurs if the record determines only one
-    combination of parameters, such as gravity and stiffness of the horizontal pendulum. None is also returned if there
-    are fewer than `RIDGE_DIMENSIONS` wide scores, if all other scores have half-normal priors, or if the posterior on
-    the ridge is not finite.
+    A ridge occurs if the record determines only one combination of parameters, such as gravity and stiffness of the
+    horizontal pendulum. It extends along the wide scores: the standard normal scores of the motion's parameters
+    (without half-normal priors) with the largest posterior sds. The first wide score has the largest sd, the next one
+    the largest conditional sd given the first. For each value of the wide scores, the ridge is the maximum of the
+    posterior over all other scores. Its curvature is measured by second differences at `CURVATURE_SDS` posterior sds
+    from the mode.
+
+    None is also returned if there are fewer than `RIDGE_DIMENSIONS` wide scores, if all other scores have half-normal
+    priors, or if the posterior on the ridge is not finite.
     """
     reflected, d = target.reflected, mode.z.size
     covariance = mode.factor @ mode.factor.T
@@ -552,11 +566,12 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
 def _ridge(
     target: Target, mode: Mode, noise: NoiseMap, wide: np.ndarray, others: np.ndarray, step: np.ndarray
 ) -> np.ndarray:
-    """Maximise the posterior over standard normal scores, with the wide ones fixed at the mode plus `step`.
+    """Return the point of a posterior's ridge at which the wide scores differ from the mode by `step`.
 
-    The maximum is over the scores `others`. wide, others: indices of the k wide scores (see `Shear`) and of the d − k
-    others. step: change of the wide scores, (k,). Return the maximum as level scores (see `NoiseMap`), only those of
-    `others`, (d − k,). Raises Refusal if the posterior is not finite there.
+    The posterior is maximised over the other scores, with the wide ones fixed. wide, others: indices of the k wide
+    scores, along which the ridge extends (see `Shear`), and of the d − k others. step: change of the wide scores, (k,).
+    The result contains only the scores `others`, (d − k,), as level scores (see `NoiseMap`). Raises Refusal if the
+    posterior is not finite there.
     """
     information = np.linalg.inv(mode.factor @ mode.factor.T)
     inner = information[np.ix_(others, others)]
@@ -581,12 +596,12 @@ class Whitening:
     factor : ndarray, shape (d, d)
         Cholesky factor of the approximate posterior covariance of straight scores.
     lacking : ndarray, shape (d, d)
-        Full negative Hessian of the log posterior by straight scores, at the centre, minus the same for a motion that
-        is linearised there; 0 if either is not finite or was not computed.
+        Difference of two negative Hessians of the log posterior by straight scores, at the centre: the full one minus
+        that for a motion that is linearised there. It is 0 if one of them is not finite or was not computed.
     good : bool
-        Whether the Hessians are finite (True if they were not computed).
+        False if one of these two Hessians is not finite; True also if they were not computed.
     shear : Shear
-        Map from straight scores to scores.
+        Map from straight scores to standard normal scores.
     """
 
     centre: np.ndarray
@@ -610,8 +625,8 @@ class Whitening:
     def log_volume(self, u: np.ndarray) -> np.ndarray:
         """Return the log determinant of the derivatives of standard normal scores by straight scores, (...).
 
-        u: coordinates, (..., d). Straight scores are centre + factor @ u. The constant log determinant of `factor` is
-        not included.
+        u: coordinates, (..., d), in which the posterior is nearly N(0, I). Straight scores are centre + factor @ u; the
+        log determinant of `factor`, a constant, is not included.
         """
         return self.shear.log_volume(self.straight(u))
 
@@ -624,8 +639,8 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
     """Return coordinates in which a posterior is nearly standard normal, from gradient and full Hessian near its mode.
 
     If the Hessian is not finite, the Gauss–Newton covariance is used instead (`Whitening.good` is then False). If the
-    model allows for deviations from its laws, mean and covariance are those of the draws in `Mode.linear`, because the
-    posterior is then a mixture that one Hessian does not describe.
+    model allows for deviations from its laws, the posterior is a mixture that one Hessian does not describe; mean and
+    covariance are then those of the draws in `Mode.linear`.
 
     Parameters
     ----------
@@ -634,12 +649,12 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
     mode : Mode
         Mode of the posterior.
     shear : Shear, optional
-        Map that straightens the ridge of the posterior; by default only the map of the noise.
+        Map that straightens the ridge of the posterior; by default only the map of the noise parameters.
 
     Returns
     -------
     Whitening
-        The map between these coordinates and the scores.
+        The map between these coordinates and the standard normal scores of the parameters.
     """
     d = mode.z.size
     shear = Shear.of_noise(target, mode) if shear is None else shear
@@ -665,10 +680,10 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
 def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.ndarray]:
     """Return the centre, (d,), and the Cholesky factor of the covariance, (d, d), of a normal distribution at the mode.
 
-    Both are in straight scores, in which a curved ridge of the posterior is straight. The centre is the mode, with the
-    absolute values of reflected scores (at least 1e-12), and the covariance is that of `Mode.factor`. If there is a map
-    of the noise, the score of the second noise parameter has instead mean 0 and variance 1 and is independent of the
-    others, because the map makes it standard normal.
+    Both are in straight scores, in which a curved ridge of the posterior is straight. The centre is the mode. Scores
+    with half-normal priors are replaced by their absolute values, at least 1e-12. The covariance is that of
+    `Mode.factor`. There is one exception: if `shear` maps the noise parameters, it makes the second of them standard
+    normal; this score then has mean 0 and variance 1 and is independent of the others.
     """
     at = shear.straight(np.where(target.reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z))
     if shear.noise.table is None:
@@ -684,8 +699,8 @@ def expansion(target: Target, mode: Mode, shear: Shear) -> tuple[np.ndarray, np.
 def slope_at(likelihood: Likelihood, shear: Shear, at: np.ndarray) -> np.ndarray:
     """Return the gradient, (d,), of the log posterior density of straight scores at one point `at`, (d,).
 
-    Straight scores are coordinates in which a curved ridge of the posterior is straight. The density is per unit of
-    these: the log determinant of the map to standard normal scores (`shear`) is part of it.
+    Straight scores are coordinates in which a curved ridge of the posterior is straight; `shear` maps them to standard
+    normal scores. Because the density is per unit of straight scores, the log determinant of this map is part of it.
     """
     return likelihood.gradient(shear.scores(at))[1] @ shear.slope(at) + shear.volume_slope(at)
 
@@ -693,9 +708,9 @@ def slope_at(likelihood: Likelihood, shear: Shear, at: np.ndarray) -> np.ndarray
 def slope_along(likelihood: Likelihood, line: Line, noise: NoiseMap, level: np.ndarray) -> np.ndarray:
     """Return the gradient, (d,), of the log posterior density of level scores at one point `level`, (d,).
 
-    Level scores are standard normal scores except for two noise parameters (see `NoiseMap`). line: the linearised
-    motion that is used instead of the exact one, extrapolated to the point. It needs no straightening of a ridge, so
-    only the map of the noise applies.
+    Level scores are standard normal scores, except for two noise parameters (see `NoiseMap`). The motion is not
+    computed there but extrapolated from `line`, the motion linearised at another point. A linear motion has no curved
+    ridge, so only the map of the noise parameters, `noise`, applies.
     """
     along = likelihood.gradient_along(line, noise.scores(level))
     return along @ noise.slope(level) + noise.volume_slope(level)
@@ -715,10 +730,10 @@ def truncated_about(target: Target, mode: Mode, shear: Shear) -> TruncatedNormal
 def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
     """Return coordinates in which a posterior is nearly standard normal, given one combination of hyperparameters.
 
-    Hyperparameters are the sizes and correlation lengths of the deviations of damping and frequency from the laws;
-    `combination` is the index of one in `Target.deviation`, from 0. Mean and covariance are those of a normal
-    distribution with the gradient and the Gauss–Newton information of this conditional log posterior at the mode,
-    restricted to reflected scores ≥ 0.
+    Hyperparameters are the sizes (prior standard deviations) and correlation lengths of the deviations of damping and
+    frequency from the laws; `combination` is the index of one combination in `Target.deviation`, from 0. Mean and
+    covariance come from the gradient and the Gauss–Newton information of this conditional log posterior at the mode;
+    scores of half-normal priors are restricted to values ≥ 0.
     """
     reflected, d = mode.likelihood.target.reflected, mode.z.size
     at = np.where(reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)

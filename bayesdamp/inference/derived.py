@@ -35,7 +35,8 @@ SLOW_VELOCITY = 1e-170
 """Step in rad/s of the difference quotient of the damping force at zero velocity. Its square is zero in double
 precision, so that only terms that are linear in the velocity have a derivative there."""
 _HALVING = np.polynomial.legendre.leggauss(6)
-"""Nodes and weights of the Gauss–Legendre rule with which `Motions.half_life` integrates over ln A."""
+"""Nodes and weights of the 6-point Gauss–Legendre rule on [−1, 1], with which `Motions.half_life` integrates over ln A,
+the logarithm of the amplitude."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class Motions:
 
     @cached_property
     def _numbers(self) -> dict[str, np.ndarray]:
-        """All parameters of the oscillator except theta0 and omega0, by name, as arrays of one shape."""
+        """All parameters of the oscillator except theta0 and omega0, by name, broadcast to arrays of the same shape."""
         names = [n for n in self.osc.inputs if n not in ("theta0", "omega0")]
         return dict(
             zip(names, np.broadcast_arrays(*[np.asarray(self.values[n], float) for n in names]), strict=True)
@@ -144,7 +145,7 @@ class Motions:
 
 @dataclass(frozen=True)
 class DerivedQuantity:
-    """A quantity that is computed from the parameters of each draw: its name, units, and the function for it.
+    """A quantity that is computed from the parameters of each posterior draw.
 
     Attributes
     ----------
@@ -186,11 +187,11 @@ QUANTITIES = (
 
 
 def derive_quantities(motions: Motions) -> dict[str, np.ndarray]:
-    """Compute the derived quantities that apply to the model; return by name an array with the values of all draws.
+    """Compute the derived quantities that apply to the model: for each name, an array with the values of all draws.
 
-    Names are those of `QUANTITIES`, units those of `units`. Quantities that do not apply have no entry. A value is nan
-    or infinite if the quantity is not defined for that draw. The natural frequency is left out if the parameters of the
-    restoring law are scalars, which are the same for all draws.
+    The names are those in `QUANTITIES`; the function `units` gives the units. Quantities that do not apply to the model
+    are left out. A value is nan or infinite if the quantity is not defined for that draw. The natural frequency is left
+    out if the parameters of the restoring law are scalars, which are the same for all draws.
     """
     quantities = {q.name: q.of(motions) for q in QUANTITIES}
     fixed = all(np.ndim(motions.values[n]) == 0 for n in motions.osc.law.parameters)
@@ -198,12 +199,18 @@ def derive_quantities(motions: Motions) -> dict[str, np.ndarray]:
 
 
 def units(displacement: str) -> dict[str, str]:
-    """Return the unit of each derived quantity by name, for displacements in "rad"; for any other text, in "m"."""
+    """Return the unit of each derived quantity by name.
+
+    displacement: "rad" for an angle; any other text for a displacement in m.
+    """
     return {q.name: q.angular if displacement == "rad" else q.linear for q in QUANTITIES}
 
 
 def equivalent_ratio(at: Cycle) -> np.ndarray:
-    """Return the equivalent damping ratio ΔE/(4πE) for each draw's cycle; ΔE: energy lost in it, E: energy."""
+    """Return the equivalent viscous damping ratio ΔE/(4πE) in the cycle of each draw.
+
+    E is the energy of the cycle, ΔE the energy that is lost in it.
+    """
     return np.asarray(at.energy_lost / (4.0 * np.pi * at.energy))
 
 

@@ -21,7 +21,7 @@ ESS_LIMIT = 400.0
 """RHAT_LIMIT is the largest R̂, and ESS_LIMIT the smallest effective sample size, at which draws count as reliable
 (recommended by Vehtari et al. 2021)."""
 HDI_PROBABILITY = 0.95
-"""Probability of the shortest (highest-density) interval of a parameter."""
+"""Probability of the shortest (highest-density) interval of a parameter that a summary contains."""
 QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
 """Levels of the quantiles in a summary, by name."""
 

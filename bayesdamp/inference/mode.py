@@ -1,4 +1,7 @@
-"""The mode of a posterior: its search, the accuracy of the motion there, and Laplace's approximation."""
+"""The mode of a posterior: its search, the accuracy of the motion there, and Laplace's approximation.
+
+The search is in standard normal scores: each inferred parameter is transformed so that its prior is N(0, 1).
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -22,12 +25,12 @@ from bayesdamp.priors import shared_precision
 from bayesdamp.types import NORMAL_95, Refusal, Status
 
 LAST_STEP = 1e-3
-"""A search for a mode ends with a step that is shorter than this, in posterior sds, and increases the log density by
-less than the cube of this, in nats; the second limit is multiplied by |log density| / 1000 where this is above 1
-(conventional)."""
+"""A search for a mode converges with a step that is shorter than this, in posterior sds. The step must also increase
+the log density by less than the cube of this, in nats; if the absolute log density is above 1000, this second limit is
+multiplied by |log density| / 1000 (conventional)."""
 ROUGH_LAST_STEP = 0.1
-"""Length of the last step, in posterior sds, of a search for a mode that only serves as a start of another search or
-for a comparison; it replaces `LAST_STEP`."""
+"""Replaces `LAST_STEP`, the length of the last step in posterior sds, in a search whose mode is only the start of
+another search or serves for a comparison."""
 SMALLEST_SCORE = 1e-9
 """Lower bound, in the search for a mode, of the standard normal score of a parameter with a half-normal prior (a
 reflected score). It replaces 0, where the derivative vanishes."""
@@ -35,11 +38,11 @@ LONGEST_STEP = 3.0
 """Largest change of a parameter's standard normal score in one step of a search for a mode; a longer step is scaled
 down."""
 HOPELESS_GAIN = 1e-7
-"""The search for a mode ends after a rejected step whose expected gain of the log density was smaller than this, in
-nats, instead of trying a shorter step."""
+"""If a step of a search for a mode is rejected although its expected gain of the log density was smaller than this, in
+nats, the search ends; a shorter step would not help."""
 MOST_STEPS = 60
-"""Largest number of trial steps of a search for a mode, rejected ones included; the search then ends without
-convergence."""
+"""Largest number of trial steps in a search for a mode, including rejected ones. A search that reaches it has not
+converged."""
 
 
 def maximise_posterior(
@@ -49,11 +52,11 @@ def maximise_posterior(
     retract: Retract = straight_on,
     close: float = LAST_STEP,
 ) -> Maximum:
-    """Search for the mode of a posterior from scores z, (d,).
+    """Search for the mode of a posterior, starting from scores z, (d,).
 
-    The common prior scale of coefficients is fixed at 1, so that every score has the prior N(0, 1). (Averaged over all
-    scales, the prior has its maximum where all these coefficients are 0, and searches on records with little damping
-    would end there.)
+    Scores are the inferred parameters, transformed to standard normal priors. The common prior scale of damping
+    coefficients is fixed at 1, so that every score has the prior N(0, 1). (The prior that is averaged over all scales
+    has its maximum where all these coefficients are 0; on records with little damping the search would end there.)
 
     Parameters
     ----------
@@ -95,8 +98,10 @@ def maximise(
         Which scores must not be negative; their lower bound is `SMALLEST_SCORE`.
     z : ndarray, shape (d,)
         Start of the search; |z| is used for the scores in `reflected`.
-    retract, close
-        As in `maximise_posterior`.
+    retract : callable
+        Function of a point, (d,), and a step, (d,), that returns the end of the step, (d,); by default their sum.
+    close : float
+        The search ends when a step is shorter than this, in posterior sds (see `LAST_STEP`).
 
     Returns
     -------
@@ -125,19 +130,20 @@ def maximise(
 
 @dataclass(frozen=True)
 class LocalSearch:
-    """The search for a mode from one start.
+    """The result of one search for a mode, from one start.
 
     Attributes
     ----------
     origin, z : ndarray, shape (d,)
-        Scores at the start and the end.
+        Start and end of the search, as scores (parameters transformed to standard normal priors).
     end : float
         Log posterior density at the end, in nats.
     volume : float
         Log volume of the posterior at the end: −½ log det of the information. The probability of a mode is proportional
         to exp(end + volume).
     converged : bool
-        Whether the search ended at a maximum (not at the limit of steps or a posterior that is not finite).
+        Whether the search ended at an acceptable maximum. It is False, for example, if the search reached the limit of
+        steps, or if the residual at the end is above `MOST_RESIDUAL`.
     """
 
     origin: np.ndarray
@@ -167,7 +173,8 @@ class StoredMode:
 class LinearDraws:
     """The posterior of a linear model, in which the record is linear in the scores and in the deviations from the laws.
 
-    Scores are the inferred parameters, transformed to standard normal priors.
+    Scores are the inferred parameters, transformed to standard normal priors. Deviations are slow changes of damping
+    and frequency that the damping and restoring laws do not describe.
 
     Attributes
     ----------
@@ -185,24 +192,25 @@ class LinearDraws:
 class Mode:
     """The mode of a posterior, as scores: the inferred parameters, transformed to standard normal priors.
 
-    Under exact laws it is the maximum with the common prior scale of damping coefficients fixed at 1. If the model
-    allows for deviations from its laws, it is the joint mode of scores and deviations, about which the model is
-    linearised, and `linear` is given.
+    If damping and restoring laws are exact, it is the maximum of the posterior with the common prior scale of damping
+    coefficients fixed at 1. If the model allows for deviations from its laws, it is the joint mode of scores and
+    deviations; the model is linearised there, and `linear` is set.
 
     Attributes
     ----------
     z : ndarray, shape (d,)
         Scores at the mode.
     log_posterior : float
-        Log posterior density at z, in nats; with `linear`, deviations and common prior scale are integrated out.
+        Log posterior density at z, in nats. If `linear` is set, the deviations and the common prior scale are
+        integrated out.
     information : ndarray, shape (d, d)
-        Negative Gauss–Newton Hessian at z; with `linear`, the inverse covariance of its draws.
+        Negative Gauss–Newton Hessian at z. If `linear` is set, it is the inverse covariance of the draws in it.
     likelihood : Likelihood
         Likelihood and target of the posterior.
     searches : tuple of LocalSearch
-        The searches that led to this and to other modes; empty with `linear`.
+        The searches that led to this and to other modes; empty if `linear` is set.
     linear : LinearDraws or None
-        Posterior of the linear model, with deviations from the laws; None under exact laws.
+        Posterior of the linear model that includes deviations from the laws; None if the laws are exact.
     """
 
     z: np.ndarray
@@ -214,7 +222,7 @@ class Mode:
 
     @property
     def near(self) -> Likelihood:
-        """The likelihood with the common prior scale of coefficients fixed at a typical value near the mode.
+        """The likelihood with the common prior scale of damping coefficients fixed at a typical value near the mode.
 
         All coefficients with a shared half-normal prior have the same, unknown scale. Without such coefficients it is
         `likelihood` itself.
@@ -223,11 +231,11 @@ class Mode:
 
     @property
     def factor(self) -> np.ndarray:
-        """Lower Cholesky factor, (d, d), of the posterior's covariance.
+        """Lower Cholesky factor, (d, d), of the posterior covariance of the standard normal scores.
 
-        Under exact laws it is that of the inverse information, with the unknown prior scale that coefficients share
-        fixed as in `near`; raises Refusal if the information is not positive definite. With `linear` it is that of the
-        covariance of the draws in `linear`.
+        If the laws are exact, the covariance is the inverse of `information`, with the prior scale that damping
+        coefficients share fixed as in `near`; raises Refusal if the information is not positive definite. If `linear`
+        is set, it is the covariance of the draws in `linear`.
         """
         return self._normal[1]
 
@@ -235,9 +243,9 @@ class Mode:
     def _normal(self) -> tuple[Likelihood, np.ndarray]:
         """The values of `near` and `factor`, as a tuple.
 
-        The common prior scale σ follows from the mean of 1/σ² over its possible values, given the expected sum of
-        squares of the coefficients' scores (one step of variational Bayes). The expectation includes the variance of
-        these scores, so that σ is not too small on a record without damping.
+        σ, the common prior scale of damping coefficients, follows from the mean of 1/σ² over its possible values, given
+        the expected sum of squares of the coefficients' scores (one step of variational Bayes). The expected value
+        includes the variance of these scores, so that σ is not too small on a record without damping.
         """
         shared = self.likelihood.target.shared
         if self.linear is None:
@@ -267,7 +275,7 @@ class Mode:
 
 
 def covariance_factor(information: np.ndarray) -> np.ndarray:
-    """Return the lower Cholesky factor, (d, d), of the inverse of the information, (d, d).
+    """Return the lower Cholesky factor, (d, d), of a covariance matrix from its inverse, the information, (d, d).
 
     The information is factored before it is inverted, because rounding can make the inverse of an ill-conditioned
     matrix indefinite. Raises Refusal if the information is not positive definite.
@@ -277,23 +285,24 @@ def covariance_factor(information: np.ndarray) -> np.ndarray:
             raise np.linalg.LinAlgError
         reversed_factor = np.linalg.cholesky(0.5 * (information + information.T)[::-1, ::-1])
     except np.linalg.LinAlgError:
-        raise Refusal("the posterior has no curvature at its mode") from None
+        raise Refusal("the posterior's information matrix is not positive definite at its mode") from None
     return scipy.linalg.solve_triangular(
         reversed_factor[::-1, ::-1], np.eye(len(information)), trans=1, lower=False
     )
 
 
 def restore_mode(target: Target, stored: StoredMode) -> Mode:
-    """Rebuild a mode, under exact laws, from its stored values."""
+    """Rebuild a mode of a model with exact laws from its stored values."""
     likelihood = Likelihood.near(target, stored.z, stored.tolerance)
     return Mode(stored.z, stored.log_posterior, stored.information, likelihood, stored.searches)
 
 
 def log_evidence_about(mode: Mode) -> float:
-    """Return the log evidence at a mode in nats, from its linear model if it has one, otherwise by Laplace's method.
+    """Return the log evidence of a model in nats, computed from the mode of its posterior.
 
-    For Laplace's approximation, the log likelihood is expanded to second order at the mode, and integrated with
-    reflected scores (half-normal priors) ≥ 0; the evidence is averaged over the values of the common prior scale of
+    If the mode contains a linear model (`mode.linear`), it is the log evidence of that model. Otherwise it is Laplace's
+    approximation: the log likelihood is expanded to second order at the mode, and integrated over scores that are ≥ 0
+    where priors are half-normal. The evidence is averaged over the possible values of the common prior scale of damping
     coefficients.
     """
     if mode.linear is not None:
@@ -301,7 +310,7 @@ def log_evidence_about(mode: Mode) -> float:
     target, scales = mode.likelihood.target, np.asarray(mode.likelihood.scales)
     at = np.where(target.reflected, np.abs(mode.z), mode.z)
     value, gradient, information = mode.likelihood.with_scale(1.0).curvature(at)
-    extra = np.outer(scales**-2.0 - 1.0, target.shared)  # of the prior's precision, (scales, d)
+    extra = np.outer(scales**-2.0 - 1.0, target.shared)  # change of the prior's precision, (scales, d)
     log_density = value - 0.5 * extra @ at**2 - np.sum(target.shared) * np.log(scales)
     precision = information + extra[:, :, None] * np.eye(at.size)
     logs = log_integral(log_density, gradient - extra * at, precision, at, np.flatnonzero(target.reflected))
@@ -311,21 +320,22 @@ def log_evidence_about(mode: Mode) -> float:
 def log_integral(
     value: np.ndarray, gradient: np.ndarray, information: np.ndarray, at: np.ndarray, reflected: np.ndarray
 ) -> np.ndarray:
-    """Return logs of 2ʳ ∫ exp(value + g·(z − at) − (z − at)ᵀ H (z − at)/2) dz over values ≥ 0 of r reflected scores.
+    """Return the log integrals, (c,), of c densities with quadratic logarithms over values ≥ 0 of the reflected scores.
 
-    g is the gradient and H the information, minus the Hessian; the other scores have no bounds. The factor is there
-    because a half-normal density is twice the normal one.
+    The integral is 2ʳ ∫ exp(value + g·(z − at) − (z − at)ᵀ H (z − at)/2) dz. Reflected scores are those of the r
+    parameters with half-normal priors; the other scores have no bounds. The factor 2ʳ is there because a half-normal
+    density is twice the normal one.
 
     Parameters
     ----------
     value : ndarray, shape (c,)
-        Log densities at `at`.
+        Log densities at the point `at`.
     gradient, information : ndarray, shapes (c, d) and (c, d, d)
-        g and H.
+        The gradient g and the information H (minus the Hessian) of the log density at the point `at`.
     at : ndarray, shape (d,)
         Point of expansion.
     reflected : ndarray of int, shape (r,)
-        Indices of the reflected scores, those of half-normal priors.
+        Indices of the reflected scores.
 
     Returns
     -------
@@ -340,10 +350,10 @@ def log_integral(
 
 
 def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
-    """Return the sds of the parameters in their units, by name, for scores with mean z, (d,), and a covariance.
+    """Return the standard deviations of the inferred parameters in their units, by name.
 
-    They are from error propagation to first order. z: standard normal scores of the inferred parameters. covariance: of
-    the scores, (d, d).
+    They follow from the covariance, (d, d), of the standard normal scores of the parameters by error propagation to
+    first order at z, the mean of the scores, (d,).
     """
     sds = np.abs(target.rates(z)) * np.sqrt(np.diag(covariance))
     return dict(zip(target.names, sds.tolist(), strict=True))
@@ -363,26 +373,27 @@ def value_intervals(target: Target, z: np.ndarray, sd: np.ndarray) -> dict[str, 
 
 
 SAME_MODE = 1.0
-"""Two searches reached the same maximum if their ends are less than this apart, in posterior standard deviations
-(conventional)."""
+"""Two searches have reached the same maximum if the distance between their ends is less than this, in posterior
+standard deviations (conventional)."""
 SEARCH_ERROR, MODE_ERROR = 1.0, 0.03
-"""Largest error of the motion in the searches, and at the mode and in all later computations, in units of the noise's
-standard deviation divided by √n for a record of n samples. With the second value the error changes the log likelihood
-within three posterior standard deviations of the mode by less than 0.01 nats (measured on 20 simulated records)."""
+"""Largest error of the computed motion: `SEARCH_ERROR` in the searches for a mode, `MODE_ERROR` at the mode and in all
+later computations. The unit is the noise's standard deviation divided by √n for a record of n samples. Within three
+posterior standard deviations of the mode, the second value changes the log likelihood by less than 0.01 nats (measured
+on 20 simulated records)."""
 MOST_RESIDUAL = 1.5
 """A local maximum of the posterior is rejected if its root mean square residual is more than this many standard
-deviations of the record: correlated noise then explains the oscillation instead of the motion. A motion of the right
-amplitude but without phase relation to the record has √2."""
+deviations of the record. There the noise model, and not the motion, explains the oscillation. For comparison: a motion
+with the right amplitude but an unrelated phase gives √2."""
 
 
 def group_searches(mode: Mode) -> list[tuple[np.ndarray, float]]:
-    """Group the searches of a mode by the maxima that they reached.
+    """Return the different maxima of the posterior that the searches of a mode reached, and their probabilities.
 
     Returns
     -------
     list of (ndarray, float)
-        For each maximum its scores, (d,), and its fraction of the total posterior probability of the maxima, by
-        Laplace's approximation: first the mode itself, then the others, the highest first.
+        For each maximum: its standard normal scores, (d,), and its fraction of the total posterior probability of the
+        maxima, by Laplace's approximation. The mode itself is first, the others follow, the highest first.
     """
     maxima = [mode.z]
     log_masses = [mode.log_posterior + _log_volume(mode.information)]
@@ -396,7 +407,7 @@ def group_searches(mode: Mode) -> list[tuple[np.ndarray, float]]:
 
 
 def find_mode(target: Target, starts: Iterable[Mapping[str, float]], *, noise_level: float) -> Mode:
-    """Find the highest mode that searches from the given starts reach.
+    """Search for modes of the posterior from each start, and return the highest.
 
     Maxima whose residual is above `MOST_RESIDUAL` are rejected.
 
@@ -405,8 +416,8 @@ def find_mode(target: Target, starts: Iterable[Mapping[str, float]], *, noise_le
     target : Target
         The model with its record and priors.
     starts : iterable of mapping of str to float
-        Starts of the searches: for each the values of the parameters, by name. Parameters of the noise are estimated
-        from the residuals at the start instead.
+        For each search, the values of the parameters at its start, by name. Parameters of the noise are estimated from
+        the residuals at the start instead.
     noise_level : float
         Standard deviation of the record's noise, in its unit. It determines how accurately motions are computed in the
         search.
@@ -420,7 +431,7 @@ def find_mode(target: Target, starts: Iterable[Mapping[str, float]], *, noise_le
     ------
     Refusal
         If no start leads to a finite posterior with a positive definite information matrix, or if at all maxima the
-        noise model explains the oscillation instead of the motion.
+        noise model, and not the motion, explains the oscillation.
     """
     noise, unit = target.noise_model, noise_level / np.sqrt(target.signal.t.size)
     largest = MOST_RESIDUAL * float(np.std(target.signal.y))
@@ -442,7 +453,7 @@ def find_mode(target: Target, starts: Iterable[Mapping[str, float]], *, noise_le
     if not ends and any(np.isfinite(search.end) for search in searches):
         raise Refusal(
             Status.PRUNED.because(
-                "the noise model explains the oscillation instead of the motion: the most probable motion is farther "
+                "the noise model, not the motion, explains the oscillation: the most probable motion is farther "
                 "from the record than the record's mean"
             )
         )

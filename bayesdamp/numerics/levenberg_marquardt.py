@@ -1,8 +1,8 @@
 """Maximise a function within lower bounds by the Levenberg–Marquardt method.
 
-A step s solves (H + λ diag H) s = g with the gradient g and the information H (minus the Hessian). λ shrinks after a
-step that does not decrease the function, and grows after any other (Levenberg 1944, Marquardt 1963; Moré 1977 for the
-scaling).
+A step s solves (H + λ diag H) s = g, where g is the gradient and H the information (minus the Hessian). λ, the damping
+parameter, decreases after a step that does not decrease the function, and increases after any other (Levenberg 1944,
+Marquardt 1963; Moré 1977 for the scaling).
 """
 
 from collections.abc import Callable
@@ -15,14 +15,14 @@ FIRST_LAMBDA, MIN_LAMBDA, MAX_LAMBDA = 1e-3, 1e-12, 1e12
 """Initial, smallest and largest value of λ, the damping parameter of Levenberg–Marquardt steps. A search ends when λ
 would exceed the largest (conventional)."""
 MIN_BEFORE_GROWTH = 1e-9
-"""After a rejected step, a damping parameter λ below this is first raised to this value and then multiplied, so that it
-need not grow through many tiny values (conventional)."""
+"""If λ, the damping parameter of Levenberg–Marquardt steps, is below this when a step is rejected, it is raised to this
+value before it is multiplied. Otherwise it would need many rejected steps to become large enough (conventional)."""
 
 
 class Schedule(NamedTuple):
     """Factors by which λ, the damping parameter of Levenberg–Marquardt steps, is multiplied (conventional).
 
-    less: after an accepted step. more: after a rejected one.
+    less: factor after an accepted step. more: factor after a rejected step.
     """
 
     less: float = 0.2
@@ -49,10 +49,10 @@ Expand = Callable[[np.ndarray], Expansion]
 class Step(NamedTuple):
     """One trial step of a Levenberg–Marquardt search.
 
-    x: start point, (d,). move: end point minus x, (d,). The end point is the result of the `Retract` function, moved
-    into the bounds. at: expansion of the function at x. gain: increase of the function; −inf if its value or its
-    information is not finite at the end point. expected: the first-order increase, gradient times the step before
-    `Retract` and bounds. damping: λ of the step (`levenberg_marquardt`).
+    x: start point, (d,). move: end point minus x, (d,); the end point is the result of the `Retract` function, moved
+    into the bounds. at: expansion of the function at x. gain: increase of the function by the step; −inf if its value
+    or its information is not finite at the end point. expected: the increase to first order, gradient times the step
+    before `Retract` and bounds. damping: λ, the damping parameter of the step (see `levenberg_marquardt`).
     """
 
     x: np.ndarray
@@ -65,11 +65,11 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Maximum:
-    """Result of a maximisation.
+    """Result of a maximisation by `levenberg_marquardt`.
 
-    x: end point, (d,); value: function value there, −inf if the value or the information at the start is not finite;
-    information: minus the Hessian there, (d, d), the identity if the value is −inf; converged: whether the convergence
-    criterion ended the search (not the step limit, and not λ above `MAX_LAMBDA`).
+    x: end point, (d,). value: function value there; −inf if the value or the information at the start is not finite.
+    information: minus the Hessian there, (d, d); the identity if the value is −inf. converged: True if the convergence
+    criterion ended the search; False if the step limit or λ above `MAX_LAMBDA` ended it.
     """
 
     x: np.ndarray

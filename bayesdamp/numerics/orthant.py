@@ -1,6 +1,6 @@
-"""Compute with normal distributions some of whose coordinates must not be negative.
+"""Compute with normal distributions in which some coordinates must not be negative.
 
-`log_probability` gives the probability that all coordinates are ≥ 0, `draw` draws under this condition, and
+`log_probability` gives the probability that all coordinates are ≥ 0. `draw` draws under the condition that some are.
 `ReflectedT` is a heavy-tailed distribution that is reflected at zero.
 """
 
@@ -14,8 +14,8 @@ GAUSS_POINTS = 12
 record, which contains such integrals, is then accurate to 0.002 nats (measured; the error is largest where two
 coordinates are almost perfectly correlated)."""
 MAX_NESTED, LATTICE_POINTS = 3, 256
-"""`MAX_NESTED`: greatest number of coordinates for which `log_probability` uses nested Gauss rules. For more it
-averages over a lattice of `LATTICE_POINTS` points instead (conventional)."""
+"""`MAX_NESTED`: largest number of coordinates for which `log_probability` uses nested Gauss rules. For more coordinates
+it averages over a lattice of `LATTICE_POINTS` points instead (conventional)."""
 SURE_SDS = 7.0
 """If the mean of every coordinate is at least this many of its standard deviations above zero, the probability that all
 coordinates are ≥ 0 is taken as 1 (the error is 1e-12 for each coordinate)."""
@@ -32,10 +32,10 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Return log P(all coordinates ≥ 0), shape (c,), for normals with means (c, k) and covariances (c, k, k).
 
     It is 0 if k = 0, or if all means are at least `SURE_SDS` standard deviations above zero. For k > `MAX_NESTED` (up
-    to 62) a lattice is used (`_log_probability_by_lattice`). Otherwise the coordinate that is least likely to be
-    positive is integrated first: over quantiles of its truncated distribution, at Gauss–Legendre nodes. The probability
-    of the others, given this coordinate, is computed recursively (G. J. Gibson, C. A. Glasbey and D. A. Elston, in
-    Advances in Numerical Methods and Applications, World Scientific 1994, 120).
+    to 62) a lattice is used (`_log_probability_by_lattice`). Otherwise the probability is computed recursively: the
+    coordinate that is least likely to be positive is integrated over quantiles of its truncated distribution, at
+    Gauss–Legendre nodes, and at each node the same method gives the probability of the other coordinates (G. J. Gibson,
+    C. A. Glasbey and D. A. Elston, in Advances in Numerical Methods and Applications, World Scientific 1994, 120).
     """
     count, k = mean.shape
     if k == 0:
@@ -76,9 +76,9 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Return log P(all k coordinates ≥ 0), (c,), of c normal distributions, by a lattice rule.
 
-    mean: (c, k). covariance: (c, k, k). The rule serves for many coordinates, for which nested Gauss rules would need
-    too many nodes. The probability is the mean, over a lattice of quantile levels (R. D. Richtmyer 1951), of the
-    product of the coordinates' conditional probabilities (Geweke, Hajivassiliou and Keane).
+    It is used for many coordinates, for which nested Gauss rules would need too many nodes. mean: (c, k). covariance:
+    (c, k, k). The probability is the mean, over a lattice of quantile levels (R. D. Richtmyer 1951), of the product of
+    the coordinates' conditional probabilities (Geweke, Hajivassiliou and Keane).
     """
     count, k = mean.shape
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
@@ -171,10 +171,10 @@ def _truncated_draws(
     Four proposals are made for each requested draw, and the draws are resampled from them by importance weights. They
     are ordered by distribution.
 
-    mean: (c, k). lower: lower Cholesky factors of the covariances, (c, k, k). counts: number of draws from each
-    distribution, (c,).
+    mean: means before the truncation, (c, k). lower: lower Cholesky factors of the covariances, (c, k, k). counts:
+    number of draws from each distribution, (c,).
     """
-    # Four proposals for each draw, then resampling by weight.
+    # `tries` has the index of the distribution for each proposal.
     tries = np.repeat(np.arange(counts.size), 4 * counts)
     z, log_weight = np.zeros((tries.size, mean.shape[1])), np.zeros(tries.size)
     for i in range(mean.shape[1]):
@@ -202,11 +202,11 @@ class ReflectedT:
     Parameters
     ----------
     centre : ndarray, shape (d,)
-        Centre before the reflection.
+        Centre of the distribution before coordinates are replaced.
     factor : ndarray, shape (d, d)
         Lower Cholesky factor of the scale matrix.
     reflected : ndarray of bool, shape (d,)
-        Which coordinates are reflected.
+        Which coordinates are replaced by their absolute values.
     """
 
     def __init__(self, centre: np.ndarray, factor: np.ndarray, reflected: np.ndarray) -> None:
@@ -223,7 +223,7 @@ class ReflectedT:
         self._signs[:, index] = list(product((1.0, -1.0), repeat=index.size))
 
     def draw(self, rng: np.random.Generator | np.random.RandomState, n: int) -> np.ndarray:
-        """Return n independent draws, (n, d), after the reflection."""
+        """Return n independent draws, (n, d); the coordinates in `reflected` are ≥ 0."""
         normal = rng.standard_normal((n, self.factor.shape[0]))
         scale = np.sqrt(T_DEGREES / rng.chisquare(T_DEGREES, n))[:, None]
         z = self.centre + (normal * scale) @ self.factor.T
@@ -232,7 +232,8 @@ class ReflectedT:
     def log_density(self, y: np.ndarray) -> np.ndarray:
         """Return the log density, (n,), at points y, (n, d), whose reflected coordinates are ≥ 0.
 
-        It is the log of the sum of the t densities at all mirror images of y.
+        It is the log of the sum of the t densities at y and at all points with other signs of the reflected
+        coordinates.
         """
         d = self.factor.shape[0]
         images = (y[None] * self._signs[:, None] - self.centre).reshape(-1, d)

@@ -1,8 +1,8 @@
 """Resample weighted draws, and check whether a few of them dominate the weights.
 
-The check is the shape k of a generalised Pareto distribution that is fitted to the largest weights. Sources: Vehtari,
-Simpson, Gelman, Yao, Gabry, "Pareto smoothed importance sampling", Journal of Machine Learning Research 25 (2024); the
-fit is by Zhang and Stephens, "A new and efficient estimation method for the generalized Pareto distribution",
+The check is the shape k of a generalised Pareto distribution that is fitted to the largest weights (Vehtari, Simpson,
+Gelman, Yao, Gabry, "Pareto smoothed importance sampling", Journal of Machine Learning Research 25 (2024)). The fit is
+that of Zhang and Stephens, "A new and efficient estimation method for the generalized Pareto distribution",
 Technometrics 51 (2009).
 """
 
@@ -12,16 +12,17 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 NEGLIGIBLE_NATS, MIN_WEIGHTS = 690.0, 5
-"""`NEGLIGIBLE_NATS`: a log weight this far below the largest counts as a weight of zero (e^−690 is close to the
-smallest float). `MIN_WEIGHTS`: smallest number of other weights from which a Pareto shape is fitted (conventional)."""
+"""`NEGLIGIBLE_NATS`: a log weight that is smaller than the largest by this much counts as a weight of zero (e^−690 is
+close to the smallest float). `MIN_WEIGHTS`: smallest number of weights from which a Pareto shape is fitted
+(conventional)."""
 PRIOR_SHAPE, PRIOR_DRAWS = 0.5, 10
-"""A weak prior of the Pareto shape k in `_fit_shape`: its mean, and the number of draws to which it is equivalent
-(Vehtari et al., appendix C)."""
+"""Weak prior of the Pareto shape k in `_fit_shape`: `PRIOR_SHAPE` is its mean, `PRIOR_DRAWS` the number of draws to
+which the prior is equivalent (Vehtari et al., JMLR 25, 2024, appendix C)."""
 K_LIMIT = 0.7
-"""Importance weights are unreliable if their Pareto shape is at least this (Vehtari et al.)."""
+"""Importance weights are unreliable if their Pareto shape k is at least this (Vehtari et al., JMLR 25, 2024)."""
 QUARTILE_FACTOR = 3.0
-"""The factor 3 before the first quartile of the data, in the formula of Zhang and Stephens for the grid of trial
-parameters over which `_fit_shape` averages."""
+"""The constant 3 in the formula of Zhang and Stephens for the trial parameters over which `_fit_shape` averages; it
+multiplies the first quartile of the data."""
 
 
 def normalise(log_weights: np.ndarray) -> np.ndarray:
@@ -31,7 +32,10 @@ def normalise(log_weights: np.ndarray) -> np.ndarray:
 
 
 def effective_size(log_weights: np.ndarray) -> float:
-    """Return the effective number of draws, 1 / Σ w², of draws with these log weights, (n,)."""
+    """Return the effective number of draws, 1 / Σ w², from their log weights, (n,).
+
+    The weights w are first normalised, so that their sum is 1.
+    """
     return float(1.0 / np.sum(normalise(log_weights) ** 2))
 
 
@@ -46,9 +50,10 @@ def resample(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> n
 
 
 def quantiles(x: np.ndarray, weights: np.ndarray, levels: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Return the quantiles, (p,), of weighted draws x, (n,), by linear interpolation; never beyond the extreme draws.
+    """Return the quantiles, (p,), of weighted draws x, (n,), by linear interpolation between the draws.
 
-    weights: weights of the draws, which sum to 1, (n,). levels: probabilities of the quantiles in [0, 1], (p,).
+    A quantile is never smaller than the smallest draw or larger than the largest. weights: weights of the draws, which
+    sum to 1, (n,). levels: probabilities of the quantiles in [0, 1], (p,).
     """
     order = np.argsort(x)
     cumulative = np.cumsum(weights[order]) - 0.5 * weights[order]
@@ -58,8 +63,8 @@ def quantiles(x: np.ndarray, weights: np.ndarray, levels: Sequence[float] | np.n
 def pareto_k(log_weights: np.ndarray) -> float:
     """Return the Pareto shape k of importance weights; above about 0.7 a few draws dominate the weights.
 
-    k is the shape of a generalised Pareto distribution that is fitted to the largest weights: 3 √n of n weights, or n /
-    5 if n ≤ 225. The fit includes a weak prior with the mean 0.5 (`_fit_shape`). log_weights: (n,), up to a constant.
+    k is the shape of a generalised Pareto distribution that is fitted to the largest of n weights: to 3 √n weights, or
+    n/5 if n ≤ 225. The fit includes a weak prior with the mean 0.5 (`_fit_shape`). log_weights: (n,), up to a constant.
     The result is ∞ if fewer than `MIN_WEIGHTS` weights are not negligible (`NEGLIGIBLE_NATS`), or if the fit fails.
     Otherwise it is −∞ if n < 25, because there are too few weights for a fit, or if the fitted weights are all equal.
     """
@@ -82,8 +87,9 @@ def _fit_shape(above: np.ndarray) -> float:
 
     above: the values minus the threshold, in rising order, (n,).
 
-    The ratio of shape and scale is averaged over the grid of Zhang and Stephens, with the profile likelihood as weight,
-    and gives a shape. The result is the mean of this shape and `PRIOR_SHAPE`, with weights n and `PRIOR_DRAWS`.
+    The ratio of shape and scale is averaged over the trial values of Zhang and Stephens, weighted by the profile
+    likelihood. The average determines an estimate of the shape. The result is the mean of this estimate and
+    `PRIOR_SHAPE`, with weights n and `PRIOR_DRAWS`.
     """
     n = above.size
     count = 30 + int(np.sqrt(n))

@@ -16,7 +16,7 @@ from bayesdamp.verdict.parts import Coefficient, DampingRatio, Grade, Interval, 
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence
 
-NO_CURVATURE = "the posterior has no curvature at its mode."
+NO_CURVATURE = "the posterior's information matrix is not positive definite at its mode."
 MISFIT = {"verdict": "does not fit: why", "window_spread": 1.0, "predictive_p": 0.5, "model": "viscous"}
 ROW = {"signal": "a", "repeat": 0, "restoring": "linear", "outcome": "ok"}
 

@@ -56,7 +56,7 @@ def test_noise_that_explains_the_oscillation_is_no_mode() -> None:
     wrong, right = (linear_target(t, y, "viscous", {**known, "theta0": x}, "correlated") for x in (-0.3, 0.3))
     start = {"noise_sd": SD, "noise_time": 0.05}
     assert find_mode(right, [start], noise_level=SD).searches[0].converged
-    with pytest.raises(Refusal, match="the noise model explains the oscillation"):
+    with pytest.raises(Refusal, match="the noise model, not the motion, explains"):
         find_mode(wrong, [start], noise_level=SD)
 
 
