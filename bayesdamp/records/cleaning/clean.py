@@ -27,7 +27,7 @@ MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0
 """If the amplitude of an angle is more than `MAX_TURNS` turns (of 360°), a warning says that the values may have
 another unit. If the column's name states the unit, the limit is `MAX_TURNS_NAMED` turns (conventional)."""
 PLURAL = {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}
-"""Words for values of each quantity, in messages."""
+"""Plural words for the values of each quantity, in messages."""
 CLIPPED = (
     "its peaks are cut off: the values stay at the end of the sensor's range; record it with a larger range, or give a "
     "start after {:.6g} s, where the clipping ends"
@@ -43,8 +43,8 @@ TONE_BURST = (
 MOST_SAMPLES = 100_000
 """Records with more samples than this are decimated (conventional)."""
 SAMPLES_PER_CYCLE, LEAST_SAMPLES_PER_CYCLE = 100.0, 20.0
-"""Number of samples in a cycle at which decimation aims, `SAMPLES_PER_CYCLE`. If this would give more than
-`MOST_SAMPLES` samples in all, decimation aims at fewer, but at least `LEAST_SAMPLES_PER_CYCLE` in a cycle."""
+"""Decimation aims at `SAMPLES_PER_CYCLE` samples in a cycle. If the result would then have more than `MOST_SAMPLES`
+samples, decimation aims at fewer, but at least `LEAST_SAMPLES_PER_CYCLE` in a cycle."""
 PASS_BAND = 0.7
 """The decimation filter is flat up to this fraction of the new Nyquist frequency; at 100 samples a cycle, 35 harmonics
 pass."""
@@ -300,7 +300,7 @@ def decimate(raw: RawRecord) -> RawRecord:
     level = raw.y - np.mean(raw.y)
     length = min(level.size, 2 ** int(np.log2(level.size / 4)))
     frequency, power = scipy.signal.welch(level, rate, nperseg=length, detrend="linear")
-    power[:2] = 0.0  # drift
+    power[:2] = 0.0  # ignore slow drift
     if not power.max() > 0:
         return raw
     peak = float(frequency[int(np.argmax(power))])

@@ -29,8 +29,8 @@ used."""
 MIN_SIGMAS = 2.0
 """A turning point closer to the midline than this many standard deviations of the noise is not used."""
 FEWEST_A_CYCLE = 4.0
-"""Smallest number of samples in a cycle with which an oscillation can be followed. A record without a free decay is
-reported as sampled too coarsely if it has fewer."""
+"""Smallest number of samples in a cycle with which an oscillation can be followed. If no free decay is found in a
+record whose strongest oscillation has fewer, the record is reported as sampled too coarsely."""
 CLEAR_SHARE = 0.85
 """If an oscillation with one of the possible periods explains more than this fraction of the record's variance, no
 weaker period is tried."""
@@ -71,7 +71,8 @@ SECOND_SIZE = 0.05
 its `size` is at least this: for two oscillations, the ratio of the second amplitude to the first; for a growing one,
 the relative growth of the amplitude."""
 BEGIN_ANYWHERE = ("steady", "excited")
-"""Values of `OtherMotion.kind` for which the used part need not begin at the largest value of the record."""
+"""Kinds of motion (`OtherMotion.kind`) with a constant amplitude, or with excitation throughout. For these, the used
+part need not begin at the largest value of the record."""
 LATE_PEAK = 0.5
 """The test whether a record is something other than the free decay of one oscillator begins at the record's largest
 value. If this value comes after this fraction of the samples, the test uses the whole record."""
@@ -86,7 +87,7 @@ class DecayWindow:
     first, last
         Index of the first and of the last sample (both included).
     notes
-        Sentences on why it was chosen.
+        Sentences on why this part was chosen.
     decays
         All free decays in the record, including the used one; empty if the record is not a free decay.
     """
@@ -181,7 +182,7 @@ def free_decay(
         Possible periods in s, each with the fraction of the variance that an oscillation with this period explains, as
         `coarse_periods` returns them.
     step
-        Recording step in the unit of y.
+        Step to which the values are rounded, in the unit of y; 0 for none.
     seek_start, seek_stop
         Whether to search for the start and for the stop of the decay; if not, the decay begins or ends with the given
         samples.
@@ -222,7 +223,7 @@ def free_decay(
     series = Series(t, grid, values, step, decays.noise * float(np.sqrt(min(grid.size / t.size, 1.0))))
     head, why = _count_disturbed(t, y, decays, step)
     if head == 0 and any(end in (decays.best[0], decays.best[0] + 1) for _, end in decays.stretches):
-        why = "amplitude"  # swings before it are in phase with it, but larger or smaller by a jump
+        why = "amplitude"  # the range of the half cycles jumps at its start
     decay = decays.turns.cut(decays.best[0] + head, decays.best[1])
     notes: list[str] = []
     first, last = 0, t.size - 1
@@ -324,7 +325,7 @@ def _largest_rise(decays: _Decays) -> float:
     astray = np.flatnonzero(np.abs(gaps[end - first - 1 :] - usual) > 0.4 * usual)
     last = end + int(astray[0]) if astray.size else last
     ranges = np.abs(np.diff(turns.values[first:last]))
-    ranges = ranges[gaps[: ranges.size] < 1.6 * usual]  # not across a hole
+    ranges = ranges[gaps[: ranges.size] < 1.6 * usual]  # leave out gaps in the samples
     if ranges.size < 4 * AVERAGED_SWINGS:
         return 0.0
     smooth = scipy.ndimage.uniform_filter1d(ranges, AVERAGED_SWINGS, mode="nearest")
@@ -484,7 +485,7 @@ def _find_stop(series: Series, decay: TurningPoints, floor: float) -> tuple[int,
         )
         return _last_sample(t, times[k - 1]), why
     later = series.values[(series.grid > times[k] + gap) & (series.grid < times[k] + 3 * gap)]
-    reversed_turns = TurningPoints(-times[::-1], values[::-1], decay.gain[::-1])  # with reversed time
+    reversed_turns = TurningPoints(-times[::-1], values[::-1], decay.gain[::-1])  # treat the end as a start
     reversed_series = replace(series, grid=-series.grid[::-1], values=series.values[::-1])
     if left <= 1.2 * gap:
         if k < 4 or left < 0.2 * gap or reversed_series.reach(reversed_turns).whole:

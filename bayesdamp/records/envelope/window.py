@@ -265,7 +265,7 @@ class DecayFit:
         Index of the first block in which the power of the decay is below that of the floor; the number of blocks if
         there is none.
     stop
-        Index after the last reading that was fitted.
+        1 + index of the last reading that was fitted.
     scale
         Level in dB to which amplitude and floor are relative.
     """

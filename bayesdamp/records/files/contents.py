@@ -293,7 +293,7 @@ def _unit_candidates(name: str) -> list[str]:
         return [] if unsure else [behind[1].strip("()[]{}")]
     last = re.search(r"(?:^|\s)([^\W\d_]+)\s*$", name)
     if last and (_normalise_time_unit(last[1]) in SECONDS or _normalise_unit(last[1]) in _WRITTEN):
-        # A unit that nothing marks: `Angle degrees`, `adc`.
+        # A unit without brackets or a separator: `Angle degrees`, `adc`.
         word, alone = last[1], last[1] == name.strip()
         if (len(word) > 2 and word not in _AMBIGUOUS_UNITS and word != "min") or (
             word in _TWO_LETTER_UNITS and not alone
