@@ -1,1 +1,1 @@
-"""Clean a raw record: choose clock and window, subtract the sensor's zero, reduce samples."""
+"""Clean a raw record: choose its clock and its free decay, subtract the sensor's zero, reduce the samples."""

@@ -1,7 +1,7 @@
-"""Convert a raw record to a signal: base units, times, the window of the free decay, and notes on what was done.
+"""Convert a raw record to a signal: the free decay in it, in base units, with times in s and notes on what was done.
 
-The zero of a velocity or acceleration sensor is estimated from the fact that over whole cycles of a free decay the mean
-of these quantities is zero.
+Over whole cycles of a free decay, the mean of a velocity or an acceleration is zero. From this follows the zero offset
+of a sensor for these quantities.
 """
 
 from dataclasses import replace
@@ -27,7 +27,7 @@ MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0
 """If the amplitude of an angle is more than `MAX_TURNS` turns (of 360°), a warning says that the values may have
 another unit. If the column's name states the unit, the limit is `MAX_TURNS_NAMED` turns (conventional)."""
 PLURAL = {"angle": "displacements", "velocity": "velocities", "acceleration": "accelerations"}
-"""Words for values of each quantity, in messages."""
+"""Plural words for the values of each quantity, in messages."""
 CLIPPED = (
     "its peaks are cut off: the values stay at the end of the sensor's range; record it with a larger range, or give a "
     "start after {:.6g} s, where the clipping ends"
@@ -43,8 +43,8 @@ TONE_BURST = (
 MOST_SAMPLES = 100_000
 """Records with more samples than this are decimated (conventional)."""
 SAMPLES_PER_CYCLE, LEAST_SAMPLES_PER_CYCLE = 100.0, 20.0
-"""Decimation aims at `SAMPLES_PER_CYCLE` samples a cycle. In records of so many cycles that this would give more than
-`MOST_SAMPLES` samples, it aims at fewer, but at least `LEAST_SAMPLES_PER_CYCLE`."""
+"""Decimation aims at `SAMPLES_PER_CYCLE` samples in a cycle. If the result would then have more than `MOST_SAMPLES`
+samples, decimation aims at fewer, but at least `LEAST_SAMPLES_PER_CYCLE` in a cycle."""
 PASS_BAND = 0.7
 """The decimation filter is flat up to this fraction of the new Nyquist frequency; at 100 samples a cycle, 35 harmonics
 pass."""
@@ -60,10 +60,10 @@ steps."""
 
 
 def recording_step(y: np.ndarray) -> float:
-    """Return the recording step (resolution) of values y (n,), in their unit; 0 if they are not multiples of a step.
+    """Return the step to which the values y (n,) were rounded when recorded, in their unit; 0 if there is no such step.
 
-    The multiples may themselves be rounded, as for a step of 0.088° written with two decimals. With only two different
-    values it is their difference.
+    The multiples of the step may be rounded again, as for a step of 0.088° that is written with two decimals. If there
+    are only two different values, the step is their difference.
     """
     values = np.unique(y)
     if values.size < 3:
@@ -85,17 +85,18 @@ def recording_step(y: np.ndarray) -> float:
 def sensor_offset(signal: Signal, features: Features) -> float:
     """Return the zero offset of a velocity or acceleration sensor, in the unit of y; 0 if it is not significant.
 
-    It is the mean over whole cycles between turning points. The midline of the turning points is not used as the
-    offset, because an asymmetric force shifts it. The result is also 0 for a displacement, whose equilibrium may be
-    anywhere, and if there are fewer than five turning points. signal, features: the record and its features
-    (`features`).
+    The offset is the mean of the values over whole cycles between turning points. The midline of the turning points is
+    not used, because an asymmetric force shifts it. The result is 0 also for a displacement, whose equilibrium may be
+    anywhere, and for fewer than five turning points.
+
+    signal: the record. features: its features, as the function `features` returns them.
     """
     turns = features.turning_times
     if signal.quantity == "angle" or turns.size < 5:
         return 0.0
     integral = scipy.interpolate.CubicSpline(signal.t, signal.y).antiderivative()(turns)
     means = (integral[2:] - integral[:-2]) / (turns[2:] - turns[:-2])
-    # From maximum to maximum the decay makes the mean larger, from minimum to minimum it makes it smaller.
+    # The decay makes a mean from maximum to maximum too large, and one from minimum to minimum too small: average both.
     means = (means[1:] + means[:-1]) / 2
     offset = float(np.mean(means))
     error = np.hypot(np.std(means) / means.size**0.5, features.roughness / signal.t.size**0.5)
@@ -114,10 +115,11 @@ def clean(
 ) -> Signal:
     """Return the free decay in a record, as a signal in the base unit of `unit` (rad, m, or V and the like).
 
-    With start and stop "auto", a record that is not a free decay of one oscillator (`no_free_decay`) is returned from
-    where it begins to its end. The zero of a velocity or acceleration sensor is subtracted if it is significant
-    (`sensor_offset`). Outliers are not removed. A wrapped angle is unwrapped (`unwrap`), and a very long
-    record is decimated (`decimate`).
+    With start and stop "auto", a record that is not a free decay of one oscillator (beats, growth, excitation) is
+    accepted too. It is used from its largest value, or from its start, to its end (`no_free_decay`).
+
+    A significant zero offset of a velocity or acceleration sensor is subtracted (`sensor_offset`). A wrapped angle is
+    unwrapped (`unwrap`), and a very long record is decimated (`decimate`). Outliers are not removed.
 
     Parameters
     ----------
@@ -131,8 +133,8 @@ def clean(
     quantity
         "angle", "velocity" or "acceleration".
     clock
-        How the times follow from the time stamps: "as_logged" (unchanged), "uniform" (equal steps, fitted to them), or
-        "auto" (uniform if the stamps are rounded or come in bursts).
+        How the times follow from the time stamps: "as_logged" (unchanged), "uniform" (equal steps, fitted to the
+        stamps), or "auto" (uniform if the stamps are rounded or many of them repeat, else as logged).
     start, stop
         Start and stop in s of the file's times (from 0 if the file has no times or counts them from an epoch), or
         "auto" for the start and the stop of the free decay.
@@ -187,7 +189,7 @@ def clean(
     label = UNITS[unit].of(quantity)
     notes, warnings = [*raw.provenance.notes, *clock_notes, *window.notes], list(raw.provenance.warnings)
     named = unit_and_quantity(raw.provenance.value_column)
-    # deg/s and dps are the same unit
+    # Compare base unit and factor, not the names: deg/s and dps are the same unit.
     if named is not None and (UNITS[named[0]].base, UNITS[named[0]].factor, named[1]) != (
         base,
         scale,
@@ -231,8 +233,8 @@ def clean(
 def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
     """Return the factor that converts a value in `unit` to its base unit, and the name of the base unit.
 
-    For "deg" these are π/180 and "rad". Raises InputError for an unknown unit or quantity; the quantity has no other
-    effect. where: name of the record for the message.
+    For "deg" these are π/180 and "rad". The `quantity` is only checked. where: name of the record, for messages. Raises
+    InputError for an unknown unit or quantity.
     """
     if unit not in UNITS:
         raise InputError(f"unknown unit {unit!r}{nearest(unit, list(UNITS))}", where)
@@ -244,9 +246,9 @@ def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
 def _samples_between(t: np.ndarray, start: str | float, stop: str | float, name: str) -> tuple[int, int]:
     """Return the indices of the first and last sample (both included) between start and stop.
 
-    start, stop: in s on the clock of the times t (n,), or "auto" for the start or the end of the record. Raises
-    InputError if start or stop is invalid, or if there are fewer than ten samples between them. name: of the record,
-    for messages.
+    t: times of the samples in s, (n,). start, stop: times in s on the same clock, or "auto" for the start or the end of
+    the record. name: name of the record, for messages. Raises InputError if start or stop is invalid, or if there are
+    fewer than ten samples between them.
     """
     bounds = [float(t[0]), float(t[-1])]
     for i, (what, at) in enumerate((("start", start), ("stop", stop))):
@@ -273,11 +275,12 @@ def _samples_between(t: np.ndarray, start: str | float, stop: str | float, name:
 def decimate(raw: RawRecord) -> RawRecord:
     """Reduce the samples of a record with more than `MOST_SAMPLES` to as many as its oscillation needs.
 
-    These are about `SAMPLES_PER_CYCLE` samples a cycle (in records of many cycles fewer, but at least
-    `LEAST_SAMPLES_PER_CYCLE`), or more if the spectrum contains higher frequencies. Values are
-    low-pass filtered first; a note in the provenance describes the filter. The first and last samples, for which the
-    filter lacks neighbours, are left out. The result has times instead of a rate, and empty `rows`. A shorter record,
-    one that is not uniformly sampled, and one whose oscillation needs all samples are returned unchanged.
+    The oscillation needs about `SAMPLES_PER_CYCLE` samples a cycle, or more if its spectrum contains higher
+    frequencies. In records of many cycles fewer are used, but at least `LEAST_SAMPLES_PER_CYCLE`. The values are
+    low-pass filtered first; a note in the provenance describes the filter. The filter lacks neighbours for the first
+    and last samples, so these are left out. The result has times instead of a rate, and its `rows` are empty.
+
+    A record is returned unchanged if it is shorter, is not uniformly sampled, or needs all of its samples.
     """
     rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
     if raw.y.size <= MOST_SAMPLES or rows[-1] != raw.y.size - 1:  # rows are missing
@@ -297,7 +300,7 @@ def decimate(raw: RawRecord) -> RawRecord:
     level = raw.y - np.mean(raw.y)
     length = min(level.size, 2 ** int(np.log2(level.size / 4)))
     frequency, power = scipy.signal.welch(level, rate, nperseg=length, detrend="linear")
-    power[:2] = 0.0  # drift
+    power[:2] = 0.0  # ignore slow drift
     if not power.max() > 0:
         return raw
     peak = float(frequency[int(np.argmax(power))])
@@ -324,10 +327,10 @@ def decimate(raw: RawRecord) -> RawRecord:
 
 
 def filter_and_decimate(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
-    """Low-pass filter values with a symmetric (zero-phase) filter and return every factor-th of them.
+    """Low-pass filter values with a symmetric (zero-phase) filter and return every `factor`-th of the filtered values.
 
-    The filter is flat within 1e-4 up to PASS_BAND of the new Nyquist frequency, and attenuates by ATTENUATION dB above
-    it.
+    The filter is flat within 1e-4 up to the fraction `PASS_BAND` of the new Nyquist frequency. Above the new Nyquist
+    frequency it attenuates by `ATTENUATION` dB.
 
     Parameters
     ----------
@@ -339,8 +342,8 @@ def filter_and_decimate(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
     Returns
     -------
     tuple
-        The values for which the filter has all neighbours (none if y is shorter than the filter), and the index in y of
-        the first of them.
+        The filtered values, one for every `factor`-th sample of y that has enough neighbours for the filter (none if y
+        is shorter than the filter), and the index in y of the first of these samples.
 
     References
     ----------

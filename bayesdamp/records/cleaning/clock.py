@@ -1,7 +1,7 @@
 """Choose the times of the samples: as logged, or a uniform clock if time stamps are rounded or come in bursts.
 
-In a burst, several samples get nearly the same time stamp, because they are stamped when they arrive together and not
-when they are taken.
+In a burst, several samples arrive together. They get nearly the same time stamp, because they are stamped when they
+arrive and not when they are taken.
 """
 
 import numpy as np
@@ -10,57 +10,58 @@ from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 
 BURST_REPEATS = 0.05
-"""If at least this fraction of the time stamps equal the one before, the clock "auto" assumes that the samples were
-taken at equal time steps, but got their stamps in bursts. Fewer repeated stamps are refused as faults of the file
-(conventional)."""
+"""A time stamp repeats if it equals the stamp before. If at least this fraction of the stamps repeat, the clock "auto"
+assumes that the samples were taken at equal time steps, but got their stamps in bursts. A smaller fraction is refused
+as a fault of the file (conventional)."""
 EVEN_STEPS_RATIO = 1.5
 """If the times of a file go back, the message advises to sort the rows if the sorted times have nearly even steps: mean
 step / median step and median step / smallest step are both below this (conventional)."""
 MIN_PAUSES, SHORT_STEP = 8, 0.3
 """Time stamps come in bursts if at least `MIN_PAUSES` steps are longer than the mean step (the pauses between bursts),
-at least as many are not, and the median step is at most `SHORT_STEP` times the mean step (conventional). Rows of the
-file, too, count as missing only if there are at least `MIN_PAUSES` longer and as many other steps."""
+at least `MIN_PAUSES` steps are not longer, and the median step is at most `SHORT_STEP` times the mean step
+(conventional). The test for missing rows of the file also requires at least `MIN_PAUSES` longer steps and as many other
+steps."""
 JUMP_RATIO = 2.0
-"""If some time steps are multiples of the others, rows of the file count as missing at the longer steps if the mean
-squared change of the recorded values across them is more than this factor times that across the other steps
-(conventional)."""
+"""Some time steps may be multiples of the smallest one, because rows of the file are missing or because the stamps are
+rounded. Rows count as missing if the values change more across the longer steps: their mean squared change there must
+be more than this factor times that across the other steps (conventional)."""
 MULTIPLE_TOLERANCE = 1e-3
-"""Rows count as missing only if every step of the times is a multiple of the smallest step, within this fraction of the
-smallest step (conventional)."""
+"""Rows of the file count as missing only if every time step is a multiple of the smallest step, within this fraction of
+the smallest step (conventional)."""
 UNIFORM_TOLERANCE = 1e-6
 """Time stamps that differ from a uniform clock by at most this fraction of a step do not count as rounded and are used
 as they are (conventional)."""
 ROUNDING_TOLERANCE = 0.6
-"""Rounded or truncated time stamps differ from a uniform clock by at most this fraction of the unit of their last
-digit: 0.5, and an allowance for the error of the fitted line."""
+"""Time stamps count as rounded or truncated times of a uniform clock if they differ from the fitted uniform clock by at
+most this fraction of the unit of their last digit: 0.5 from rounding, and 0.1 for the error of the fit."""
 TIME_UNITS = (1.0, 60.0, 3600.0, 86400.0)
-"""Seconds in the units in which a file may write its times."""
+"""Units in which a file may write its times, in s: second, minute, hour and day."""
 MOST_STEPS_OFF = 8
-"""A uniform clock is not chosen automatically if a stamp is further from it than this many times the median of the
-steps above zero; then the record may contain a pause (conventional)."""
+"""The clock "auto" refuses a uniform clock if a time stamp differs from it by more than this many typical time steps
+(the median of the steps above zero), because the record may then contain a pause (conventional)."""
 MIN_ROUNDED_STEPS = 8
 """Time stamps count as rounded only if at least this many time steps differ from the median step. Rounding changes
-steps at even distances along the record; missing or repeated rows change steps at random. Eight random faults are
-evenly distributed, one in each eighth of the record, with a probability of only 0.24 % (8!/8⁸)."""
+steps at even distances along the record, but missing or repeated rows change steps at random places. The probability
+that eight random changes are evenly distributed, one in each eighth of the record, is only 0.24 % (8!/8⁸)."""
 
 
 def clock_times(raw: RawRecord, clock: str, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return the times of a record in s, (n,), on the clock of the file, and sentences on what was done.
 
-    A record without times has those of its sampling rate, from 0 on, whatever the clock. Otherwise the clock
-    "as_logged" uses the time stamps, and a uniform clock is first stamp + row index × step. The clock "auto" applies
+    If the record has no time stamps, its times follow from its sampling rate and start at 0, whatever the clock. The
+    clock "as_logged" uses the time stamps. A uniform clock is first stamp + row index × step. The clock "auto" applies
     the first of these rules that fits ("refused" means InputError):
 
-    1. The stamps are the rounded times of a uniform sampling, and no rows are missing: uniform, with the step of that
-       sampling. Refused if the unit of the last digit is longer than the step.
+    1. The stamps are the rounded times of a uniform sampling, and no rows are missing: uniform clock, with the step of
+       that sampling. Refused if the unit of the stamps' last digit is longer than the step.
     2. Some stamps repeat, but fewer than the fraction BURST_REPEATS: refused.
     3. No stamp repeats, but the stamps come in bursts: refused.
     4. No stamp repeats: as logged.
-    5. Uniform, with the slope of a robust line through the stamps against the row index as the step. Refused if a stamp
-       is too far from this line (MOST_STEPS_OFF).
+    5. Otherwise: uniform clock. Its step is the slope of a robust line through the stamps against the row index.
+       Refused if a stamp is too far from this line (MOST_STEPS_OFF).
 
-    The clock "uniform" uses the step of rule 1 if the stamps are rounded, else that of rule 5 (in bursts from the first
-    stamp of each).
+    The clock "uniform" uses the step of rule 1 if the stamps are rounded, else that of rule 5. If the stamps come in
+    bursts as in rule 3, the line is fitted only to the first stamp of each burst.
 
     Parameters
     ----------
@@ -153,11 +154,12 @@ def _describe_uniform(start: float, step: float) -> str:
 
 
 def _rows_are_missing(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
-    """Return whether rows of the file are missing at the longer steps of times t (n,), in s.
+    """Return whether rows of the file are missing, so that some steps of the times t (n,), in s, are longer.
 
-    If rows are missing, the longer steps are multiples of the smallest one, and the values y (n,) change more across
+    If rows are missing, the longer steps are multiples of the smallest step, and the values y (n,) change more across
     the longer steps than across the others. If the stamps are only rounded to about their step, the values change
-    equally across both. The result is False if there are fewer than `MIN_PAUSES` longer or other steps.
+    equally across both. The result is False if there are fewer than `MIN_PAUSES` longer steps or fewer than
+    `MIN_PAUSES` others.
 
     rows: row numbers of the samples in the file, (n,).
     """
@@ -177,17 +179,17 @@ def _rows_are_missing(rows: np.ndarray, t: np.ndarray, y: np.ndarray) -> bool:
 
 
 def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, float]:
-    """Fit a uniform sampling to time stamps that may be its times, rounded to their last digit.
+    """Fit a uniform clock to time stamps, and find the last digit to which the stamps are rounded.
 
     Parameters
     ----------
     rows, t
-        Rows of the samples and their times in s, each (n,).
+        Row numbers of the samples in the file and their time stamps in s, each (n,).
 
     Returns
     -------
     tuple of float
-        Unit of the last digit to which the stamps are written (such as 0.01), step of the uniform sampling, and largest
+        Unit of the last digit to which the stamps are written (such as 0.01), step of the uniform clock, and largest
         difference between a stamp and the uniform clock, all in s; all zero if the stamps are not rounded.
     """
     late, rounding = t[t.size // 2 :], 4 * np.finfo(float).eps * float(np.abs(t).max())
@@ -206,9 +208,10 @@ def rounded_sampling(rows: np.ndarray, t: np.ndarray) -> tuple[float, float, flo
 
 
 def burst_begins(t: np.ndarray) -> np.ndarray:
-    """Return the indices of the samples that begin a burst of time stamps t (n,), in s; all n if there are no bursts.
+    """Return the indices of the samples that begin a burst of time stamps; those of all samples if there are no bursts.
 
-    In bursts most steps are much shorter than the mean step; a burst begins after each step longer than the mean.
+    t: time stamps in s, (n,). In bursts most steps are much shorter than the mean step; a burst begins after each step
+    longer than the mean.
     """
     gaps = np.diff(t)
     pauses = gaps > gaps.mean()
@@ -220,8 +223,8 @@ def burst_begins(t: np.ndarray) -> np.ndarray:
 def _describe_backward_times(t: np.ndarray, at: int) -> tuple[str, tuple[str, ...]]:
     """Return a message on times t (n,) that decrease after sample `at`, and names of arguments of `read` that can help.
 
-    t: in s. at: index from 0. The message does not advise to sort times that always decrease: if the clock counts down,
-    sorting would turn the decay into growth.
+    t: in s. at: index of the sample, from 0. If the times decrease throughout, the message does not advise to sort
+    them: the clock may count down, and sorting would then turn the decay into growth.
     """
     gaps = np.diff(t)
     if np.all(gaps <= 0):
@@ -247,17 +250,17 @@ def _describe_backward_times(t: np.ndarray, at: int) -> tuple[str, tuple[str, ..
 
 
 def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:
-    """Fit a robust straight line to times against row numbers.
+    """Fit a straight line, robust against outliers, to the times of samples against their row numbers.
 
     Parameters
     ----------
     rows, t
-        Rows of the samples and their times in s, each (n,).
+        Row numbers of the samples in the file and their times in s, each (n,).
 
     Returns
     -------
     tuple of float
-        Slope of the line (the step), and the largest distance of a time from the line, both in s.
+        Slope of the line (time step from row to row), and the largest distance of a time from the line, both in s.
     """
     x = rows - rows.mean()
     weights = np.ones(t.size)

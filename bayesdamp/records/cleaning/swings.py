@@ -16,28 +16,30 @@ from bayesdamp.records.oscillation.features import TurningPoints, local_median, 
 from bayesdamp.types import InputError
 
 Reason = Literal["period", "amplitude", "midline", "shape"]
-"""The property of a swing (half cycle) that disagrees with that of the later swings."""
+"""Name of the property in which a swing (half cycle) disagrees with the later swings."""
 
-# These thresholds were set on simulated and measured records with hands, hits and releases (tests/records/hands.py).
+# These thresholds were set on simulated and measured records in which a hand holds, hits or releases the body
+# (tests/records/hands.py).
 MAX_RISE = 0.25
 """A second release or a push is assumed if the range (maximum minus minimum) of the half cycles grows by more than this
-fraction within a cycle. Beats are not confused with this, because their growth is as gradual as the fall before
+fraction within a cycle. A beat is not taken for a push, because its range grows as gradually as it fell before
 (`JUMP_RATIO`)."""
 MAX_FALL = 0.35
 """A hand that stops the motion is assumed if the range (maximum minus minimum) of the half cycles falls by more than
 this fraction within a cycle, unless it already fell so fast before (`JUMP_RATIO`)."""
 JUMP_RATIO = 3.0
-"""A rise of the range of the half cycles by more than MAX_RISE, or a fall by more than MAX_FALL, counts only if it is
-more than this many times larger than the changes in the cycles before."""
+"""A change of the range (maximum minus minimum) of the half cycles within a cycle counts as a jump only if it is more
+than this many times the largest change in the cycles before. (It must also exceed `MAX_RISE` or `MAX_FALL`.)"""
 SWINGS_PER_WINDOW = 4
 """To find a sudden change (break) of the decay rate, the rates in two windows before it and two windows after it are
 compared. This is the number of swings (half cycles) in each window."""
 MIN_RATE_CHANGE = 0.4
-"""The decay rate counts as changing suddenly (a break) only if the part of the change that no power of the amplitude
-between ± `LARGEST_POWER` explains exceeds this fraction of the larger of the rates before and after."""
+"""The decay rate may vary as a power of the amplitude, with an exponent between ± `LARGEST_POWER`. It changes suddenly
+(a break) only if the part of its change that no such power explains exceeds this fraction of the larger one of the
+rates before and after."""
 LARGEST_POWER = 1.2
-"""The decay rate of a free decay is assumed to change with the amplitude like a power between minus this and plus this:
-−1 is dry friction, 0 viscous damping, 1 drag."""
+"""The decay rate of a free decay is assumed to vary as a power of the amplitude. The exponent is between minus this
+value and plus this value: −1 is dry friction, 0 viscous damping, 1 drag."""
 LATER_SWINGS = 10
 """Largest number of later swings (half cycles) with which a swing is compared."""
 EXCEEDANCE = 1e-3
@@ -51,17 +53,19 @@ PERIOD_TOLERANCE, MIDLINE_TOLERANCE, SHAPE_TOLERANCE = 0.02, 0.03, 0.01
 (relative), of the midline (as a fraction of the range), and of the shape (rms misfit as a fraction of half the
 range)."""
 MAX_LOG_FALL = 0.9
-"""The decay rate of the largest swing (half cycle) is predicted from swings whose ln range is at most this much
-smaller. Smaller swings are not used: with dry friction the rate increases without bound towards the end."""
+"""The decay rate at the start of a decay is extrapolated from the half cycles whose ln range (ln of maximum minus
+minimum) is at most this much below that of the first half cycle. Smaller half cycles are not used, because with dry
+friction the rate increases without bound towards the end."""
 STILL_FRACTION = 0.02
 """The body counts as moving in a part of the record if the range of the values exceeds the effects of noise and
 rounding by more than this fraction of the range of a nearby half cycle (`Series.moves`)."""
 NOISE_ERRORS = 4.0
-"""Noise may explain a movement whose range is below this many standard deviations of the noise, and a turning point
-that is closer to the midline than this many standard errors of its value."""
+"""A movement may be only noise if its range is below this many standard deviations of the noise. A turning point may be
+only noise if it is closer to the midline than this many standard errors of its value."""
 TEMPLATE_TOLERANCE = 0.02
-"""The samples before the first turning point agree with a later swing (half cycle), scaled to their size and period, if
-they differ from it by at most this fraction of the range of the first swing, apart from noise (`Series.reach`)."""
+"""The samples before the first turning point are compared with a later swing (half cycle) after scaling it to their
+size and period. They agree if the difference, apart from noise, is at most this fraction of the range of the first
+swing (`Series.reach`)."""
 
 
 def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tuple[int, int]]:
@@ -81,8 +85,8 @@ def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
     Returns
     -------
     list of tuple
-        Index of the first turning point and that after the last, of each stretch of at least three turning points, in
-        time order.
+        For each stretch of at least three turning points, in time order: index of its first turning point, and 1 +
+        index of its last one.
     """
     spans: list[tuple[int, int]] = []
     for first, last in _runs_in_phase(t, turns, floor):  # swings first .. last - 1
@@ -103,11 +107,13 @@ def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
 
 
 def _without_holes(marks: Iterable[int], across: np.ndarray) -> list[int]:
-    """Return those of the swings (half cycles) with a jump or break that are not near a gap in the samples.
+    """Remove the jumps and breaks that are near a gap in the samples, and return the indices of the others.
 
-    Over a gap the range falls as much as over several swings, which must not count as a jump or break. marks: indices
-    of the swings. across: indices of the swings that contain a gap. Near means within two windows of
-    `SWINGS_PER_WINDOW` swings.
+    Across a gap the range of the swings (half cycles) falls as much as over several swings. This must not count as a
+    jump of the range or a break of the decay rate.
+
+    marks: indices of the swings with a jump or break. across: indices of the swings that contain a gap. Near means
+    within 2 × `SWINGS_PER_WINDOW` swings.
     """
     return [m for m in marks if not np.any(np.abs(across - m) <= 2 * SWINGS_PER_WINDOW)]
 
@@ -126,7 +132,7 @@ def information(turns: TurningPoints, stretch: tuple[int, int]) -> float:
 
 
 def _runs_in_phase(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tuple[int, int]]:
-    """Return start and end (exclusive), as indices of swings, of runs that are in phase and above the noise.
+    """Return the runs of swings (half cycles) that are in phase and above the noise, as (first swing, 1 + last swing).
 
     Swing i is between turning points i and i + 1. A run continues across a turning point that a spike spoils, and
     across a gap in the samples. The arguments are those of `find_stretches`.
@@ -168,15 +174,14 @@ def _runs_in_phase(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
 
 
 def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
-    """Return the indices at which k half cycles are cut into a rising part, a falling part and one that rises again.
+    """Return the indices that cut k half cycles into a rising part, a falling part, and a part that rises again.
 
-    The first index is 0, the last is k. The index between two parts is left out if the ranges do not rise at the start
-    (or at the end) by more than the fraction `MAX_RISE` and by more than 4 `floor`.
+    The first index is 0, the last is k. The falling part begins with the largest half cycle and ends with the smallest
+    one after it. A free decay neither begins nor ends with a rising part, but the ringing of a filter before and after
+    a hit does. A rise counts only if it exceeds the fraction `MAX_RISE` and 4 `floor`; if it does not, there is no cut.
 
-    ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise,
-    in the same unit.
-
-    A free decay neither begins nor ends with growing swings; the ringing of a filter before and after a hit does.
+    ranges: ranges (maximum minus minimum) of the half cycles, (k,). floor: smallest distance of a turning point from
+    the midline that is not noise, in the same unit.
     """
     if ranges.size == 0:
         return [0]
@@ -193,8 +198,8 @@ def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
 def _find_jumps(ranges: np.ndarray, floor: float) -> list[int]:
     """Return the indices of the swings (half cycles) before which a decay must end, because the range jumps there.
 
-    ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise,
-    in the same unit; changes of the range below 4 `floor` are not jumps.
+    ranges: ranges (maximum minus minimum) of the swings, (k,). floor: smallest distance of a turning point from the
+    midline that is not noise, in the same unit; changes of the range below 4 `floor` are not jumps.
     """
     change = ranges[2:] - ranges[:-2]
     rises = change > np.maximum(MAX_RISE * ranges[:-2], 4 * floor)
@@ -216,12 +221,13 @@ def _find_jumps(ranges: np.ndarray, floor: float) -> list[int]:
 def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
     """Return the indices of swings (half cycles) at which the decay rate changes suddenly (breaks).
 
-    The decay rates in two windows before a break and two after it are compared, because in a beat they change steadily.
-    The change must be larger than a rate that depends on a power of the amplitude can explain, larger than
-    `MIN_RATE_CHANGE` times the larger rate, and larger than noise. The list is empty for fewer than 16 swings.
+    The rates in two windows before a possible break and in two after it are compared, because in a beat the rate
+    changes steadily through all four. The part of the change that no power of the amplitude explains must exceed three
+    limits: `MIN_RATE_CHANGE` times the larger rate, 6 standard deviations of a rate, and 2.5 times such a change
+    between the two windows on one side. The list is empty for fewer than 16 swings.
 
-    ranges: ranges of the swings, (k,). floor: smallest distance of a turning point from the midline that is not noise,
-    in the same unit.
+    ranges: ranges (maximum minus minimum) of the swings, (k,). floor: smallest distance of a turning point from the
+    midline that is not noise, in the same unit.
     """
     if ranges.size < 4 * SWINGS_PER_WINDOW:
         return []
@@ -238,11 +244,11 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
     sd = np.sqrt(np.mean(blur[parts] ** 2, axis=0))
 
     def unexplained(i: int, j: int) -> np.ndarray:
-        """Return the change of the decay rate (per swing, ≥ 0) between windows i and j that no power explains.
+        """Return the change of the decay rate (per swing, ≥ 0) from window j to window i that no power explains.
 
-        It is the distance of the rate in window i from the interval that the rate in window j and powers of the
-        amplitude up to ± `LARGEST_POWER` allow. The result has one value for each possible place of the break. The
-        windows are numbered 0 to 3.
+        A power of the amplitude with an exponent up to ± `LARGEST_POWER` and the rate in window j allow an interval for
+        the rate in window i. The result is the distance of the rate in window i from this interval, one value for each
+        possible place of the break. The windows are numbered 0 to 3.
         """
         factor = np.exp(LARGEST_POWER * np.abs(sizes[i] - sizes[j]))
         low, high = np.sort([rates[j] / factor, rates[j] * factor], axis=0)
@@ -253,9 +259,10 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
         return float(np.sum((part - columns @ np.linalg.lstsq(columns, part, rcond=None)[0]) ** 2))
 
     def corner(a: int, b: int) -> int:
-        """Return the swing between a and b at which the break is.
+        """Return the index of the swing between a and b at which the decay rate changes suddenly.
 
-        There a line through the log ranges before it and a parabola through those after it fit best.
+        For this swing, a straight line through ln of the ranges before it and a parabola through those from it on fit
+        best.
         """
         corners = range(a + SWINGS_PER_WINDOW + 1, b - SWINGS_PER_WINDOW)
         return min(corners, key=lambda m: misfit(logs[a:m], 1) + misfit(logs[m:b], 2))
@@ -330,8 +337,8 @@ class Swings:
     def opens_like_later(self, begin: float) -> bool:
         """Return whether the samples from `begin` (s) to the first turning point have the shape of the swings after it.
 
-        A slowly changing sinusoid with an overtone is fitted to both, and the residuals are compared. Return True if
-        there are too few samples to decide.
+        A slowly changing sinusoid with an overtone is fitted to these samples and to each later swing (half cycle), and
+        the residuals are compared. The result is True also if there are too few samples to decide.
         """
         end = float(self.turns.times[0])
         samples = int(np.count_nonzero((self.t >= begin) & (self.t <= end)))
@@ -375,10 +382,10 @@ class Swings:
 def _predict_before(later: np.ndarray) -> tuple[float, float]:
     """Extrapolate a series back by one element, by a least-squares polynomial fitted to its values `later`, (k ≥ 2,).
 
-    Its degree is 0 for two values, 1 for three to five, 2 for more. From eight values on, even and odd values may
-    differ by a constant (upward and downward swings). Return the predicted value, and the half width of the prediction
-    interval, outside which the element lies with probability EXCEEDANCE (two-sided). With two or three values the half
-    width is at most twice their range.
+    The degree of the polynomial is 0 for two values, 1 for three to five, 2 for more. From eight values on, even and
+    odd values may differ by a constant (upward and downward swings). Return the predicted value and the half width of
+    its prediction interval. The element is outside of this interval with probability EXCEEDANCE (two-sided). With two
+    or three values the half width is at most twice their range.
     """
     x = np.arange(later.size + 1.0)
     columns = x[:, None] ** np.arange(3 if later.size >= 6 else 2 if later.size >= 3 else 1)
@@ -397,14 +404,14 @@ def _predict_before(later: np.ndarray) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Reach:
-    """How far the samples before a turning point agree with a later swing, scaled in size and period.
+    """How far back from a turning point the samples agree with a later swing (half cycle), scaled in size and period.
 
     Attributes
     ----------
     at
         Earliest time in s back to which they agree.
     share
-        Time from there to the turning point, as a fraction of the duration of a swing.
+        Time from `at` to the turning point, as a fraction of the duration of a swing.
     whole
         Whether they agree over the full duration of a swing, or over all of it that was recorded.
     """
@@ -416,14 +423,14 @@ class Reach:
 
 @dataclass(frozen=True)
 class Series:
-    """A record on an equally spaced grid.
+    """A record interpolated on an equally spaced grid of times.
 
     Attributes
     ----------
     t
         Original times in s, (n,).
     grid, values
-        Equally spaced times in s and values, each (m,).
+        Equally spaced times in s and the values there, each (m,).
     step, noise
         Resolution of the recorded values (steps to which they are rounded; 0 for none), and standard deviation of the
         noise, both in the unit of the values.
@@ -441,10 +448,10 @@ class Series:
         return float(self.grid[1] - self.grid[0])
 
     def moves(self, begin: float, end: float, swing: float) -> bool:
-        """Return whether the range of the values between begin and end (s) shows that the body moves.
+        """Return whether the range of the values between the times `begin` and `end` (s) shows that the body moves.
 
-        It must exceed STILL_FRACTION × `swing` + 2 `step` + NOISE_ERRORS × `noise`. swing: range of a half cycle, in
-        the unit of the values.
+        The range must exceed STILL_FRACTION × `swing` + 2 `step` + NOISE_ERRORS × `noise`. swing: range of a half
+        cycle, in the unit of the values.
         """
         part = self.values[(self.grid >= begin) & (self.grid <= end)]
         return (
@@ -453,10 +460,11 @@ class Series:
         )
 
     def reach(self, turns: TurningPoints) -> Reach:
-        """Return how far the samples before the first turning point agree with the later swings.
+        """Return how far back from the first turning point the samples agree with a later swing (half cycle).
 
-        They are compared with the swing between the second and third turning point, which has the same direction, after
-        scaling to the extrapolated size and period. turns: turning points of the decay, at least three.
+        They are compared with the swing between the second and third turning point, which has the same direction. This
+        swing is first scaled to the size and period that are extrapolated for the swing before the first turning point.
+        turns: turning points of the decay, at least three.
         """
         times = turns.times
         gaps, ranges = np.diff(times), np.abs(np.diff(turns.values))
@@ -466,7 +474,7 @@ class Series:
         trend = float(same[0] - same[-1]) / (same.size - 1) if same.size > 1 else 0.0
         pace = float(np.clip(same[0] + trend, 0.9 * same[0], 1.1 * same[0]))
         late = min(0.01 * pace + 0.5 * float(np.abs(np.diff(same[:2])).sum()), 0.02 * pace)
-        # The samples in the last swing (and 15 % more) before the first turning point, and the scaled later swing.
+        # Compare the samples up to 1.15 swings before the first turning point with the scaled later swing.
         earliest = times[0] - 1.15 * pace
         a, b = np.searchsorted(self.grid, (earliest - 1e-12, times[0]))
         if b <= a:
@@ -494,11 +502,13 @@ class Series:
 
 
 def _predict_fall(logs: np.ndarray) -> tuple[float, float]:
-    """Predict by how much ln of the range falls over the cycle that begins one half cycle before the given ones.
+    """Predict by how much ln of the range of the half cycles falls over one cycle at the start of a series.
 
-    logs: ln of the ranges (maximum minus minimum) of successive half cycles, (k ≥ 2,). The cycle is from the half cycle
-    before the first of them to the second of them. Return this fall (positive if the ranges become smaller), and an
-    allowance for its error. Raises InputError if k < 2.
+    The cycle begins one half cycle before the given ones: the fall is from the half cycle before the first of them to
+    the second of them.
+
+    logs: ln of the ranges (maximum minus minimum) of successive half cycles, (k ≥ 2,). Return the fall (positive if the
+    ranges become smaller) and an allowance for its error. Raises InputError if k < 2.
     """
     if logs.size == 2:
         fall = 2 * float(logs[0] - logs[1])
@@ -506,7 +516,7 @@ def _predict_fall(logs: np.ndarray) -> tuple[float, float]:
     falls = logs[:-2] - logs[2:]
     if falls.size == 0:
         raise InputError(
-            "fewer than two half cycles can be followed; are there wrong values, or is it the wrong column?"
+            "fewer than two half cycles can be followed; check the file for wrong values, or choose another column"
         )
 
     def most_change(first: float) -> float:

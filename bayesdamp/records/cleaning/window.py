@@ -29,8 +29,8 @@ used."""
 MIN_SIGMAS = 2.0
 """A turning point closer to the midline than this many standard deviations of the noise is not used."""
 FEWEST_A_CYCLE = 4.0
-"""Smallest number of samples in a cycle with which an oscillation can be followed. A record without a free decay is
-reported as sampled too coarsely if it has fewer."""
+"""Smallest number of samples in a cycle with which an oscillation can be followed. If no free decay is found in a
+record whose strongest oscillation has fewer, the record is reported as sampled too coarsely."""
 CLEAR_SHARE = 0.85
 """If an oscillation with one of the possible periods explains more than this fraction of the record's variance, no
 weaker period is tried."""
@@ -41,12 +41,13 @@ START_MARGIN = 0.2
 """If the body is released by hand in the middle of a swing (half cycle), the part that is used starts later than the
 release by this fraction of the duration of a swing."""
 HAND_REACH = 0.25
-"""If the samples agree with the free decay over less than this fraction of a half cycle before its first (or after its
-last) turning point, and the body moves there, a hand may have shifted this turning point, which is then not used."""
+"""A hand may have shifted the first or the last turning point of a decay. This is assumed if the body moves just before
+the first (or after the last) one, but the samples agree there with the free decay over less than this fraction of a
+half cycle. The turning point is then not used."""
 LEAST_TURNS = 6
 """The first and the last swing (half cycle) of a decay are tested for the effect of a hand or a stop only if the decay
-has more than this many turning points. A decay with little `information` on the damping that begins soon after a start
-which the user gives counts only if it has more than this many."""
+has more than this many turning points. If the user gives only the start, a decay with little `information` on the
+damping counts only if it begins soon after this start and has more than this many turning points."""
 OTHER_INFORMATION = 0.1
 """Another part of the record counts as a free decay if its `information` on the damping (number of half cycles × ln of
 the fall) is at least this fraction of that of the part that is used; with less it may be a hum in the noise."""
@@ -56,24 +57,25 @@ of all half cycles, except those of other free decays in the record (conventiona
 LISTED_DECAYS = 3
 """Largest number of other free decays in the record whose times a note lists."""
 MAX_DELAY, REST_FRACTION = 1.0, 0.2
-"""After a start that the user gives, a record is refused if the free decay begins more than `MAX_DELAY` periods later
-and the body is at rest until then: if the half cycles before have less than `REST_FRACTION` of the range of the first
-half cycle of the decay."""
+"""A start that the user gives is refused if the body is at rest there: if the free decay begins more than `MAX_DELAY`
+periods later, and the half cycles before it have less than `REST_FRACTION` of the range of its first half cycle."""
 FEW_TURNS = 30
 """In a decay with at most this many turning points, the used part may start between two turning points, so that up to
 0.8 of a half cycle more is used; a longer decay starts at a turning point, or at the release."""
 AVERAGED_SWINGS, MAX_NOISE_RISE = 6, 0.1
-"""To measure narrow-band noise, the ranges of this many successive half cycles are averaged. A later rise of the
-average is attributed to noise only if it is below `MAX_NOISE_RISE` times the largest average (`_largest_rise`)."""
+"""To measure narrow-band noise, the ranges (maximum minus minimum) of `AVERAGED_SWINGS` successive half cycles are
+averaged. If this average rises again after it has fallen, the rise is attributed to noise only if it is below
+`MAX_NOISE_RISE` times the largest average (`_largest_rise`)."""
 SECOND_SIZE = 0.05
 """A motion that is not the free decay of one oscillator (`OtherMotion`) is used without a search for a free decay if
 its `size` is at least this: for two oscillations, the ratio of the second amplitude to the first; for a growing one,
 the relative growth of the amplitude."""
 BEGIN_ANYWHERE = ("steady", "excited")
-"""Values of `OtherMotion.kind` for which the used part need not begin at the largest value of the record."""
+"""Kinds of motion (`OtherMotion.kind`) with a constant amplitude, or with excitation throughout. For these, the used
+part need not begin at the largest value of the record."""
 LATE_PEAK = 0.5
-"""A motion that is not the free decay of one oscillator is searched for from the largest value of the record on; but if
-this value comes after this fraction of the samples, in the whole record."""
+"""The test whether a record is something other than the free decay of one oscillator begins at the record's largest
+value. If this value comes after this fraction of the samples, the test uses the whole record."""
 
 
 @dataclass(frozen=True)
@@ -85,9 +87,9 @@ class DecayWindow:
     first, last
         Index of the first and of the last sample (both included).
     notes
-        Sentences on why it was chosen.
+        Sentences on why this part was chosen.
     decays
-        All free decays in the record, with the used one; empty if the record is not a free decay.
+        All free decays in the record, including the used one; empty if the record is not a free decay.
     """
 
     first: int
@@ -98,10 +100,11 @@ class DecayWindow:
 
 @dataclass(frozen=True)
 class _Decays:
-    """The turning points of a record, its stretches of free decay, and the one with the most `information`.
+    """The turning points of a record, its stretches of free decay, and the stretch with the most `information`.
 
-    stretches, best: start and end (exclusive) among the turning points. noise: standard deviation of a sample. period:
-    in s. floor: smallest distance of a turning point from the midline. noise and floor are in the unit of the values.
+    stretches, best: each stretch as index of its first turning point, and 1 + index of its last one. noise: standard
+    deviation of the noise of a sample. period: period in s. floor: smallest distance of a turning point from the
+    midline; closer ones are noise. noise and floor are in the unit of the values.
     """
 
     turns: TurningPoints
@@ -119,15 +122,15 @@ class _Decays:
         """Return whether a stretch has enough information on the damping to count as another free decay.
 
         It needs `OTHER_INFORMATION` times the `information` of the best stretch; with less it may be a hum in the
-        noise. stretch: start and end (exclusive) among the turning points."""
+        noise. stretch: index of its first turning point, and 1 + index of its last one."""
         return information(self.turns, stretch) >= OTHER_INFORMATION * information(self.turns, self.best)
 
 
 def no_free_decay(t: np.ndarray, y: np.ndarray, period: float) -> DecayWindow | None:
-    """Return the window of a record that is not the free decay of one oscillator; None if it may contain one.
+    """Return the part to use of a record that is not the free decay of one oscillator; None for other records.
 
     Such a record contains two oscillations, or one that grows, stays constant, or is excited throughout
-    (`find_other_motion`). The window begins at the value farthest from the median, or at the start of the record, and
+    (`find_other_motion`). The part begins at the value farthest from the median, or at the start of the record, and
     ends with the record. The result is None also if the second oscillation or the growth is small (`SECOND_SIZE`), or
     if fewer than 20 samples are left.
 
@@ -167,9 +170,9 @@ def free_decay(
     seek_stop: bool,
     name: str,
 ) -> DecayWindow:
-    """Return the window of the free decay in a record; of several, the one with the most `information` on the damping.
+    """Return the part of a record that is a free decay; of several, the one with the most `information` on the damping.
 
-    If the user gives only the start, the window ends before the next hit or release.
+    If the user gives only the start, this part ends before the next hit or release.
 
     Parameters
     ----------
@@ -179,10 +182,10 @@ def free_decay(
         Possible periods in s, each with the fraction of the variance that an oscillation with this period explains, as
         `coarse_periods` returns them.
     step
-        Recording step in the unit of y.
+        Step to which the values are rounded, in the unit of y; 0 for none.
     seek_start, seek_stop
-        Whether to search for the start and for the stop of the decay; otherwise the window begins or ends with the
-        record.
+        Whether to search for the start and for the stop of the decay; if not, the decay begins or ends with the given
+        samples.
     name
         Name of the record in messages.
 
@@ -220,7 +223,7 @@ def free_decay(
     series = Series(t, grid, values, step, decays.noise * float(np.sqrt(min(grid.size / t.size, 1.0))))
     head, why = _count_disturbed(t, y, decays, step)
     if head == 0 and any(end in (decays.best[0], decays.best[0] + 1) for _, end in decays.stretches):
-        why = "amplitude"  # swings before it are in phase with it, but larger or smaller by a jump
+        why = "amplitude"  # the range of the half cycles jumps at its start
     decay = decays.turns.cut(decays.best[0] + head, decays.best[1])
     notes: list[str] = []
     first, last = 0, t.size - 1
@@ -248,10 +251,11 @@ def free_decay(
 def _find_decays(
     t: np.ndarray, y: np.ndarray, periods: Sequence[tuple[float, float]], step: float, name: str
 ) -> _Decays:
-    """Return the free decays with the period among `periods` for which the best one has the most `information`.
+    """Return the free decays with the best of the possible periods.
 
-    The arguments are those of `free_decay`; periods that explain less than `LEAST_SHARE` of the variance are not
-    tried. Raises InputError if there is no free decay with any of them.
+    The best period is that for which the best decay has the most `information` on the damping. Periods that explain
+    less than `LEAST_SHARE` of the variance are not tried. The arguments are those of `free_decay`. Raises InputError if
+    there is no free decay with any of the periods.
     """
     options: list[_Decays] = []
     for period, share in periods:
@@ -272,14 +276,19 @@ def _find_decays(
         )
     if share < LEAST_SHARE:
         shown = f"the best sinusoid has {100 * share:.0f} % of the power"
-        raise InputError(f"no oscillation stands out of the noise: {shown}", name)
-    raise InputError("no oscillation: fewer than three turning points stand out of noise and rounding", name)
+        raise InputError(
+            f"no oscillation stands out of the noise: {shown}; check column, start and stop", name
+        )
+    raise InputError(
+        "no oscillation: fewer than three turning points are above noise and rounding; check column, start and stop",
+        name,
+    )
 
 
 def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Decays | None:
     """Return the free decays with about the given period in s; None if there are none.
 
-    t, y: times in s and values, (n,). step: recording step in the unit of y.
+    t, y: times in s and values, (n,). step: step to which the values are rounded, in the unit of y.
     """
     noise = roughness(t, y, period)
     turns = without_gap_edges(turning_points(t, y, period, noise), t, period)
@@ -301,11 +310,12 @@ def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) 
 
 
 def _largest_rise(decays: _Decays) -> float:
-    """Return the largest rise of the averaged ranges of swings after they have fallen, from the best stretch on.
+    """Measure narrow-band noise in the best decay: return how much the averaged range of its half cycles rises again.
 
-    It measures narrow-band noise, which a filter leaves and which raises some swings, in the unit of the values. Only
-    swings in phase with the stretch and before the next release are used. If the rise is more than `MAX_NOISE_RISE`
-    allows, as in beats, or if there are few swings, the result is 0.
+    A filter leaves narrow-band noise, which raises some half cycles. The result is the largest rise of the average
+    after it has fallen, in the unit of the values. The half cycles from the start of the decay on are used, as long as
+    they are in phase with it and before the next release. The result is 0 if the rise is more than `MAX_NOISE_RISE`
+    allows, as in beats, or if there are few half cycles.
     """
     turns, (first, end) = decays.turns, decays.best
     after = [a for a, b in decays.stretches if a >= end - 1 and decays.is_relevant((a, b))]
@@ -315,7 +325,7 @@ def _largest_rise(decays: _Decays) -> float:
     astray = np.flatnonzero(np.abs(gaps[end - first - 1 :] - usual) > 0.4 * usual)
     last = end + int(astray[0]) if astray.size else last
     ranges = np.abs(np.diff(turns.values[first:last]))
-    ranges = ranges[gaps[: ranges.size] < 1.6 * usual]  # not across a hole
+    ranges = ranges[gaps[: ranges.size] < 1.6 * usual]  # leave out gaps in the samples
     if ranges.size < 4 * AVERAGED_SWINGS:
         return 0.0
     smooth = scipy.ndimage.uniform_filter1d(ranges, AVERAGED_SWINGS, mode="nearest")
@@ -325,10 +335,11 @@ def _largest_rise(decays: _Decays) -> float:
 
 
 def _next_release(t: np.ndarray, decays: _Decays, name: str) -> int:
-    """Return the index of the last sample before the next hit or release; if there is none, of the last sample of all.
+    """Return the index of the last sample to use before the body is hit or released again.
 
-    It is used for a record whose start the user has given. t: times in s, (n,), from this start on. name: name of the
-    record, for messages.
+    This is the sample at the last turning point before; without a hit or release, it is the last sample. It is used for
+    a record whose start the user has given. t: times in s, (n,), from this start on. decays: the decays in it. name:
+    name of the record, for messages.
 
     Raises InputError if the body is at rest at the start and is struck or released only later.
     """
@@ -355,7 +366,8 @@ def _next_release(t: np.ndarray, decays: _Decays, name: str) -> int:
 def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
     """Return a note with the times of the free decays outside of the used one; "" if there are none.
 
-    start, stop: of the used one, in s on the clock of `decays`. At most `LISTED_DECAYS` are listed.
+    start, stop: start and stop of the used decay, in s, on the clock of `decays`. The note lists at most
+    `LISTED_DECAYS` decays.
     """
     others = [d for d in decays if d.stop <= start or d.start >= stop]
     if not others:
@@ -374,13 +386,15 @@ def other_decays(decays: Sequence[FreeDecay], start: float, stop: float) -> str:
 def _count_disturbed(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float) -> tuple[int, Reason | None]:
     """Return how many turning points to leave out at the start of the best decay, and the reason for the last one.
 
-    They are left out because the swings (half cycles) there disagree with the later ones: the number is the first index
-    from which two successive swings agree with them (`Swings.reason_not_continuing`). Only half of the swings, at most
-    `MOST_HEAD_SWINGS`, are tested; the result is (0, None) if none of these agrees, or if the first two agree.
+    The swings (half cycles) there disagree with the later ones. The number is the first index from which two successive
+    swings agree with them (`Swings.reason_not_continuing`). Only half of the swings, at most `MOST_HEAD_SWINGS`, are
+    tested. The result is (0, None) if none of these agrees, or if the first two agree.
 
-    After a hit that a filter has smeared, the number starts at that of the growing swings before the hit, minus one; if
-    this is the result, the reason is None. t, y: times in s and values, (n,). decays: the decays in the record. step:
-    recording step in the unit of y.
+    If a filter has smeared a hit, the swings before the hit grow. The test then begins at the number of growing swings
+    minus one; if this is also the result, the reason is None.
+
+    t, y: times in s and values, (n,). decays: the decays in the record. step: step to which the values are rounded, in
+    the unit of y.
     """
     # `grown`: number of growing swings before a filtered hit. The ringing of the filter lasts as long after the hit.
     first = decays.best[0]
@@ -408,12 +422,19 @@ def _find_start(
 ) -> int:
     """Return the index of the first sample of the free decay.
 
-    series: the record. swings: the half cycles of the decay without disturbed ones. The decay begins with the record,
-    at the release, at a point within the half cycle before the first of `swings` from which on this half cycle agrees
-    with them, or at their first turning point (the second one if a hand may have moved the first). why: property in
-    which the half cycle before disagrees with the later ones. before: time (s) of the turning point at which that half
-    cycle begins, if any; else None. Unless the decay begins with the record, a note on the choice is appended to
-    `notes`.
+    The decay begins at the first of these points that is supported by the samples:
+
+    - the start of the record, if the samples agree with the decay from there on;
+    - the release, if the half cycle before the first of `swings` agrees with them over its whole duration;
+    - a point within that half cycle, if its later part agrees with them;
+    - the first turning point of `swings`, or the second one if a hand may have moved the first.
+
+    Unless it is the start of the record, a note on the choice is appended to `notes`.
+
+    series: the record. swings: the half cycles of the decay without disturbed ones. why: property in which the half
+    cycle before them disagrees with the later ones; None if there is none. (If it is "amplitude" or "midline", the
+    second and third points are not considered.) before: time (s) of the turning point at which that half cycle begins;
+    None if it is not in the decay.
     """
     t, decay = series.t, swings.turns
     gap = float(swings.gaps[0])
@@ -422,7 +443,7 @@ def _find_start(
     if far.whole and not begins_late and swings.opens_like_later(far.at):
         return 0
     at, what = float(decay.times[0]), "the first turning point of the free decay"
-    if why in (None, "period", "shape"):  # a part of that swing may be free
+    if why in (None, "period", "shape"):  # a part of the half cycle before may be undisturbed
         if far.whole and begins_late and not (before and abs(far.at - before) < 0.08 * gap):
             at, what = far.at, "the release"
         elif not far.whole and decay.times.size <= FEW_TURNS and far.share > 0.5:
@@ -446,10 +467,10 @@ def _find_start(
 
 
 def _find_stop(series: Series, decay: TurningPoints, floor: float) -> tuple[int, str]:
-    """Return the index of the last sample of the free decay, and the reason as a clause.
+    """Return the index of the last sample of the free decay, and the reason for this choice as a clause.
 
-    The reason is "" for the end of the record. decay: turning points of the free decay. floor: smallest distance of a
-    turning point from the midline, in the unit of the values.
+    The reason is "" if the decay ends with the record. series: the record. decay: turning points of the free decay.
+    floor: smallest distance of a turning point from the midline, in the unit of the values; closer ones are noise.
     """
     t, times, values = series.t, decay.times, decay.values
     k = times.size - 1
@@ -464,13 +485,13 @@ def _find_stop(series: Series, decay: TurningPoints, floor: float) -> tuple[int,
         )
         return _last_sample(t, times[k - 1]), why
     later = series.values[(series.grid > times[k] + gap) & (series.grid < times[k] + 3 * gap)]
-    reversed_turns = TurningPoints(-times[::-1], values[::-1], decay.gain[::-1])  # with reversed time
+    reversed_turns = TurningPoints(-times[::-1], values[::-1], decay.gain[::-1])  # treat the end as a start
     reversed_series = replace(series, grid=-series.grid[::-1], values=series.values[::-1])
     if left <= 1.2 * gap:
         if k < 4 or left < 0.2 * gap or reversed_series.reach(reversed_turns).whole:
             return t.size - 1, ""
     elif not (k >= LEAST_TURNS and before > 4 * floor and float(np.ptp(later)) > 0.25 * before):
-        why = "the last turning point that stands out of noise and rounding; after it the record is nearly at rest."
+        why = "the last turning point above noise and rounding; after it the body is nearly at rest."
         return _last_sample(t, times[k]), why
     # A hand, a hit or a stop ends the decay.
     last = float(times[k])

@@ -18,14 +18,16 @@ from bayesdamp.types import DECIBELS, UNITS, InputError
 POWER = ("W", "mW", "uW", "nW", "pW", "V^2", "V2", "m^2", "m2")
 """Units of power, which is proportional to the square of the amplitude."""
 MAX_NEGATIVE = 0.2
-"""Negative readings larger than this fraction of the largest one are refused; smaller ones are noise (conventional)."""
+"""If a reading is negative by more than this fraction of the largest absolute reading, the record is refused: it is not
+an envelope. Smaller negative readings count as noise (conventional)."""
 LARGEST_LEVEL = 1000.0
-"""Levels beyond ±1000 dB (50 decades of the amplitude) are refused, and linear readings this far below the largest
-count as zero (conventional)."""
+"""A record with a level beyond ± this value in dB (50 decades of the amplitude) is refused. In a record in a linear
+unit, readings more than 50 decades below the largest one count as zero (conventional)."""
 HEAD_BYTES = 8192
-"""Number of bytes at the start of a file in which the names of its columns are searched for a unit in dB."""
+"""Number of bytes at the start of a file in which the names of its columns are searched for a unit such as dB or
+dBm."""
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
-"""Hz in each unit of frequency."""
+"""Number of Hz in each unit of frequency."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +41,8 @@ class EnvelopeRecord:
     t
         Times in s, shape (n,), increasing.
     level
-        Level in dB, shape (n,): 20 log10 of the amplitude in `unit`, 10 log10 of the power in `unit`, or the recorded
-        value itself if `unit` is one of DECIBELS.
+        Level in dB, shape (n,): the recorded value itself if `unit` is one of DECIBELS (dB, dBm, ...), 10 log10 of the
+        power in `unit` if that is one of POWER (W, V^2, ...), else 20 log10 of the amplitude in `unit`.
     unit
         Unit of the recorded values.
     frequency
@@ -62,16 +64,20 @@ class EnvelopeRecord:
         return self.unit in DECIBELS
 
     def amplitude(self, level: float) -> tuple[float, str]:
-        """Convert a level (dB) back to the recorded quantity (a level stays a level); return the value and its unit."""
+        """Convert a level (dB) to the recorded amplitude or power, and return it with its unit.
+
+        In a record in dB, the recorded value is the level itself, which is returned unchanged.
+        """
         if self.logarithmic:
             return level, self.unit
         return 10.0 ** (level / (10.0 if self.unit in POWER else 20.0)), self.unit
 
 
 def unit_in(name: str) -> str | None:
-    """Return the unit of DECIBELS or POWER that a column's name contains; None if it contains none or several.
+    """Return the unit of DECIBELS (dB, dBm, ...) or POWER (W, V^2, ...) that a column's name contains.
 
-    Upper and lower case are not distinguished (except in "W"); the result is written as in these lists.
+    The result is None if the name contains no such unit or several. Upper and lower case are not distinguished (except
+    in "W"); the result is written as in these lists.
     """
     words = re.findall(r"[A-Za-z]+(?:\^?2)?", name)
     known = {unit.lower(): unit for unit in (*DECIBELS, *POWER) if len(unit) > 1}
@@ -90,7 +96,7 @@ def make_record(
 ) -> EnvelopeRecord:
     """Make an envelope record from times and readings.
 
-    Readings that have the same time as the one before are left out. Amplitudes and powers of zero are left out too, and
+    A reading with the same time as the reading before is left out. Amplitudes and powers of zero are left out too, and
     small negative ones are replaced by their absolute values. The record's notes give the number of these readings.
 
     Parameters
@@ -100,11 +106,12 @@ def make_record(
     t, y
         Times in s and readings in `unit`, shape (n,).
     unit
-        A unit of DECIBELS for levels, of POWER for powers, any other for amplitudes.
+        Unit of the readings. They are levels if it is one of DECIBELS (dB, dBm, ...), powers if it is one of POWER (W,
+        V^2, ...), else amplitudes.
     frequency
         Frequency of the oscillation in Hz; None if it is not known.
     notes
-        As in `EnvelopeRecord`.
+        Sentences on how the record was read.
 
     Raises
     ------
@@ -151,11 +158,11 @@ def make_record(
 
 
 def is_envelope(path: Path, value: ColumnName | None = None, unit: str | None = None) -> bool:
-    """Return whether a file is recognised as an envelope: whether its unit is one of DECIBELS.
+    """Return whether a file is recognised as an envelope: whether its unit is one of DECIBELS (dB, dBm, ...).
 
-    The unit is `unit` if that is given. Otherwise it is read from the column name `value` (a column number has no
-    effect), or else from the file's header: the last line with two successive letters in its first `HEAD_BYTES` bytes.
-    The result is False for a file that cannot be opened.
+    The first of these that is given states the unit: the argument `unit`; the column name `value`, unless it is a
+    number; the file's header, which is the last line with two successive letters in the first `HEAD_BYTES` bytes. The
+    result is False for a file that cannot be opened.
     """
     if unit is not None:
         return unit in DECIBELS
@@ -178,14 +185,15 @@ def are_envelopes(
     unit: str | None = None,
     quantity: str | None = None,
 ) -> bool:
-    """Return whether files are envelopes: whether the user's `quantity` is "envelope"; if it is None, by their units.
+    """Return whether files are envelopes (records of the amplitude alone).
 
-    value, unit: column name and unit of the readings that the user gives for all files, or None (see `is_envelope`).
+    If the user gives a `quantity`, the result is whether it is "envelope". If it is None, the units of the files decide
+    (`is_envelope`). value, unit: column name and unit of the readings that the user gives for all files, or None.
 
     Raises
     ------
     InputError
-        If some are envelopes and some are not.
+        If `quantity` is None, and some files are envelopes and some are not.
     """
     if quantity is not None:
         return quantity == "envelope"
@@ -208,7 +216,7 @@ def read_envelope(
     unit: str | None = None,
     frequency: float | None = None,
 ) -> EnvelopeRecord:
-    """Read a record of which only the envelope is known: amplitudes, powers, or levels in dB.
+    """Read an envelope record from a file: amplitudes, powers, or levels in dB of an oscillation.
 
     Parameters
     ----------
@@ -220,7 +228,8 @@ def read_envelope(
         Sampling rate in Hz; replaces the times and the rate of the file. Only one of `time` and `rate` can be given.
     unit
         Unit of the readings; by default the unit in the column's name, or else the text in brackets at the end of the
-        name, or else "units". Readings in DECIBELS are levels, in POWER powers, in any other unit amplitudes.
+        name, or else "units". The readings are levels if the unit is one of DECIBELS (dB, dBm, ...), powers if it is
+        one of POWER (W, V^2, ...), else amplitudes.
     frequency
         Frequency of the oscillation in Hz; by default that in the header of the file (`% Frequency [Hz]: 1562325`).
 
@@ -237,7 +246,8 @@ def read_envelope(
     path = Path(path)
     raw = read_record(path, time=time, value=value, rate=rate)
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
-    about = replace(raw.provenance, header_lines=0)  # the facts in them have been read
+    # No note on skipped header lines is needed, because the facts in them have been read.
+    about = replace(raw.provenance, header_lines=0)
     column = about.value_column
     bracketed = re.search(r"[\[(]([^\])]+)[\])]\s*$", column)
     in_brackets = bracketed[1].strip() if bracketed else ""
@@ -254,14 +264,14 @@ def read_envelope(
 
 
 def scale_of(record: EnvelopeRecord, sums: Sequence[tuple[str, ...]], log_amplitude: float) -> Scale:
-    """Return the start amplitude (rad or m) and the frequency (rad/s) of the record, if its damping terms need them.
+    """Return the start amplitude (rad or m) and the frequency (rad/s) of a record, if its damping terms need them.
 
     Parameters
     ----------
     record
         The record.
     sums
-        Damping sums, each a tuple of the names of its terms.
+        Sums of damping terms, each a tuple of the names of its terms.
     log_amplitude
         ln of the amplitude at the start, in the unit of the record (for a power in m^2, in m).
 

@@ -14,30 +14,31 @@ from bayesdamp.physics.amplitude import EXPONENT_RANGE, power_decay, power_slope
 from bayesdamp.types import Refusal
 
 NEPER = 20.0 / np.log(10.0)
-"""dB in a neper, 20/ln 10."""
+"""Number of dB in a neper (a change of the amplitude by the factor e): 20/ln 10."""
 # Unless a comment says otherwise, the following thresholds are conventional.
 FITTED_BLOCKS = 80
-"""Largest number of blocks in which the readings are averaged before a decay and a noise floor are fitted to them."""
+"""A decay and a noise floor are fitted to averages of blocks of successive readings; this is the largest number of
+blocks."""
 LEAST_DROP = 3.0
 """Smallest fall of the level in dB for a decay; with less, the record is refused. Half the amplitude is −6 dB."""
 LEAST_POINTS = 6
 """Smallest number of readings of a decay; with fewer, the record is refused."""
 MISFIT_RATIO = 2.0
-"""Short straight lines are fitted to the level; the readings of a line do not belong to the decay if the rms misfit is
-more than this many times the usual misfit of the lines after it. A power law does not describe the levels if its rms
-misfit is more than this many times the expected scatter."""
+"""To find the start of the decay, short straight lines are fitted to the level. The readings of a line are not part of
+the decay if its rms misfit is more than this many times the median misfit of the lines after it. A power law, too, does
+not describe the levels if its rms misfit is more than this many times the expected scatter."""
 GUARD_FRACTION = 0.02
-"""If readings of a drive precede the decay, this fraction of the decay's duration is left out at its start."""
+"""If readings of a drive precede the decay, this fraction of the decay is left out at its start."""
 CHECKED_FRACTION = 0.05
 """A power law describes a decay only if its misfit is small over all blocks of the decay and also over the first blocks
 alone, which are this fraction of all."""
 LEAST_SHORTENING = 0.15
-"""The search with straight lines gives a start of the decay. An earlier start from a power-law fit is rejected if the
-decay would then also end earlier, by at least this fraction of its duration, and both parts of the decay, before and
-after this end, fall by at least LEAST_DROP."""
+"""The fit of a power law may give an earlier start of the decay than the search with straight lines, and then also an
+earlier end. The earlier start is rejected if the part that is lost at the end is a decay too: if it lasts at least this
+fraction of the duration of the new decay, and falls by at least LEAST_DROP."""
 LEAST_DEVIATION = 0.15
-"""Deviations of a level from a fit of at most this, in dB, are not significant, because the nonlinearity of detectors
-causes deviations of this size."""
+"""A deviation of a level from a fit is not significant if it is at most this many dB, because nonlinear detectors cause
+deviations of this size."""
 ABOVE_FLOOR = 10.0
 """A decay ends where its level is this many dB above the mean power of the noise floor. Above this, the scatter of the
 level caused by the floor is still nearly Gaussian, and the floor shifts the mean of ln amplitude by less than 1e-5 (for
@@ -50,67 +51,78 @@ FLOOR_PARTS = 8
 """Number of parts into which the readings of the noise floor are divided. Their standard errors follow from the scatter
 of the parts' means, which takes into account that successive readings are correlated."""
 LEAST_FLOOR_READINGS = 24
-"""Smallest number of readings from which the fluctuation of the noise floor is measured; from fewer, only its mean
-power is."""
+"""Smallest number of readings from which the fluctuation of the noise floor is measured; from fewer readings, only its
+mean power is measured."""
 CONSTANT_FLOOR_SD = 0.3
 """Relative standard deviation that is assumed for the constant part of the noise floor's power. The floor is measured
 after the decay, and may have been different during it."""
 MOST_BLOCKS = 600
-"""Largest number of blocks in which the readings of a record are averaged before the decay is searched for."""
+"""Before the decay is searched for, the readings of a record are averaged in blocks of successive readings; this is the
+largest number of blocks."""
 COARSE_BLOCKS = 72
-"""Largest number of blocks, averages of readings, among which the part of the record is searched that falls most like a
-straight line in dB (`_straightest`)."""
+"""The straightest descent is the part of the record that falls most like a straight line in dB. It is searched for in
+averages of blocks of successive readings; this is the largest number of blocks (`_straightest`)."""
 LEAST_REMAINING = 0.4
-"""A start of the decay from the search with short straight lines is rejected if the level falls, between this start and
-the end of the straightest descent, by less than this fraction of the fall in dB of the straightest descent."""
+"""The search with short straight lines gives a start of the decay. It is rejected if too little of the straightest
+descent (the part that falls most like a straight line in dB) comes after it: less than this fraction of the descent's
+fall in dB."""
 SPARSE_READINGS = 60
-"""A record with fewer readings is taken for a table of a decay, which begins at the highest reading. The readings at
-its end are a noise floor only if there are more than four and they do not fall (`FALLING_SDS`)."""
+"""A record with fewer readings is assumed to be a table of a decay, which begins at the highest reading. The readings
+at its end are a noise floor only if there are more than four and they do not fall (`FALLING_SDS`)."""
 FALLING_SDS = 3.0
 """The last readings of a record with few readings fall, and are not a noise floor, if the slope of a straight line
 through them is negative by more than this many standard errors (conventional)."""
 MISFIT_WEIGHT = 20.0
-"""The straightest descent is the part of the record with the largest fall in dB minus this factor times the rms misfit
-of a straight line in dB."""
+"""The straightest descent is the part of the record for which the fall in dB minus this factor times the rms misfit of
+a straight line in dB is largest."""
 SHORTEST_LINE = 10
-"""Smallest number of blocks in each of the short straight lines with which the start of the decay is searched."""
+"""To find the start of the decay, short straight lines are fitted to the level. This is the smallest number of blocks
+(averages of readings) in a line."""
 START_ROUNDS = 4
-"""Largest number of rounds of the search for the start of the decay, each from the start that the last one found."""
+"""The search for the start of the decay is repeated from the start that it gave, at most this many times in all."""
 LINE_FRACTION = 0.12
-"""Length of the short straight lines with which the start of the decay is searched, as a fraction of the duration of
-the straightest descent."""
+"""To find the start of the decay, short straight lines are fitted to the level. This is their length, as a fraction of
+the duration of the straightest descent (the part of the record that falls most like a straight line in dB)."""
 LINES_AHEAD = 2
-"""The misfit of a short line is compared with the median misfit of the lines after it, but only of those within this
-many line lengths, because the misfit grows towards the noise floor."""
+"""To find the start of the decay, short straight lines are fitted to the level. The misfit of a line is compared with
+the median misfit of the lines after it, but only of those within this many line lengths, because the misfit grows
+towards the noise floor."""
 SLOWEST_RATE, FASTEST_RATE = 0.4, 5.0
-"""To find the start of the decay, short straight lines are fitted to the level. A line that falls more slowly than
-`SLOWEST_RATE` or faster than `FASTEST_RATE` times the rate of the lines after it is not part of the decay, if the
+"""To find the start of the decay, short straight lines are fitted to the level. A line is not part of the decay if it
+falls more slowly than `SLOWEST_RATE`, or faster than `FASTEST_RATE`, times the rate of the lines after it, and the
 difference also exceeds the limit of `SLOPE_CHANGES`."""
 NOISE_SCATTER, SCATTER_BLOCKS = 2.5, 15
-"""The decay ends where the level scatters from block to block by more than `NOISE_SCATTER` dB (standard deviation) over
-`SCATTER_BLOCKS` blocks, as noise does: by 5.6 dB if its phase is random."""
+"""The decay ends where the level scatters from block to block like noise: by more than `NOISE_SCATTER` dB (standard
+deviation) over `SCATTER_BLOCKS` blocks of readings. Noise of random phase scatters by 5.6 dB."""
 LEAST_LAST_READINGS, ROUGHNESS_RATIO = 8, 3.0
-"""At least `LEAST_LAST_READINGS` readings at the end of a record are tested for being a noise floor or a part of the
+"""At least `LEAST_LAST_READINGS` readings at the end of a record are tested: they are a noise floor or a part of the
 decay that steepens. They are a floor if their scatter from reading to reading is at least `ROUGHNESS_RATIO` times that
 in the first eighth of the decay (noise of random phase scatters by 5.6 dB)."""
 LEVEL_RATE = 0.15
 """To find the start of the decay, short straight lines are fitted to the level. A line that falls at less than this
-fraction of the rate of the lines after it is not part of the decay, even if the rate changes as much between other
-lines."""
+fraction of the rate of the lines after it is never part of the decay, even if it is within the limit of
+`SLOPE_CHANGES`."""
 SLOPE_CHANGES = 3.0
-"""A short straight line, fitted to the level to find the start of the decay, is not part of the decay if its rate is
-outside of the limits `SLOWEST_RATE` and `FASTEST_RATE` and also differs from the rate of the lines after it by more
-than this many times the median change of the rate between lines."""
+"""To find the start of the decay, short straight lines are fitted to the level. A line whose rate is outside of the
+limits `SLOWEST_RATE` and `FASTEST_RATE` is not part of the decay only if its rate also differs from that of the lines
+after it by more than this many times the median change of the rate between lines."""
 
 
 @dataclass(frozen=True)
 class NoiseFloor:
     """A measured noise floor. All powers are linear (not in dB) and in the unit of the readings.
 
-    power: mean power of the floor; decay: mean power of the decay that remains in the readings from which the floor was
-    measured; semivariance: half of the mean squared difference of powers that are `LAG_IN_DECAY_TIMES` decay times
-    apart, NaN if there are too few readings; error: relative standard error of semivariance / power², NaN if
-    semivariance is NaN.
+    Attributes
+    ----------
+    power
+        Mean power of the floor.
+    decay
+        Mean power of the decay that is still present in the readings of the floor.
+    semivariance
+        Half of the mean squared difference between powers that are `LAG_IN_DECAY_TIMES` decay times apart; NaN if there
+        are too few readings.
+    error
+        Relative standard error of semivariance / power²; NaN if semivariance is NaN.
     """
 
     power: float
@@ -125,12 +137,12 @@ class NoiseFloor:
     def parts(self, slow: float) -> tuple[float, float, float, float]:
         """Separate the floor into fluctuating and constant power.
 
-        The fluctuating part is circular Gaussian noise of power F with autocorrelation R. With the rest of the decay,
-        of power D = `decay`, half of the mean squared difference of powers is F²(1 - R²) + 2FD(1 - R). Its measured
-        value, `semivariance`, gives F; the rest of `power` is constant. The returned weight is the likelihood of
-        `slow`, for a uniform prior of the constant fraction of the power. If `semivariance` is larger than F = `power`
-        allows, all of `power` is fluctuating, and the weight decreases with the excess, in units of the standard error
-        `error`.
+        The fluctuating part is circular Gaussian noise of power F with autocorrelation R = `slow` ·
+        exp(-LAG_IN_DECAY_TIMES) between the compared readings. With the rest of the decay, of power D = `decay`, half
+        of the mean squared difference of powers is F²(1 - R²) + 2FD(1 - R). Its measured value, `semivariance`, gives
+        F; the rest of `power` is constant.
+
+        If `semivariance` is larger than F = `power` allows, all of `power` is fluctuating.
 
         Parameters
         ----------
@@ -141,8 +153,10 @@ class NoiseFloor:
         -------
         tuple[float, float, float, float]
             Fluctuating power (at most `power`), constant power, standard deviation of the constant power, and log
-            weight of `slow`, which has a meaning only relative to that of another `slow`. Without a semivariance, all
-            of `power` is fluctuating, and the others are 0.
+            weight of `slow`. The log weight is the log of the likelihood of `slow`, for a uniform prior of the constant
+            fraction; only its differences between values of `slow` have a meaning. It decreases if `semivariance` is
+            too large, with the excess in units of the standard error `error`. Without a semivariance, all of `power` is
+            fluctuating, and the other three are 0.
         """
         if not np.isfinite(self.semivariance):
             return self.power, 0.0, 0.0, 0.0
@@ -166,15 +180,17 @@ def measure_floor(t: np.ndarray, power: np.ndarray, decay: np.ndarray, rate: flo
     t
         Times in s, shape (n,).
     power, decay
-        Power of the readings, and that of the (fitted) decay at these times, linear and in one unit, shape (n,).
+        Power of the readings, and power of the fitted decay at these times, shape (n,), both linear (not in dB) and in
+        the same unit.
     rate
-        Mean decay rate -d ln A/dt in 1/s.
+        Mean decay rate -d ln A/dt of the amplitude A in 1/s.
 
     Returns
     -------
     NoiseFloor
-        The floor. Its power is the mean of `power` minus that of `decay`, at least a tenth of the former. If there are
-        fewer than about `LEAST_FLOOR_READINGS` readings or they do not fluctuate, only this power is set.
+        The floor. Its power is the mean of `power` minus the mean of `decay`, but at least a tenth of the mean of
+        `power`. If there are fewer than about `LEAST_FLOOR_READINGS` readings or they do not fluctuate, only this power
+        is set.
     """
     rest = float(decay.mean())
     mean = max(float(power.mean()) - rest, 0.1 * float(power.mean()))
@@ -186,13 +202,13 @@ def measure_floor(t: np.ndarray, power: np.ndarray, decay: np.ndarray, rate: flo
     semivariance = float(squares.mean())
     if not semivariance > 0:
         return NoiseFloor(mean)
-    # Error of semivariance / power²; both errors are from parts, because slow fluctuations correlate the readings.
+    # Error of semivariance / power². Each error is from the means of parts, because successive readings are correlated.
     error = np.hypot(_relative_error(squares), 2.0 * _relative_error(power))
     return NoiseFloor(mean, rest, semivariance, float(error))
 
 
 def _relative_error(values: np.ndarray) -> float:
-    """Return the relative standard error of the mean of correlated values, from the means of FLOOR_PARTS parts."""
+    """Return the relative standard error of the mean of correlated values (n,), from the means of FLOOR_PARTS parts."""
     means = np.array([part.mean() for part in np.array_split(values, FLOOR_PARTS)])
     return float(means.std(ddof=1)) / np.sqrt(FLOOR_PARTS) / float(means.mean())
 
@@ -222,10 +238,10 @@ def fall_in_db(y: np.ndarray, begin: int, end: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """Levels against time, and their means in blocks.
+    """The levels of a record against time, and their means in blocks of successive readings.
 
-    t: times in s, y: levels in dB, (n,); tb, yb: their means in blocks, (blocks,). edges, (blocks + 1,): block
-    i consists of the readings with indices edges[i] to edges[i + 1] − 1.
+    t: times in s, (n,). y: levels in dB, (n,). tb, yb: mean times and mean levels of the blocks, (blocks,). edges,
+    (blocks + 1,): block i consists of the readings with indices edges[i] to edges[i + 1] − 1.
     """
 
     t: np.ndarray
@@ -237,12 +253,21 @@ class Levels:
 
 @dataclass(frozen=True, eq=False)
 class DecayFit:
-    """A power-law decay plus a noise floor, fitted to the levels from a block on.
+    """A power-law decay of the amplitude plus a noise floor, fitted to the levels from a start block on.
 
-    x: ln of the decay's amplitude at each block from the first fitted one on; floor: power of the floor, linear;
-    floor_at: first block in which the power of the decay is below that of the floor, or the number of blocks if there
-    is none; stop: index after the last reading that was fitted; scale: level in dB to which amplitude and floor are
-    relative.
+    Attributes
+    ----------
+    x
+        ln of the decay's amplitude at each block from the start block to the last block of the record.
+    floor
+        Power of the floor, linear (not in dB).
+    floor_at
+        Index of the first block in which the power of the decay is below that of the floor; the number of blocks if
+        there is none.
+    stop
+        1 + index of the last reading that was fitted.
+    scale
+        Level in dB to which amplitude and floor are relative.
     """
 
     x: np.ndarray
@@ -255,13 +280,13 @@ class DecayFit:
 def power_law_start(levels: Levels, begin: int, end: int) -> int:
     """Return the block at which the decay starts, from fits of a power law and a noise floor.
 
-    The search with straight lines, which gives the start `begin`, may lose the first part of the decay, because dry
-    friction and drag curve the level in dB. This function bisects the blocks before `begin` for the first from which a
-    power law and a floor describe the levels, and adds a margin (`GUARD_FRACTION`). It returns `begin` itself if the
-    decay would hardly become larger (by less than `LEAST_DROP`).
+    The start `begin` from the search with straight lines may be too late, because dry friction and drag curve the level
+    in dB. This function searches the blocks before `begin`, by bisection, for the first block from which a power law
+    and a floor describe the levels, and adds a margin (`GUARD_FRACTION`). The result is `begin` itself if the fall of
+    the decay in dB would increase by less than `LEAST_DROP`.
 
-    levels: levels of the record and their blocks. begin, end: indices of the blocks at which the decay starts,
-    according to straight lines, and ends.
+    levels: levels of the record and their blocks. begin, end: indices of the first block of the decay, according to
+    straight lines, and of the block after its last one.
     """
     y = levels.yb
     low, first = -1, begin
@@ -279,8 +304,9 @@ def power_law_start(levels: Levels, begin: int, end: int) -> int:
 def power_law_holds(levels: Levels, at: int) -> bool:
     """Return whether a power law and a noise floor, fitted from block `at` on, describe the levels until the floor.
 
-    They must also describe the first of these blocks (`CHECKED_FRACTION`) taken alone. They describe levels if the rms
-    misfit is at most `MISFIT_RATIO` times the expected scatter (`LEAST_DEVIATION`, and that which the floor causes).
+    They do if their rms misfit is at most `MISFIT_RATIO` times the expected scatter, which is `LEAST_DEVIATION`
+    combined with the scatter that the floor causes. This must be true for all blocks until the floor, and also for the
+    first of them alone (`CHECKED_FRACTION`).
     """
     fit = fit_power_law(levels, at)
     x = fit.x[: max(fit.floor_at - at, LEAST_POINTS)]
@@ -291,10 +317,10 @@ def power_law_holds(levels: Levels, at: int) -> bool:
 
 
 def fit_power_law(levels: Levels, begin: int) -> DecayFit:
-    """Return the fit of dA/dt = −c A^p plus a constant noise power to the levels (dB) from block `begin` on.
+    """Fit a power law dA/dt = −c A^p plus a constant noise power to the levels (dB) from block `begin` on.
 
     It is a robust least-squares fit to the logs of mean powers in up to `FITTED_BLOCKS` blocks. If the decay reaches
-    the floor, readings after twice the time that this takes are left out.
+    the floor after some time, readings after twice this time are left out.
     """
     t, y = levels.t, levels.y
     start, stop = int(levels.edges[begin]), y.size
@@ -321,10 +347,10 @@ def fit_power_law(levels: Levels, begin: int) -> DecayFit:
 
 
 def _fit_decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | None) -> np.ndarray:
-    """Fit a power law and a floor to powers (n,), linear and relative to about the largest, at times t (s).
+    """Fit a power law and a floor to powers (n,), linear and relative to about the largest power, at times t (s), (n,).
 
-    Return, as an array (4,), ln of the amplitude and ln of the decay rate −d ln A/dt (1/s) at time 0, the exponent p of
-    dA/dt ∝ −A^p, and ln of the floor's power. begin: start values of these four; None to start from three exponents.
+    Return an array (4,): ln of the amplitude A and ln of the decay rate −d ln A/dt (1/s) at time 0, the exponent p of
+    dA/dt ∝ −A^p, and ln of the floor's power. begin: start values of these four; None to try three different exponents.
     """
     level = 5.0 * np.log(power)
     tail = float(np.median(power[-max(2, power.size // 8) :]))
@@ -370,11 +396,17 @@ def _fit_decay_and_floor(t: np.ndarray, power: np.ndarray, begin: np.ndarray | N
 
 @dataclass(frozen=True)
 class EnvelopeWindow:
-    """The free decay in a record.
+    """The part of an envelope record that is the free decay.
 
-    start, stop: index of its first reading, and of the reading after its last one. floor: noise floor after the decay,
-    in powers 10^(dB/10); None if the record does not reach it. why: two clauses for a sentence, on how the start and
-    the stop were chosen, such as "starts with the record"; "" if nothing was chosen.
+    Attributes
+    ----------
+    start, stop
+        Index of its first reading, and 1 + index of its last reading.
+    floor
+        Noise floor after the decay, in powers 10^(dB/10); None if the record does not reach it.
+    why
+        Two clauses for a sentence, on how the start and the stop were chosen, such as "starts with the record"; "" if
+        nothing was chosen.
     """
 
     start: int
@@ -386,10 +418,11 @@ class EnvelopeWindow:
 def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
     """Find the free decay in levels y (dB) at times t (s), both of shape (n,).
 
-    First the straightest descent is searched. Then it is followed back to its start, before which the readings do not
-    continue it, and on to the noise floor; a power law may move the start back (`power_law_start`). With fewer than
-    `SPARSE_READINGS` readings, the decay goes from the highest one to the noise floor. Raises Refusal if the level
-    falls by less than `LEAST_DROP`, or if the decay has fewer than `LEAST_POINTS` readings.
+    The search begins with the straightest descent, the part that falls most like a straight line in dB. From there it
+    goes back to the start of the decay and forward to the noise floor. A power law may give an earlier start
+    (`power_law_start`). With fewer than `SPARSE_READINGS` readings, the decay goes from the highest one to the noise
+    floor. Raises Refusal if the level falls by less than `LEAST_DROP`, or if the decay has fewer than `LEAST_POINTS`
+    readings.
     """
     if t.size < LEAST_POINTS:
         raise Refusal(f"only {t.size} readings; an envelope needs at least {LEAST_POINTS}")
@@ -421,7 +454,7 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
     earlier = power_law_start(levels, begin, end)
     if earlier != begin:
         behind, lower = _follow_on(levels, earlier)
-        # Unless the decay continues in what would be the floor, and not only for its last steep part.
+        # Reject the earlier start if the level still falls in what would be the floor (LEAST_SHORTENING).
         short = end - max(begin, behind) < LEAST_SHORTENING * (behind - earlier)
         if short or min(fall_in_db(yb, begin, end), fall_in_db(yb, behind, end)) < LEAST_DROP:
             begin, broken, end, floor = earlier, earlier > 0, behind, lower
@@ -433,14 +466,16 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
 
 
 def _window_of(levels: Levels, begin: int, end: int, floor: NoiseFloor | None, begins: str) -> EnvelopeWindow:
-    """Return the window of the blocks `begin` to `end` − 1 of `levels`.
+    """Return the window that consists of the blocks `begin` to `end` − 1 of `levels`.
 
     floor: the noise floor, None if the record does not reach it. begins: clause on how the start was chosen. Raises
     Refusal if the window has too few readings or its level falls too little.
     """
     start, stop = int(levels.edges[begin]), int(levels.edges[end])
     if stop - start < LEAST_POINTS:
-        raise Refusal(f"only {stop - start} readings are between the start and the noise floor")
+        raise Refusal(
+            f"only {stop - start} readings are between start and noise floor; at least {LEAST_POINTS} are needed"
+        )
     drop = fall_in_db(levels.yb, begin, end)
     if drop < LEAST_DROP:
         raise Refusal(f"the level falls by only {max(drop, 0):.1f} dB; at least {LEAST_DROP:g} dB are needed")
@@ -455,9 +490,9 @@ def _window_of(levels: Levels, begin: int, end: int, floor: NoiseFloor | None, b
 def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: float | None) -> EnvelopeWindow:
     """Return the window from start to stop (both included), in s of the record's times.
 
-    t, y: times in s and levels in dB, (n,). If start or stop is None, its value comes from the automatic search
-    (`find_window`). The noise floor is always from this search; it is None if no decay is found. Raises Refusal if too
-    few readings are between start and stop, or if one of them is None and no decay is found.
+    t, y: times in s and levels in dB, (n,). If start or stop is None, `find_window` gives its value. The noise floor
+    always comes from `find_window`; it is None if that finds no decay. Raises Refusal if too few readings are between
+    start and stop, or if one of them is None and no decay is found.
     """
     try:
         window = find_window(t, y)
@@ -485,9 +520,9 @@ def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: floa
 def _straightest(levels: Levels) -> tuple[int, int]:
     """Return the indices of the first and the last block (both included) of the straightest descent.
 
-    It has the largest fall minus `MISFIT_WEIGHT` times the misfit of a straight line. Levels are means of power,
-    limited from below by the level at the end of the record, so that dips of the floor are not taken for a descent.
-    Raises Refusal if the level never falls.
+    This is the part of the record whose fall in dB minus `MISFIT_WEIGHT` times the misfit of a straight line is
+    largest. The powers of the blocks are averaged. Levels below that at the end of the record are raised to it, so that
+    dips of the noise floor do not count as a descent. Raises Refusal if the level never falls.
     """
     t, power, edges = average_in_blocks(
         levels.tb, 10.0 ** ((levels.yb - levels.yb.max()) / 10.0), COARSE_BLOCKS
@@ -499,14 +534,14 @@ def _straightest(levels: Levels) -> tuple[int, int]:
     falls = slope * (t[i] - t[j - 1])
     best = int(np.argmax(falls - MISFIT_WEIGHT * rms))
     if not falls[best] > 0:
-        raise Refusal("the level never falls")
+        raise Refusal("the level never falls; give a record of a decay")
     return int(edges[i[best]]), int(edges[j[best]]) - 1
 
 
 def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
     """Return the block at which the decay begins, and whether other readings precede it.
 
-    Short straight lines are fitted to the levels. Going back from the straight part (blocks `first` to `last`), the
+    Short straight lines are fitted to the levels, going back from the straight part (blocks `first` to `last`). The
     first line that fits worse or has another rate contains readings that are not part of the decay. If the straight
     part is too short for such lines, the decay begins with it.
     """
@@ -533,7 +568,7 @@ def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
             near = slice(max(0, at - width), min(at + 2 * width, last + 1))
             t, y = t[near], y[near]
             corners = np.arange(3, t.size - 2)
-            if corners.size:  # the corner between two straight lines that fit best
+            if corners.size:  # the block that separates the two straight lines that fit best
                 rms_before = _lines(t, y, np.zeros_like(corners), corners)[1]
                 rms_after = _lines(t, y, corners, np.full_like(corners, t.size))[1]
                 squares = corners * rms_before**2 + (t.size - corners) * rms_after**2
@@ -544,9 +579,10 @@ def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
 
 
 def _lines(t: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Fit k straight lines, line i to the levels y (dB) with indices `low[i]` to `high[i]` − 1; low, high: (k,).
+    """Fit k straight lines to levels y (dB) at times t (s), both (n,), and return their slopes and rms misfits.
 
-    Return the slopes in dB/s and the rms misfits in dB, (k,) each. t: times in s, (n,).
+    Line i is fitted to the levels with indices `low[i]` to `high[i]` − 1; low, high: (k,). The slopes are in dB/s, the
+    rms misfits in dB, (k,) each.
     """
     t = t - t.mean()
     terms = (np.ones_like(t), t, t * t, y, y * t, y * y)
@@ -560,9 +596,9 @@ def _lines(t: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray) -> t
 def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
     """Return the block after the last one of the decay, and the noise floor after it, in powers 10^(dB/10).
 
-    The decay ends `ABOVE_FLOOR` dB above the floor, or earlier where levels scatter like noise. The floor is None if
-    the record ends before the decay reaches it. begin: first block of the decay, from which a power law and a floor are
-    fitted robustly to the levels.
+    A power law and a floor are fitted to the levels from `begin`, the first block of the decay, on. The decay ends
+    where it is `ABOVE_FLOOR` dB above the floor, or earlier if levels scatter like noise. The floor is None if the
+    record ends before the decay reaches it.
     """
     t, y, tb, yb, edges = levels.t, levels.y, levels.tb, levels.yb, levels.edges
     count = tb.size
@@ -604,9 +640,10 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
 def _steepens(t: np.ndarray, y: np.ndarray, begin: int, floor_at: int, stop: int) -> bool:
     """Return whether the readings from `floor_at` (or the last few) to `stop` belong to the decay, not to a floor.
 
-    They do (in a decay that steepens more than any power law) if they fall faster than the readings before `floor_at`
-    and are not much rougher than the first eighth of the decay, which starts at `begin`. t: times in s, y: levels in
-    dB, (n,); begin, floor_at, stop: indices of readings, of which `stop` is excluded.
+    They belong to the decay, which then steepens more than any power law, under two conditions: they fall faster than
+    the readings before `floor_at`, and they are not much rougher than the first eighth of the decay. t: times in s,
+    (n,). y: levels in dB, (n,). begin: index of the first reading of the decay. floor_at: index of the first reading
+    tested. stop: 1 + index of the last one.
     """
     floor_at = min(floor_at, stop - LEAST_LAST_READINGS)
     before = slice(max(begin, floor_at - max(SHORTEST_LINE, (floor_at - begin) // 4)), floor_at)

@@ -1,1 +1,1 @@
-"""Represent what a file contains: its columns, its facts, and what their names mean."""
+"""Represent what a file contains: its columns, its facts (named numbers and texts), and what their names mean."""

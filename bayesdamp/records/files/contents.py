@@ -1,7 +1,9 @@
-"""Define what a reader returns for a file (columns of numbers, and facts), and interpret the names of both.
+"""Define what a reader returns for a file, and interpret the names in it.
 
-Names state runs, units, quantities, times and sampling rates. Units are written in many ways: `Angle(deg)`,
-`Time [ms]`, `acceleration / (m/s²)`, `phi_deg`."""
+A reader returns columns of numbers, and facts (named numbers and texts outside the columns). Their names state runs,
+units, quantities, times and sampling rates. Units are written in many ways: `Angle(deg)`, `Time [ms]`, `acceleration /
+(m/s²)`, `phi_deg`.
+"""
 
 import math
 import re
@@ -33,11 +35,11 @@ class Column:
     group
         Sheet, group or variable that contains the column. A column uses only the times of its own group.
     run
-        Label of the run; "" if the file does not state it.
+        Label of the run (one of several measurements in a file); "" if the file does not state it.
     unit
         Unit as the file writes it, if it is stated outside the name; else "".
     quantity
-        "angle", "velocity", "acceleration", or "" if it is not stated.
+        "angle" (any displacement), "velocity", "acceleration", or "" if the file does not state it.
     rate
         Sampling rate of the column in Hz; None if the file states none.
     start
@@ -45,9 +47,9 @@ class Column:
     clock
         Whether the cells are written as times of day.
     empty
-        Mask of the empty cells, shape (n,); None if there are none.
+        Mask of the empty cells, shape (n,), true where a cell is empty; None if there are none.
     words
-        Start of the text of each filled cell that has no number, by row from 0.
+        Start of the text of each filled cell that has no number, by index of the row from 0.
     """
 
     name: str
@@ -94,7 +96,7 @@ class Contents:
     channels
         Whether the format declares each column to be a sensor's channel.
     paired
-        Whether columns of values have their own times, so that each is a record.
+        Whether several columns of values have their own column of times each, so that each pair is a record.
     warnings
         Sentences that the user must see.
     """
@@ -113,12 +115,19 @@ class Contents:
 class Reader(Protocol):
     """A plug-in that reads one file format.
 
-    A module in `bayesdamp.records.readers` assigns a reader to the name PLUGIN and imports the library of the format
-    only in `read`. A user's reader derives from this class and has a `name`.
+    A module in `bayesdamp.records.readers` assigns a reader to the name PLUGIN. It imports the library of the format
+    only in `read`. A user's own reader derives from this class and has a `name`.
 
-    format: name of the format with its article, as in "this is an Excel file". extensions: file extensions in small
-    letters, with the dot. extra: the extra of this package that installs the library; "" if it is always installed.
-    foreign: whether `read` uses a compiled library, which a damaged file may crash: it then runs in a child process.
+    Attributes
+    ----------
+    format
+        Name of the format with its article, as in "this is an Excel file".
+    extensions
+        File extensions in small letters, with the dot.
+    extra
+        Name of this package's optional dependency (extra) that installs the library; "" if it is always installed.
+    foreign
+        Whether `read` uses a compiled library that a damaged file may crash. If true, it runs in a child process.
     """
 
     format: str
@@ -139,7 +148,7 @@ class Reader(Protocol):
 
 
 def refuse_large(size: float) -> None:
-    """Raise InputError if `size`, the unpacked size in bytes, is more than LARGEST_FILE."""
+    """Raise InputError if `size`, the size of a file's unpacked data in bytes, is more than LARGEST_FILE."""
     if size > LARGEST_FILE:
         right = f"files of more than {LARGEST_FILE / 2**30:.3g} GiB are not read: give a part of it"
         raise InputError(f"unpacks to {size / 2**30:.3g} GiB; {right}")
@@ -178,26 +187,26 @@ SECONDS = {
     **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "std", "stunde", "stunden"), 3600.0),
     **dict.fromkeys(("d", "day", "days", "tag", "tage"), DAY),
 }
-"""Seconds in a unit of time, for each way of writing the unit."""
+"""Number of seconds in a unit of time, for each way of writing the unit."""
 _JOINED = re.compile(
     r"(?:time|stamp|elapsed|(?<![^\W_])t)[.-]?(sec|[mµμun]s|[mun]sec|millis|micros|nanos)$"
     r"|(?:time|elapsed|zeit) (min|h)$",
     re.IGNORECASE,
 )
-"""Pattern of names of columns of times that end in the unit: without a separator, as ArduPilot's `TimeUS`, or after a
-blank for units that count only after a word for time, as `Time min`."""
+"""Pattern of names of columns of times that end in a unit of time without brackets: joined to the name, as in
+ArduPilot's `TimeUS`, or after a blank, as in `Time min`."""
 TIMES = re.compile(
     r"^t(\d*|[\s_.-]\w)$|time|elapsed|stamp|zeit|temps|tiempo|tempo|second|sekunde|uhr|epoch|x_value",
     re.IGNORECASE,
 )
 """Pattern of names of columns that contain times."""
 _ONLY_OF_TIMES = {text for text, seconds in SECONDS.items() if seconds > 60.0 or seconds < 1e-9}
-"""Texts that count as units of time only after a name of times: elsewhere `d`, `h`, `ps` may be a depth, height or
-power."""
+"""Texts that count as units of time only in the name of a column of times. Elsewhere `d`, `h` or `ps` may be a depth,
+height or power."""
 _AMBIGUOUS_UNITS = ("in", "v", "V", "g", "au", "foot")
-"""Texts that do not count as units after "_", because they may be words of the name."""
+"""Texts that do not count as units after "_" or a blank in a column's name, because they may be words of the name."""
 _TWO_LETTER_UNITS = ("mm", "cm", "um", "mV", "ms", "us")
-"""Units of two letters that are not words, so that they count as units after a blank."""
+"""Units of two letters that count as units after a blank in a column's name, because they are not words."""
 _QUANTITIES = {
     **dict.fromkeys(("velocity", "velocities", "vel", "speed", "gyro", "gyroscope"), "velocity"),
     **dict.fromkeys(("acceleration", "accelerations", "accel", "acc", "accelerometer"), "acceleration"),
@@ -237,7 +246,7 @@ _HERTZ = {
         ("", "hz", "1/s", "s/s", "sa/s", "sps", "samples/s", "samples/sec", "samples per second"), 1.0
     ),
 }
-"""Hz in a unit of sampling rates, for each way of writing the unit."""
+"""Number of Hz in a unit of sampling rates, for each way of writing the unit."""
 _RATES = re.compile(
     r"(samp|sample|sampling|samples|acquisition|scan|frame|data|outputdata|daq|adc|log|logging|update|sensor)"
     r"(rate|frequency|freq|persecond|persec|spersecond)|rate|fs|fps|sr|srate|odr|fsamp|fsample"
@@ -248,18 +257,20 @@ _STEPS = re.compile(
     r"|dt|deltat|deltax|tstep|tinc|xinc|abtast(intervall|zeit|periode)|zeitschritt"
 )
 _UNDERSCORED = re.compile(r"(..+)(?<!per)_([mun]?s(?:ec)?)", re.IGNORECASE)
-"""Pattern of a fact's name that ends in a unit of time, such as `dt_ms`, but not `f_s`."""
+"""Pattern of the name of a fact (a named number or text in a file) that ends in a unit of time: `dt_ms`, but not
+`f_s`."""
 _MATLAB_STEP = "Ts"
 """MATLAB's name of a sampling interval; `ts` is more often a time stamp."""
 
 
 def _normalise_unit(text: str) -> str:
-    """Return the text of a unit in a form for comparison: `m/s²`, `m / s^2` and `M/S2` all give `m/s2`."""
+    """Return the text of a unit in a form for comparison: `m/s²`, `m / s^2` and `M/S2` all become `m/s2`."""
     return re.sub(r"[\s*^·.{}]", "", text.lower().replace("²", "2").replace("⁻", "-").replace("¹", "1"))
 
 
 _WRITTEN = {_normalise_unit(text): unit for unit in UNITS.values() for text in (unit.name, *unit.written)}
-"""The unit for each way of writing it: small letters without blanks, dots and superscripts (`_normalise_unit`)."""
+"""Each known unit by all ways of writing it, in the form of `_normalise_unit`: small letters without blanks, dots and
+superscripts."""
 
 
 def _normalise_time_unit(text: str) -> str:
@@ -269,8 +280,9 @@ def _normalise_time_unit(text: str) -> str:
 def _unit_candidates(name: str) -> list[str]:
     """Return the parts of a column's name that may be a unit; empty if there are none.
 
-    These are all texts in brackets. If there are no brackets, it is the end of the name after "/", " in " or "_". If
-    there is none of these either, it is the last word or the whole name, if that is a known unit.
+    These are all texts in brackets. If there are no brackets, it is the end of the name after "/", " in " or "_".
+    Without any of these, it is the last word of the name (or the only one), if that is a known unit and not a common
+    word.
     """
     inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
     if inside:
@@ -281,7 +293,7 @@ def _unit_candidates(name: str) -> list[str]:
         return [] if unsure else [behind[1].strip("()[]{}")]
     last = re.search(r"(?:^|\s)([^\W\d_]+)\s*$", name)
     if last and (_normalise_time_unit(last[1]) in SECONDS or _normalise_unit(last[1]) in _WRITTEN):
-        # A unit that nothing marks: `Angle degrees`, `adc`.
+        # A unit without brackets or a separator: `Angle degrees`, `adc`.
         word, alone = last[1], last[1] == name.strip()
         if (len(word) > 2 and word not in _AMBIGUOUS_UNITS and word != "min") or (
             word in _TWO_LETTER_UNITS and not alone
@@ -291,9 +303,9 @@ def _unit_candidates(name: str) -> list[str]:
 
 
 def seconds_in(name: str) -> float | None:
-    """Return the seconds in the unit that the name of a column of times states: 0.001 for `Time [ms]`.
+    """Return the unit of time in the name of a column of times, in s: 0.001 for `Time [ms]`.
 
-    Return None if it states none or several.
+    The result is None if the name contains no unit of time, or several different ones.
     """
     units = [unit for unit in map(_normalise_time_unit, _unit_candidates(name)) if unit in SECONDS]
     if not units and (joined := _JOINED.search(name.strip())):
@@ -309,12 +321,16 @@ def seconds_in(name: str) -> float | None:
 
 
 def seconds_written(unit: str) -> float | None:
-    """Return the seconds in a unit of time: 3600 for `h`, 0.001 for `ms since 2024-01-01`; None for other units."""
+    """Return a unit of time in s: 3600 for the text `h`, 0.001 for `ms since 2024-01-01`; None for other units."""
     return SECONDS.get(_normalise_time_unit(re.sub(r"\s+since\s.*$", "", unit.strip(" ()[]"))))
 
 
 def may_be_unit(cell: str, name: str) -> bool:
-    """Return whether the cell below a column's name is empty, "-", or a unit that this column may have."""
+    """Return whether a cell may be the unit of a column: the cell in the line below the column's name.
+
+    It may be if it is empty, "-", or a known unit. A unit such as `d`, which may also mean a depth, counts as a unit of
+    time only if the name means times.
+    """
     text = cell.strip("()[] ")
     if _normalise_time_unit(text) in SECONDS:
         return _normalise_time_unit(text) not in _ONLY_OF_TIMES or bool(TIMES.search(name))
@@ -322,10 +338,10 @@ def may_be_unit(cell: str, name: str) -> bool:
 
 
 def unit_and_quantity(name: str) -> tuple[str, str] | None:
-    """Return the unit and the quantity that a column's name states, as `unit_written`: for `deg/s`, deg and velocity.
+    """Return the unit and the quantity that a column's name states: for `omega (deg/s)`, "deg" and "velocity".
 
-    Return None unless the name contains exactly one known unit. For a unit without a known scale (V, counts), words of
-    the name may state the quantity.
+    The unit is a name in UNITS; the quantity is that of `unit_written`. For a unit without a known scale (V, counts),
+    words of the name may state the quantity. The result is None unless the name contains exactly one known unit.
     """
     units = {unit for unit in map(unit_written, _unit_candidates(name)) if unit is not None}
     if len(units) != 1:
@@ -342,10 +358,11 @@ def _quantity_of(name: str) -> str | None:
 
 
 def unit_written(text: str) -> tuple[str, str] | None:
-    """Return the unit (a name in UNITS) and the quantity for the text of a unit: for `deg/s`, deg and velocity.
+    """Return the unit (a name in UNITS) and the quantity for the text of a unit; None if the unit is not known.
 
-    The quantity of a displacement is "angle". A unit of velocity or acceleration with a name, such as rpm, is returned
-    itself. Return None if the unit is not known.
+    The quantity of a displacement is "angle": `°` gives "deg" and "angle". A velocity or acceleration gives the unit of
+    its displacement: `deg/s` gives "deg" and "velocity". But a velocity or acceleration with its own name keeps it:
+    `rpm` gives "rpm" and "velocity".
     """
     text = _normalise_unit(text)
     if text in _WRITTEN:
@@ -363,9 +380,10 @@ def unit_by_name(unit: str | None, quantity: str | None) -> tuple[str | None, st
     Parameters
     ----------
     unit
-        Unit in any way of writing: `°`, `degrees`, or `deg/s`, which also states the quantity.
+        Unit in any way of writing: `°`, `degrees`, or `deg/s`, which also states the quantity. None if the user gives
+        none.
     quantity
-        Quantity that the user gives; it has priority over that of the unit.
+        Quantity that the user gives, which has priority over that of the unit; None if the user gives none.
 
     Returns
     -------
@@ -381,9 +399,9 @@ def unit_by_name(unit: str | None, quantity: str | None) -> tuple[str | None, st
 def split_run(column: Column) -> tuple[str, str]:
     """Return a column's name without the mark of its run, and the label of the run: `angle Run 2` gives `angle`, `2`.
 
-    The label is the column's `run`. If this is empty, it is read from the name, or else from the group (`Run 2`). If
-    there is a run, the returned name is also without the group. Without a run, the name is unchanged and the label is
-    "".
+    A run is one of several measurements in a file. The label is the column's `run`. If this is empty, the label is read
+    from the name, or else from the column's group (`Run 2`). If there is a run, the group is also removed from the
+    name. Without a run, the name is unchanged and the label is "".
     """
     bare = column.name.removeprefix(f"{column.group}.") if column.group else column.name
     if column.run:
@@ -402,15 +420,15 @@ def split_run(column: Column) -> tuple[str, str]:
 
 
 def seconds_of_unit(column: Column) -> float | None:
-    """Return the seconds in the unit of a column of times, from its name or its unit; None if no unit is stated."""
+    """Return the unit of a column of times in s (0.001 for ms), from its name or `unit`; None if no unit is stated."""
     seconds = seconds_in(split_run(column)[0]) or seconds_written(column.unit)
     return 1.0 if seconds is None and _SECONDS_ALONE.match(column.name) else seconds
 
 
 def unit_of_column(column: Column) -> tuple[str, str]:
-    """Return the unit and the quantity of a column, such as deg and velocity; each is "" if the file states none.
+    """Return the unit and the quantity of a column, such as "deg" and "velocity"; each is "" if it is not stated.
 
-    The unit is a name in UNITS; one that is not in UNITS is returned as it is written, if shorter than 20 characters.
+    The unit is a name in UNITS. An unknown unit is returned as the file writes it, if it is shorter than 20 characters.
     """
     name = split_run(column)[0]
     named = _quantity_of(name) or column.quantity
@@ -439,9 +457,9 @@ def names_index(column: Column) -> bool:
 
 
 def selector(columns: Sequence[Column], column: Column) -> str | int:
-    """Return how a user selects a column: by its name or, if it has no unique name, by its number from 1.
+    """Return how a user selects a column: by its name, or by its number from 1 if the name is empty or not unique.
 
-    columns: all columns of the file. In messages, `repr` of the result quotes a name.
+    columns: all columns of the file. In messages, `repr` of the result puts a name in quotes.
     """
     if column.name and sum(c.name == column.name for c in columns) == 1:
         return column.name
@@ -469,9 +487,9 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
     columns
         All columns of the file.
     wanted
-        A name, or a number from 1 (digits are a number unless a column has exactly this name). The name may be written
-        in upper or lower case, with or without the unit. In a file with several runs, a name without run selects one
-        column of each run.
+        A name, or a number from 1. Digits are a number unless a column has them as its name. The name may be written in
+        upper or lower case, with or without the unit. In a file with several runs (measurements), a name without run
+        selects one column of each run.
 
     Raises
     ------
@@ -512,12 +530,12 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
 
 
 def select_runs(text: str, labels: Sequence[str]) -> list[str]:
-    """Return the labels of the runs that a user selects.
+    """Return the labels of the runs (measurements in a file) that a user selects.
 
     Parameters
     ----------
     text
-        The selection, such as `1,3-5`, of labels and ranges of numbers.
+        The selection: labels and ranges of numbers, separated by commas, such as `1,3-5`.
     labels
         Labels of all runs of the file.
 
@@ -546,10 +564,10 @@ def select_runs(text: str, labels: Sequence[str]) -> list[str]:
 
 
 def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
-    """Return the facts in the lines above a table, as texts by name.
+    """Return the facts (named numbers and texts) in the lines above a table, as texts by name.
 
-    A line with a fact is `key: value`, `key = value`, `key,value,unit`, `key,value,value` with the same value for each
-    channel, or a line of names followed by a line of as many values.
+    Lines with facts have one of these forms: `key: value`; `key = value`; `key,value,unit`; `key,value,value` with the
+    same value for each channel; or a line of names followed by a line of as many values.
     """
     facts: dict[str, Fact] = {}
     before: list[str] = []
@@ -574,7 +592,10 @@ def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
 
 
 def trim_facts(facts: Mapping[str, object]) -> dict[str, Fact]:
-    """Return the first MOST_FACTS facts that are numbers or texts, each cut to LONGEST_FACT characters."""
+    """Return the first MOST_FACTS facts (named numbers and texts) of a file, cut to LONGEST_FACT characters each.
+
+    facts: values by name. Values other than finite numbers and texts are left out.
+    """
     trimmed: dict[str, Fact] = {}
     for name, value in facts.items():
         text = " ".join(str(name).split())[:LONGEST_FACT]
@@ -599,8 +620,9 @@ def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
     Returns
     -------
     tuple or None
-        The rate in Hz and the name of the fact; None if no fact states a rate or interval, or if several state
-        different ones. A fact with an unknown unit, or a number whose comma is ambiguous, does not count.
+        The rate in Hz and the name of the fact. The result is None if no fact states a rate or interval, or if several
+        state different ones. A fact does not count if its unit is unknown, or if the comma in its number may be a
+        decimal mark or separate thousands.
     """
     rates: dict[float, str] = {}
     for name, value in facts.items():
@@ -623,10 +645,11 @@ def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
 
 
 def _split_unit(name: str) -> tuple[str, str]:
-    """Split a fact's name: `Sample interval (ms)` and `Horizontal.sample_interval_ms` give `sampleinterval`, `ms`.
+    """Split a fact's name into a bare name and a unit: `Sample interval (ms)` gives `sampleinterval`, `ms`.
 
-    Return the part after the last dot or slash before the unit (not at its end, as in `freq. (Hz)`), reduced to its
-    letters in lower case, and the unit at the end, in lower case; "" if there is no unit.
+    The bare name is the part after the last dot or slash (`Horizontal.sample_interval_ms` gives the same result),
+    without the unit, reduced to its letters in lower case. A dot at the end of the name is ignored, as in `freq. (Hz)`.
+    The unit at the end is in lower case; it is "" if there is none.
     """
     at = re.search(r"[(\[]([^)\]]*)[)\]]\s*$", name)
     last = re.split(r"[./](?=.*\w)", name[: at.start()] if at else name)[-1]
@@ -639,7 +662,7 @@ def _split_unit(name: str) -> tuple[str, str]:
 
 
 def stated_unit(facts: Mapping[str, Fact]) -> str:
-    """Return the unit of the values that the facts state; "" if they state none or several."""
+    """Return the unit of the values that a file's facts (named numbers and texts) state; "" if none or several."""
     wanted = ("unit", "units", "yunit", "yunits", "verticalunits", "angleunit")
     units = {str(value) for name, value in facts.items() if _split_unit(name)[0] in wanted}
     return units.pop() if len(units) == 1 else ""

@@ -9,19 +9,19 @@ from bayesdamp.records.files.contents import Column, Contents, sampling_rate, st
 from bayesdamp.types import Fact, InputError
 
 WIDEST_MATRIX = 64
-"""A matrix of which both dimensions are larger than this is ignored (conventional)."""
+"""A matrix is ignored if both of its dimensions are larger than this (conventional)."""
 DEEPEST_LEVEL = 20
 """Data nested in a file more deeply than this many levels are ignored (conventional)."""
 _NUMBERS = "fiub"
-"""Kinds of NumPy data types that are numbers."""
+"""Kinds of NumPy data types (`dtype.kind`) that are numbers: float, integer, unsigned integer, Boolean."""
 
 
 class Walk:
     """Collector that walks through nested data: vectors become columns, scalars and texts become facts.
 
-    Each is named by its path with dots. A matrix gives one column for each index of its shorter dimension, from 1. If
-    several elements of a list (a cell array, an array of structs) contain vectors, each element is a run, numbered
-    from 1.
+    Each column or fact is named by its path in the data, with dots: `run.angle`. A matrix gives one column for each
+    index of its shorter dimension, from 1. If several elements of a list (a cell array, an array of structs) contain
+    vectors, each element is a run (one of several measurements), numbered from 1.
 
     Attributes
     ----------
@@ -36,19 +36,19 @@ class Walk:
         self.facts: dict[str, object] = {}
 
     def add(self, path: str, item: Any, run: str = "", depth: int = 0) -> None:
-        """Collect all vectors and facts in an item.
+        """Collect all vectors and facts (numbers and texts) in an item of nested data.
 
         Parameters
         ----------
         path
             Path of the item; "" for the whole file.
         item
-            A mapping, list, array, number or text. Other items, empty arrays, matrices of which both dimensions exceed
-            WIDEST_MATRIX, and arrays of more dimensions are ignored.
+            A mapping, list, array, number or text. Other items and empty arrays are ignored. So are matrices with both
+            dimensions larger than WIDEST_MATRIX, and arrays of more than two dimensions.
         run
-            Run to which the item belongs; "" for none.
+            Run (one of several measurements) to which the item belongs; "" for none.
         depth
-            Number of levels above the item.
+            Number of levels above the item; items below DEEPEST_LEVEL are ignored.
         """
         if depth > DEEPEST_LEVEL:
             return
@@ -87,9 +87,9 @@ class Walk:
                     self._add_vector(join_path(path, i + 1), table[:, i].astype(float), run)
 
     def add_list(self, path: str, items: Any, run: str, depth: int) -> None:
-        """Collect a list: a vector of numbers (NaN for None), a matrix of its rows, or one item after the other.
+        """Collect a list: numbers as a vector, equally long rows of numbers as a matrix, other items separately.
 
-        path, run, depth: as in `add`.
+        None in a list of numbers becomes NaN. path, run, depth: as in `add`.
         """
         numbers = [np.nan if x is None else x for x in items]
         rows = items if all(isinstance(x, list | tuple) for x in items) else []
@@ -112,7 +112,8 @@ class Walk:
     def contents(self, format_name: str) -> Contents:
         """Return the collected columns and facts. Raises InputError if there is no column.
 
-        Very long and very many facts are cut. format_name: short name of the file's format, such as "JSON".
+        The number of facts and their lengths are limited (`trim_facts`). format_name: short name of the file's format,
+        such as "JSON".
         """
         if not self.columns:
             raise InputError(
@@ -122,9 +123,9 @@ class Walk:
 
 
 def unit_and_rate(attributes: Mapping[str, Fact]) -> dict[str, Any]:
-    """Return the `unit` ("" for none) and the `rate` in Hz (None for none) that an array's attributes state.
+    """Return the unit and the sampling rate that an array's attributes state, as keyword arguments of `Column`.
 
-    They are keyword arguments of `Column`.
+    The keys are `unit` ("" if none is stated) and `rate` in Hz (None if none is stated).
     """
     rate = sampling_rate(attributes)
     return {"unit": stated_unit(attributes), "rate": rate[0] if rate else None}

@@ -1,4 +1,4 @@
-"""Read CASSY Lab 2 files of LD Didactic, which are XML, plain or in a ZIP archive."""
+"""Read files of CASSY Lab 2, the measuring software of LD Didactic. They are XML files, plain or in a ZIP archive."""
 
 import zipfile
 from collections import Counter
@@ -35,7 +35,10 @@ class CassyReader(Reader):
     extensions = (".labx",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the file, or the XML in its archive, has the root element of CASSY Lab."""
+        """Return whether the file, or the XML file in its ZIP archive, contains the root element of CASSY Lab.
+
+        Plain XML is searched only in the first bytes, `head`.
+        """
         if not head.startswith(b"PK") or _MEMBER not in (archive_names(path) or ()):
             return _ROOT in head
         try:
@@ -45,7 +48,10 @@ class CassyReader(Reader):
             return False
 
     def read(self, path: Path) -> Contents:
-        """Return the quantities of all runs. Raises InputError if the XML is too large or has a document type."""
+        """Return a column for each quantity and run.
+
+        Raises InputError if the XML is too large or has a document type (DOCTYPE).
+        """
         if zipfile.is_zipfile(path):
             refuse_archive(path)
             with zipfile.ZipFile(path) as archive:

@@ -9,9 +9,9 @@ from bayesdamp.records.readers.text import parse_table
 from bayesdamp.types import Fact, InputError
 
 _OLE = bytes.fromhex("d0cf11e0a1b11ae1")
-"""First bytes of a compound file: an Excel 97-2003 workbook, or one with a password ([MS-CFB] 2.2)."""
+"""First bytes of an OLE compound file: an Excel 97-2003 workbook, or a workbook with a password ([MS-CFB] 2.2)."""
 _ENCRYPTED = "EncryptedPackage".encode("utf-16-le")
-"""Name of the stream that a workbook with a password contains ([MS-OFFCRYPTO] 2.3.4.4)."""
+"""Name of the stream (part of a compound file) in a workbook with a password ([MS-OFFCRYPTO] 2.3.4.4)."""
 
 
 class ExcelReader(Reader):
@@ -22,7 +22,10 @@ class ExcelReader(Reader):
     extra = "excel"
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the file is a ZIP archive with a workbook, or an old or encrypted Excel file."""
+        """Return whether the file is a ZIP archive with an Excel workbook, or an old or encrypted Excel file.
+
+        The extension decides for an old or encrypted file, and for a ZIP archive that cannot be opened.
+        """
         if head.startswith(_OLE):
             return path.suffix.lower() in self.extensions
         if not head.startswith(b"PK"):
@@ -71,9 +74,9 @@ class ExcelReader(Reader):
 
 
 def _cell(value: object) -> str:
-    """Return a cell as text: numbers without rounding, dates and times of day as in ISO 8601, durations in s.
+    """Convert the value of a cell to text.
 
-    An empty cell gives "".
+    Numbers are not rounded. Dates and times of day are written in ISO 8601, durations in s. An empty cell gives "".
     """
     if value is None:
         return ""

@@ -12,7 +12,8 @@ from bayesdamp.types import InputError
 
 _MAGIC = b"\x89HDF\r\n\x1a\n"
 _PACKED, _MISSING = ("scale_factor", "add_offset"), ("_FillValue", "missing_value")
-"""Attributes with which netCDF and xarray pack numbers, and mark missing ones (CF-1.11, 8.1 and 2.5.1)."""
+"""Names of attributes of netCDF and xarray: `_PACKED` marks packed numbers, which are refused; `_MISSING` contains the
+value of missing numbers, which become NaN (CF-1.11, 8.1 and 2.5.1)."""
 
 
 class Hdf5Reader(Reader):
@@ -33,8 +34,8 @@ class Hdf5Reader(Reader):
     def read(self, path: Path) -> Contents:
         """Return the numeric datasets as columns named by their paths.
 
-        Raises InputError if there are none, if one is in another file or packed, or if they have more than LARGEST_FILE
-        bytes.
+        Raises InputError if there are none, if a dataset is stored in another file or contains packed numbers, or if
+        all datasets together have more than LARGEST_FILE bytes.
         """
         import h5py
 
@@ -47,7 +48,10 @@ class Hdf5Reader(Reader):
 
 
 class _GroupWalk(Walk):
-    """Collector of columns and facts in groups and datasets, including those that MATLAB's cells refer to."""
+    """Collector of columns and facts (named numbers and texts) in HDF5 groups and datasets.
+
+    Datasets to which the cells of a MATLAB cell array refer are collected too.
+    """
 
     def __init__(self, h5py: Any, matlab: bool) -> None:
         super().__init__()
@@ -55,10 +59,11 @@ class _GroupWalk(Walk):
         self.total = 0
 
     def visit(self, path: str, item: Any, run: str, depth: int) -> None:
-        """Collect the columns and facts of a group or dataset, and of all below it.
+        """Collect the columns and facts of a group or dataset, and of all groups and datasets below it.
 
         Raises InputError for data in another file, packed numbers, and more than LARGEST_FILE bytes. path: path of the
-        item in the file, with dots; run: run to which it belongs, "" for none; depth: number of levels above it.
+        item in the file, with dots. run: run (one of several measurements) to which the item belongs, "" for none.
+        depth: number of levels above the item.
         """
         if depth > DEEPEST_LEVEL:
             return

@@ -16,13 +16,16 @@ LARGEST_JSON = 2**28
 
 
 class JsonReader(Reader):
-    """Reader of JSON files and of files with one JSON value a line."""
+    """Reader of JSON files, and of files with one JSON value in each line (JSON Lines)."""
 
     format = "a JSON file"
     extensions = (".json", ".jsonl", ".ndjson")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the first bytes begin like JSON; without a JSON extension, only `{"` and `[{` count."""
+        """Return whether the first bytes, `head`, begin like JSON.
+
+        A file with a JSON extension must begin with `{` or `[`, any other file with `{"` or `[{`.
+        """
         bare = head.removeprefix(b"\xef\xbb\xbf").lstrip()
         named = path.suffix.lower() in self.extensions
         return (named and bare[:1] in (b"{", b"[")) or bare[:2] in (b'{"', b"[{")
@@ -43,14 +46,17 @@ class JsonReader(Reader):
 
 
 class _JsonWalk(Walk):
-    """Collector for JSON values: a list of samples, each an object of numbers or texts, gives a column for each key."""
+    """Collector of columns in JSON values, also in a list of samples.
+
+    Each sample is an object of numbers or texts; the list gives one column for each key.
+    """
 
     def add_list(self, path: str, items: Any, run: str, depth: int) -> None:
         """Collect a list; a list of samples (objects) gives a column for each key.
 
-        The numbers in a sample may be in quotes. A sample without a number for a key is NaN in the key's column. path:
-        path of the list in the file, with dots; run: run to which it belongs, "" for none; depth: number of levels
-        above it.
+        The numbers in a sample may be in quotes. If a sample has no number for a key, the column has NaN there. path:
+        path of the list in the file, with dots. run: run (one of several measurements) to which it belongs, "" for
+        none. depth: number of levels above it.
         """
         if len(items) < 2 or not all(isinstance(row, dict) for row in items):
             return super().add_list(path, items, run, depth)

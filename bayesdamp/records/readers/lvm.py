@@ -1,4 +1,4 @@
-"""Read LabVIEW measurement files (.lvm), which are text."""
+"""Read LabVIEW measurement files (.lvm), which are text tables in one or several segments."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,12 +17,16 @@ _OF_SEGMENTS = {
     "UUT_S/N", "Model_Number", "Serial_Number", "X_Dimension", "X_Unit_Label", "X0", "Delta_X",
     "Y_Dimension", "Y_Unit_Label",
 }  # fmt: skip
-"""Tags in the header of a segment."""
+"""Names of the tags (first cells of a line) in the header of a segment, which is one recording in the file."""
 
 
 @dataclass
 class _Segment:
-    """A segment of the file: tags with a value for each channel, names of columns, and rows of cells."""
+    """A segment of the file, which is one recording: tags of its header, names of columns, and rows of cells.
+
+    tags: for each name of a tag, the cells after it, one for each column. names: names of the columns. rows: cells of
+    each row of numbers.
+    """
 
     tags: dict[str, list[str]] = field(default_factory=dict)
     names: list[str] = field(default_factory=list)
@@ -92,13 +96,15 @@ class LvmReader(Reader):
 
 
 def _columns(segment: _Segment, tags: dict[str, str], run: str) -> list[Column]:
-    """Return the columns of a segment: times and channels; a channel without times has a rate, if the file states it.
+    """Return the columns of a segment (one recording in the file): times and channels.
 
-    tags: tags of the file's header. run: number of the segment, with which names begin; "" if it is the only one.
+    A channel without a column of times gets a sampling rate, if the file states it. tags: tags of the file's header.
+    run: number of the segment, with which the names of its columns begin; "" if it is the only one.
     """
     axes, decimal = tags.get("X_Columns", "One"), tags.get("Decimal_Separator", ".")
     width = max(map(len, segment.rows))
-    timeless = axes == "No" and any(row[0] for row in segment.rows)  # without even an empty column of times
+    # Some files have no column of times, not even an empty one.
+    timeless = axes == "No" and any(row[0] for row in segment.rows)
     names = segment.names or [""] * width
     names = names[1:] if names[0] == "X_Value" and timeless else names
     names = names if names[0] == "X_Value" or timeless else ["X_Value", *names]

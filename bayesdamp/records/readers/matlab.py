@@ -1,4 +1,4 @@
-"""Read MATLAB files of version 4 to 7, including structs and cells, with SciPy."""
+"""Read MATLAB files of versions 4 to 7 with SciPy, including structs and cells."""
 
 import math
 from pathlib import Path
@@ -16,9 +16,10 @@ class MatlabReader(Reader):
     extensions = (".mat",)
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the file has the header of version 5 to 7, or is named .mat and may be version 4.
+        """Return whether the file has the header of versions 5 to 7, or has the extension .mat and may be version 4.
 
-        Version 4 has no signature: a zero byte among the first 64 is enough. Version 7.3 is HDF5 and is not claimed.
+        Version 4 has no signature: a zero byte among the first 64 bytes is enough. Version 7.3 is HDF5 and is not
+        accepted.
         """
         if b"MATLAB 7.3" in head[:128] or b"\x89HDF\r\n" in head[:1024]:
             return False
@@ -29,8 +30,8 @@ class MatlabReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return numeric variables, and fields of structs, as columns named by their paths.
 
-        Raises InputError if the file has none, as if it contains only MATLAB objects, or if its arrays outside
-        of structs and cells need more than LARGEST_FILE bytes as 64-bit numbers.
+        Raises InputError if there are none, for example in a file of MATLAB objects. Raises it also if the arrays
+        outside of structs and cells need more than LARGEST_FILE bytes as 64-bit numbers.
         """
         from scipy.io import loadmat, whosmat  # imports slowly, and few records need it
         from scipy.io.matlab import MatlabFunction, MatlabOpaque

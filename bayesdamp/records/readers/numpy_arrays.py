@@ -1,4 +1,4 @@
-"""Read NumPy's .npy and .npz files, without unpickling anything."""
+"""Read NumPy's .npy and .npz files. Pickled Python objects are not read, because they can run any code."""
 
 from pathlib import Path
 
@@ -31,7 +31,8 @@ class NumpyReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return arrays, and fields of structured arrays, as columns named by their paths.
 
-        Arrays of Python objects are skipped in an archive; a single one raises InputError.
+        In an .npz archive, arrays of Python objects are skipped. Raises InputError if an .npy file is such an array, or
+        if there is no column.
         """
         walk = Walk()
         with path.open("rb") as file:

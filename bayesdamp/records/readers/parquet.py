@@ -18,11 +18,11 @@ class ParquetReader(Reader):
     extra = "parquet"
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the first bytes are PAR1, or PARE (encrypted); the path has no effect."""
+        """Return whether the first bytes, `head`, are PAR1, or PARE (encrypted). The path has no effect."""
         return head[:4] in (b"PAR1", b"PARE")
 
     def read(self, path: Path) -> Contents:
-        """Return the columns of numbers and times; others are left out.
+        """Return the columns that contain numbers or times; other columns are left out.
 
         Raises InputError if the file is encrypted or unpacks to more than LARGEST_FILE bytes.
         """
@@ -56,7 +56,10 @@ class ParquetReader(Reader):
 
 
 def _attributes(metadata: dict[bytes, bytes] | None) -> dict[str, str | float]:
-    """Decode metadata of a Parquet file to values by name: finite numbers where possible, else texts; {} for None."""
+    """Decode metadata of a Parquet file to values by name: finite numbers where possible, else texts.
+
+    The result is empty if the metadata are None.
+    """
     attributes: dict[str, str | float] = {}
     for key, value in (metadata or {}).items():
         text = value.decode("utf-8", "replace")

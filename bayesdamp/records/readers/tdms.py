@@ -21,13 +21,17 @@ class TdmsReader(Reader):
         return head[:4] == b"TDSm"
 
     def read(self, path: Path) -> Contents:
-        """Return the channels of all groups; waveforms have a sampling rate. A file that is cut off gives a warning."""
+        """Return the channels of all groups as columns; the columns of waveforms have a sampling rate.
+
+        If the end of the file is missing, the contents have a warning. Raises InputError if the channels need more than
+        LARGEST_FILE bytes.
+        """
         from nptdms import TdmsFile
 
         before = logging.root.manager.disable
         logging.disable()  # suppresses messages of the library about damaged segments
         try:
-            # Opened here, because the library does not close a damaged file.
+            # Open the file here, because the library does not close a damaged file.
             with path.open("rb") as stream, TdmsFile.open(stream) as file:
                 facts: dict[str, Any] = {str(k): to_plain(v) for k, v in file.properties.items()}
                 groups = [group for group in file.groups() if any(len(c) for c in group.channels())]

@@ -43,18 +43,20 @@ _GROUPED = {  # thousands, as spreadsheets write them: 1.234,5 and 1,234.5
 }
 _FACT = re.compile(r"[^:=]+[:=]\s*\S.*")
 _MONITOR = re.compile(r"\s*(\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\s*->\s*")
-"""The time of day that a serial monitor writes before each line."""
+"""Pattern of the time of day that a serial monitor writes before each line, such as `10:00:00.125 -> `."""
 BLANKS = " "
-"""Value of `Layout.separator` which means that any number of blanks separates the cells."""
+"""Value of `Layout.separator` which means that the cells of a row are separated by any number of blanks."""
 _GAPS = (r"\t|\s{2,}", r"\s+(?![(\[{])")
-"""Separators of names that contain blanks: wide gaps, or any blanks except those before a unit in brackets."""
+"""Patterns of the separators between names that contain blanks. The first is a tab or at least two blanks. The second
+is any number of blanks, except before a unit in brackets."""
 EXAMINED_LINES = 100
-"""Number of lines in the middle of a text by which it is decided whether its rows begin with a number
+"""Number of lines in the middle of a text that are examined to decide whether the rows of the table begin with a number
 (conventional)."""
 _MISSING = re.compile(r"n/?a|null|none|missing|invalid", re.IGNORECASE)
 """Words that loggers write in place of a missing number."""
 LONGEST_CELL = 400
-"""A cell with more characters is a number only if all of them are digits (conventional)."""
+"""A cell with more characters than this counts as a number only if all of them are digits, after an optional sign
+(conventional)."""
 _DATES = (
     re.compile(r"(?P<y>\d{4})[-/](?P<m>\d{1,2})[-/](?P<d>\d{1,2})"),
     re.compile(r"(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<y>\d{4})"),
@@ -66,7 +68,7 @@ _TIME = re.compile(
     r"(\d{1,2}):(\d\d)(?::(\d\d(?:[.,]\d+)?))?\s*(AM|PM|Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE
 )
 SETTINGS_LINES = 64
-"""Number of lines that are searched for an oscilloscope's settings (conventional)."""
+"""Number of lines at the start of a text that are searched for an oscilloscope's settings (conventional)."""
 
 
 class TextReader(Reader):
@@ -76,9 +78,9 @@ class TextReader(Reader):
     extensions = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log")
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the bytes are text: no zero bytes (except in UTF-16) and at most 1 % control characters.
+        """Return whether the first bytes, `head`, are text; the path has no effect.
 
-        The path has no effect.
+        Text contains no zero bytes (except in UTF-16) and at most 1 % control characters.
         """
         if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             return True
@@ -86,7 +88,7 @@ class TextReader(Reader):
         return b"\0" not in head and controls <= 0.01 * len(head)
 
     def read(self, path: Path) -> Contents:
-        """Return the table's columns. Raises InputError for a text that is too large or has no rows of numbers."""
+        """Return the table's columns. Raises InputError if the text is too large or has no rows of numbers."""
         return parse_table(read_text(path).splitlines())
 
 
@@ -97,17 +99,17 @@ class Layout:
     Attributes
     ----------
     separator
-        Character between cells; BLANKS stands for any number of blanks.
+        Character between cells; BLANKS means any number of blanks.
     decimal
         Decimal mark, "." or ",".
     columns
         Number of cells in a row.
     first
-        Index of the first line of numbers.
+        Index (from 0) of the first line of numbers.
     names
         Names of the columns; empty strings if there is no header.
     units
-        Units in a line below the names, as written; empty if there is no such line.
+        Units in the line below the names, as written; empty if there is no such line.
     """
 
     separator: str
@@ -138,13 +140,13 @@ def parse_number(cell: str, decimal: str) -> float | None:
     cell
         Text without blanks at its ends.
     decimal
-        Decimal mark, "." or ","; the other one may separate thousands, as in 1,234.5.
+        Decimal mark, "." or ","; the other character may separate thousands, as in 1,234.5.
 
     Returns
     -------
     float or None
-        The number (also nan and inf, as text); for a time of day, the seconds since midnight (see `parse_stamp`); None
-        for other text.
+        The number, which may be NaN or infinite if the cell contains `nan` or `inf`. For a time of day, the seconds
+        since midnight (see `parse_stamp`). None for other text.
     """
     if ":" in cell:
         stamp = parse_stamp(cell)
@@ -161,19 +163,19 @@ def parse_number(cell: str, decimal: str) -> float | None:
 
 
 def parse_stamp(cell: str) -> tuple[int | None, float] | None:
-    """Return the day and the seconds since midnight of a cell with a time of day.
+    """Return the day and the seconds since midnight of a cell that contains a time of day, with or without a date.
 
-    The cell has a date or not, such as `2024-05-03T10:00:00.25Z`, `03.05.2024 10:00:00`, `5/3/2024 1:00:00 PM` or
-    `10:00:00.25`.
+    Examples are `2024-05-03T10:00:00.25Z`, `03.05.2024 10:00:00`, `5/3/2024 1:00:00 PM` and `10:00:00.25`.
 
     Returns
     -------
     tuple[int | None, float] | None
-        The day is counted from the year 1; it is None if there is no date, and for a date with slashes, whose order of
-        day and month is ambiguous. If the cell has a day and a time zone, both are in UTC; if it has no day, the zone
-        is ignored. The result is None if the cell is not a valid time (`99:99`), or has neither a date nor seconds.
+        The day is counted from the year 1. It is None if there is no date, and for a date with slashes, because its
+        order of day and month is ambiguous. If the cell has a day and a time zone, day and seconds are in UTC; without
+        a day, the time zone is ignored. The result is None if the cell is not a valid time (`99:99`), or has neither a
+        date nor seconds.
     """
-    date, rest = 0, cell  # 0 stands for no date
+    date, rest = 0, cell  # 0 means no date
     if slashed := _SLASHED.match(cell):
         low, high = sorted((int(slashed[1]), int(slashed[2])))
         if not (1 <= low <= 12 and high <= 31):
@@ -212,20 +214,20 @@ def parse_stamp(cell: str) -> tuple[int | None, float] | None:
 
 
 def join_stamps(days: list[int | None], of_day: np.ndarray) -> np.ndarray:
-    """Return times in s from days and seconds since midnight.
+    """Convert days and seconds since midnight to continuous times in s.
 
     Parameters
     ----------
     days
-        Day of each time, or None for a time without a date.
+        Day of each time, counted from any date, or None for a time without a date; n values.
     of_day
         Seconds since midnight, (n,).
 
     Returns
     -------
     np.ndarray
-        Times from midnight of the first day, (n,). If a date is missing, a new day begins where the time of day falls
-        by more than 80000 s.
+        Times in s from midnight of the first day, (n,). If any date is missing, the days are not used: a new day begins
+        where the time of day falls by more than 80000 s.
     """
     if None not in days:
         return of_day + DAY * (np.array(days, float) - float(days[0] or 0))
@@ -237,9 +239,10 @@ def join_stamps(days: list[int | None], of_day: np.ndarray) -> np.ndarray:
 
 
 def separate_monitor_times(lines: list[str]) -> list[str]:
-    """Return the lines with the time that a serial monitor writes (`10:00:00.125 -> 3.5,7.1`) as a separate cell.
+    """Make the time of day that a serial monitor writes before each line (`10:00:00.125 -> 3.5,7.1`) a separate cell.
 
-    The lines are unchanged unless most of them begin with such a time and the rest is a table.
+    Return the changed lines. The lines are unchanged unless most of them begin with such a time and the rest is a
+    table.
     """
     marks = [_MONITOR.match(line) for line in lines]
     if 2 * sum(mark is not None for mark in marks) <= sum(bool(line.strip()) for line in lines):
@@ -254,12 +257,12 @@ def separate_monitor_times(lines: list[str]) -> list[str]:
 
 
 def _choose_separator(lines: list[str]) -> tuple[str, str, int] | None:
-    """Return the separator, decimal mark and number of columns that fit best; None if no cell is a number.
+    """Return the separator, decimal mark and number of columns that fit the lines best; None if no cell is a number.
 
-    Up to about 120 filled lines of the second half of the text are examined. The score is the fraction of lines that
-    have the most frequent number of columns, times the fraction of filled cells in these lines that are numbers. Of
-    equal scores (to 0.01) the one with more columns is chosen, and then the first of `;` tab `,` blank (with "," before
-    ".").
+    Up to about 120 filled lines of the second half of the text are examined. A separator and decimal mark fit best if
+    they have the largest product of two fractions: of the lines, those with the most frequent number of columns; of the
+    filled cells in these lines, those that are numbers. If products are equal (to 0.01), the one with more columns is
+    chosen, and then the first of `;` tab `,` blank (with "," before ".").
     """
     filled = [line for line in lines if line.strip()]
     if not filled:
@@ -316,11 +319,11 @@ def find_layout(lines: list[str]) -> Layout | None:
 
 
 def _choose_names(heads: list[list[str]], columns: int) -> tuple[list[str] | None, list[str]]:
-    """Return the header among the lines above the numbers, and the units in the line below it.
+    """Return the header (names of the columns) among the lines above the numbers, and the units in the line below it.
 
-    The header is the last of the lines with the most names, because facts about the instrument ("Model,DSO") are above
-    it and may have as many cells. It is None, and the units are empty, if no line has names in half of the columns.
-    heads: cells of each line above the numbers. columns: number of columns.
+    The header is the line with the most names; of several, the last one, because facts about the instrument
+    ("Model,DSO") are above it and may have as many cells. It is None, and the units are empty, if no line has names in
+    half of the columns. heads: cells of each line above the numbers. columns: number of columns.
     """
     units = heads[-1] if len(heads) > 1 and all(map(may_be_unit, heads[-1], heads[-2])) else []
     if units:
@@ -339,11 +342,12 @@ def _has_letters(cell: str) -> bool:
 
 
 def _first_row(lines: list[str], separator: str, decimal: str, columns: int) -> int | None:
-    """Return the index of the first row of numbers; None if there is none.
+    """Return the index (from 0) of the first row of numbers; None if there is none.
 
     It is the first of two successive lines (or the only line) with the right number of columns and mostly numbers. If
-    most lines begin with a number, a line that begins with a word, such as `delta t,1E-5`, is not a row. Lines directly
-    above that have additional cells after the table's columns are rows too.
+    most lines begin with a number, a line that begins with a word, such as `delta t,1E-5`, is not a row. If the lines
+    just above have more cells than the table has columns, and begin with numbers for all columns, the first row is the
+    first of them.
     """
     middle = [split_cells(line, separator) for line in lines[len(lines) // 2 :][:EXAMINED_LINES]]
     begins = sum(parse_number(cells[0], decimal) is not None for cells in middle if cells)
@@ -371,8 +375,8 @@ def _first_row(lines: list[str], separator: str, decimal: str, columns: int) -> 
 def plain_oscilloscope(lines: list[str]) -> tuple[list[str], dict[str, Fact]] | None:
     """Convert an oscilloscope's file to a plain table with one line of names, and return it with the settings.
 
-    Tektronix TDS oscilloscopes write the settings beside the first samples; Rigol oscilloscopes number the samples and
-    write start and increment of the time in the header.
+    Two formats are converted. Tektronix TDS oscilloscopes write the settings in the cells to the left of the first
+    samples. Rigol oscilloscopes number the samples, and write start and increment of the time in the header.
 
     Parameters
     ----------
@@ -382,8 +386,8 @@ def plain_oscilloscope(lines: list[str]) -> tuple[list[str], dict[str, Fact]] | 
     Returns
     -------
     tuple or None
-        The lines of the table (for Tektronix after an additional line of names) and the settings; None if the file is
-        not from such an oscilloscope.
+        The lines of the table (for Tektronix after an additional line of names), and the settings as numbers or texts
+        by name. None if the file is not from such an oscilloscope.
     """
     head = [split_cells(line, ",") for line in lines[:SETTINGS_LINES]]
     if len(head) < 3:
@@ -434,7 +438,7 @@ def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
 
 
 def parse_table(lines: list[str], format_name: str = "text") -> Contents:
-    """Return the contents of a text table; its layout is detected.
+    """Detect the layout of a text table, and return its contents.
 
     Parameters
     ----------
@@ -459,7 +463,7 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
     body = lines[layout.first :]
     first = layout.first - (len(lines) - given)
     header = [name for name in layout.names if name]
-    # Each line above the rows, and how many columns it names (0 for a fact).
+    # Each line above the rows, and how many columns it names (0 if it is not a header).
     head: list[tuple[str, int]] = []
     for line in lines[: layout.first]:
         cells = [cell for cell in split_cells(line.strip().lstrip("#% "), layout.separator) if cell]
@@ -471,7 +475,7 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         what = f"its header names {most} columns, but its rows have {layout.columns}"
         warnings.append(f"{what}: the first {layout.columns} names are used.")
     units = [unit.strip("()[] -") for unit in layout.units] or [""] * layout.columns
-    # Tables side by side have the same names; a line above them with a label over the first column of each names them.
+    # Tables side by side have the same names of columns; the line above has a label over the first one of each.
     below = max((i for i, (_, names) in enumerate(head) if names), default=0)
     cells = split_cells(head[below - 1][0].lstrip("#% "), layout.separator) if below else []
     labels, names = [*cells, *layout.columns * [""]][: layout.columns], layout.names
@@ -517,8 +521,9 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
 def _uneven_warning(rows: list[list[str]], lines: np.ndarray, columns: int) -> tuple[str, ...]:
     """Return a warning if rows have more or fewer cells than the table has columns; else an empty tuple.
 
-    rows: cells of each row; lines: their line numbers, (n,). Additional empty cells at the end of a row are not
-    counted. Short rows at the end of the table are allowed, because columns may have different lengths.
+    rows: cells of each row. lines: line numbers of the rows, (n,). columns: number of columns. Additional empty cells
+    at the end of a row are not counted. Short rows at the end of the table are allowed, because columns may have
+    different lengths.
     """
     many = [max((i for i, cell in enumerate(row, 1) if cell or i <= columns), default=0) for row in rows]
     whole = max((i for i, count in enumerate(many) if count >= columns), default=0)
@@ -532,7 +537,7 @@ def _uneven_warning(rows: list[list[str]], lines: np.ndarray, columns: int) -> t
 
 
 def _numbers_only(body: list[str], layout: Layout) -> np.ndarray | None:
-    """Return the table as an array (rows, columns), if each cell is a number; else None.
+    """Return the table as an array (rows, columns) if each cell is a number; else None.
 
     body: lines from the first row of numbers on. Blank lines are allowed only at the end.
     """
@@ -555,24 +560,24 @@ def _numbers_only(body: list[str], layout: Layout) -> np.ndarray | None:
 def make_column(
     rows: Sequence[Sequence[str]], index: int, decimal: str, name: str, group: str = "", unit: str = ""
 ) -> Column:
-    """Return one column of a table of text cells.
+    """Return one column of a table of text cells, with the cells converted to numbers.
 
     Parameters
     ----------
     rows
         Cells of each row; cells at the end of a row may be missing.
     index
-        Index of the column in a row.
+        Index of the column in a row, from 0.
     decimal
         Decimal mark, "." or ",".
     name, group, unit
-        Name, group and unit of the column.
+        Name, group and unit of the column, as in `Column`.
 
     Returns
     -------
     Column
-        Values are NaN in cells without a number; the first 40 characters of these cells, unless empty, are in `words`.
-        Times of day become seconds from midnight of the first day.
+        Its values are NaN in cells without a number. The first 40 characters of these cells, unless empty, are in
+        `words`. Times of day become seconds from midnight of the first day.
     """
     cells = [row[index] if index < len(row) else "" for row in rows]
     values = np.full(len(cells), np.nan)

@@ -1,4 +1,4 @@
-"""Read the Universal File Format, data set 58 (functions at nodal degrees of freedom), with pyuff."""
+"""Read the Universal File Format (UFF), data set 58 (functions at nodal degrees of freedom), with pyuff."""
 
 import re
 from dataclasses import replace
@@ -12,16 +12,17 @@ from bayesdamp.types import Fact, InputError
 
 _SETS = re.compile(rb"(?:^|[\r\n])    -1[ \t]*\r?\n[ \t]{0,5}(\d{1,5})(b?)(?=[ \t\r\n])")
 TIME_RESPONSE = (0, 1)
-"""Codes in a data set 58 for functions that are time records: general, time response; other data sets are left out."""
+"""Codes for the type of a function in a data set 58 that may be a time record: general, time response. Other functions,
+such as spectra, are left out."""
 TIME_AXIS = (0, 17)
-"""Codes in a data set 58 for an abscissa that may be time: unknown, time."""
+"""Codes for the quantity of the abscissa in a data set 58 that may be time: unknown, time."""
 _ORDINATES = {8: ("m", "angle"), 11: ("m", "velocity"), 12: ("m", "acceleration")}
-"""Unit and quantity of the values by the code for them in a data set 58; the unit applies if the data set states
-none."""
+"""Unit and quantity of the values, by the code for the ordinate in a data set 58. The unit is used only if the data set
+states no other."""
 _DIRECTIONS = dict(
     zip(range(-6, 7), ("-RZ", "-RY", "-RX", "-Z", "-Y", "-X", "", "X", "Y", "Z", "RX", "RY", "RZ"))
 )
-"""Name of the direction of a degree of freedom, by its code in a data set 58: rotations begin with R."""
+"""Name of the direction of a degree of freedom, by its code in a data set 58: along an axis (X), or around it (RX)."""
 
 
 class UffReader(Reader):
@@ -35,7 +36,10 @@ class UffReader(Reader):
         return _SETS.search(head) is not None
 
     def read(self, path: Path) -> Contents:
-        """Return the time records in all data sets 58. Raises InputError if there are none or the file is cut off."""
+        """Return the time records in all data sets 58 as columns.
+
+        Raises InputError if there are none, if the file is cut off, or if a sampling interval is not positive.
+        """
         import pyuff
 
         file = pyuff.UFF(str(path))
@@ -69,7 +73,7 @@ class UffReader(Reader):
         facts: dict[str, Fact] = {}
         names: list[str] = []
         for i, data in enumerate(timed, start=1):
-            # Name: node and direction of the response, else the description, else the number of the data set.
+            # Name: entity, node and direction of the response, else the description, else the number of the data set.
             named = _text(data, "rsp_ent_name")
             node = f"{int(data.get('rsp_node', 0))}{_DIRECTIONS.get(int(data.get('rsp_dir', 0)), '')}"
             named = f"{named} {node}".strip() if node != "0" else named or _text(data, "id1")
@@ -95,7 +99,7 @@ class UffReader(Reader):
 
 
 def _text(data: Any, key: str) -> str:
-    """Return the text of a data set with the name `key`; "" if it is NONE or missing."""
+    """Return the text with the name `key` in a data set; "" if it is NONE or missing."""
     text = str(data.get(key, "")).strip()
     return "" if text.upper() == "NONE" else text
 

@@ -19,7 +19,10 @@ class WavReader(Reader):
         return head[:4] in (b"RIFF", b"RIFX", b"RF64") and head[8:12] == b"WAVE"
 
     def read(self, path: Path) -> Contents:
-        """Return the channels, in counts (the numbers as stored). Raises InputError if the header states no rate."""
+        """Return a column for each channel, in counts (the numbers as stored).
+
+        Raises InputError if the header states no sampling rate.
+        """
         from scipy.io import wavfile
 
         rate, data = wavfile.read(path)
