@@ -1,4 +1,7 @@
-"""Estimate damping coefficients: by each method itself, then by a trajectory fit that starts at that estimate.
+"""Estimate the damping coefficients of a recorded oscillation, with one of several methods, in two stages.
+
+The first stage is the method's own estimate. The second stage is a least-squares fit of the solution of the equation of
+motion (the trajectory) to the record; it starts from this estimate.
 
 In the docstrings of this package, "the paper" is: A Comparative Study of Machine Learning and Classical Methods for
 Damping Parameter Estimation in Nonlinear Oscillatory Systems. It compares eleven methods on pendulums with viscous,
@@ -24,7 +27,8 @@ ESTIMATORS: Registry[Estimator[Any]] = Registry(
 )
 """All estimators by name: those that ship with bayesdamp and those that a user adds."""
 STAGES = ("initial", "refined")
-"""Stages of an estimator: the method's own estimate, and the trajectory fit that starts at this estimate."""
+"""The two stages of an estimator: "initial" is the method's own estimate, "refined" a least-squares fit of the motion
+to the record that starts from this estimate."""
 __all__ = ["ESTIMATORS", "STAGES", "Estimator", "Options", "names_for_all", "parse_options", "run"]
 
 
@@ -40,7 +44,7 @@ def names_for_all() -> list[str]:
 
 
 def parse_options(name: str, options: Mapping[str, object] | None, shown: str | None = None) -> Options:
-    """Check the options of one estimator.
+    """Check the options of one estimator, and return them with defaults for those that are missing.
 
     Parameters
     ----------
@@ -98,7 +102,8 @@ def run(
     options
         Options of the estimator, by name; None to use only defaults.
     stages
-        The stages to return, of `STAGES`. For "refined" alone, the initial estimate is computed but not returned.
+        The stages to return, "initial", "refined" or both. For "refined" alone, the initial estimate is computed but
+        not returned.
     seed
         Seed of the estimator's random numbers.
 
@@ -134,10 +139,10 @@ def run(
 
 
 def _timed(name: str, stage: str, compute: Callable[[], Estimate]) -> Estimate:
-    """Call `compute` and return its estimate with name, stage and duration in s.
+    """Call `compute` and return its estimate with the estimator's name, the stage and the duration in s.
 
-    If `compute` raises Refusal, or a value of an estimate with the outcome OK is not finite, the estimate has no
-    values, and its outcome is the reason.
+    The estimate has no values, and its outcome is the reason, if `compute` raises Refusal, or if it returns the outcome
+    OK with a value that is not finite.
     """
     start = time.perf_counter()
     try:

@@ -1,6 +1,6 @@
-"""Search for expressions of the velocity v by genetic programming (the library Operon), as expressions of SymPy.
+"""Search for formulas of a damping force as a function of the velocity v, by genetic programming with Operon.
 
-An expression is a sum of products of v, |…| and tanh(…).
+Each result is an expression of the library SymPy: a sum of products of constants, v, |…| and tanh(…).
 """
 
 from dataclasses import dataclass
@@ -14,9 +14,10 @@ from pyoperon.sklearn import SymbolicRegressor
 op: Any = pyoperon  # compiled, and without stubs
 
 V: Any = sympy.Symbol("v", real=True)
-"""The velocity in all expressions."""
+"""SymPy symbol of the velocity, the only variable in all expressions."""
 SMALL = 1e-3
-"""tanh(x) is replaced by x if |x| is not larger than this; the relative error is then 3e-7 at most."""
+"""In an expression, tanh(x) is replaced by x if |x| is at most this at all velocities of the data. The relative error
+is then at most 3e-7."""
 
 
 def values_of(expression: Any, v: np.ndarray) -> np.ndarray:
@@ -25,7 +26,10 @@ def values_of(expression: Any, v: np.ndarray) -> np.ndarray:
 
 
 def without_the_negligible(expression: Any, v: np.ndarray, share: float) -> Any:
-    """Return the expression without products whose rms over v (n,) is at most `share` times the rms of the sum."""
+    """Return the expression without those of its additive terms that are negligible at the velocities v (n,).
+
+    A term is dropped if its rms over v is at most `share` times the rms of the whole expression.
+    """
     whole, *sizes = (
         np.sqrt(np.mean(values_of(part, v) ** 2)) for part in (expression, *sympy.Add.make_args(expression))
     )
@@ -41,21 +45,21 @@ def text_of(expression: Any) -> str:
 
 
 MUTATIONS = ("onepoint", "changefunc", "replacesubtree", "insertsubtree", "removesubtree")
-"""Mutations of expressions, in Operon's terms, all with the same probability."""
+"""Operon's names of the random changes (mutations) of an expression in the search; all have the same probability."""
 DEVIATION = 0.4
-"""Standard deviation σ of the Gaussian likelihood that measures the error of an expression. Its order of expressions is
-that of the mean square error for any σ; with this σ its constant, ln(2πσ²)/2 per sample, is about 0, so that single
-precision resolves small errors."""
+"""Standard deviation σ of the Gaussian likelihood with which Operon measures the error of an expression. For any σ it
+ranks expressions like the mean square error. With this σ the constant of the likelihood, ln(2πσ²)/2 per sample, is
+about 0, so that single precision resolves small errors."""
 DEPTH = 8
-"""Largest depth of an expression's tree that the search builds (conventional)."""
+"""Largest depth of the tree of operations that represents an expression in the search (conventional)."""
 
 
 @dataclass(frozen=True)
 class ScoredExpression:
-    """An expression on the Pareto front of length and error.
+    """An expression on the Pareto front: no other expression found by the search is both shorter and more accurate.
 
-    expression: expression of SymPy. length: number of nodes of the tree that Operon found. error: mean square error in
-    the searched data.
+    expression: the SymPy expression of v. length: number of nodes of its tree as Operon found it. error: mean square
+    error on the data of the search.
     """
 
     expression: Any
@@ -66,17 +70,18 @@ class ScoredExpression:
 def front(
     x: np.ndarray, y: np.ndarray, *, seed: int, population: int, generations: int, length: int, polish: int
 ) -> tuple[list[ScoredExpression], int]:
-    """Search the Pareto front of error and length for y (n,) as a function of x (n,).
+    """Search for expressions that describe y (n,) as a function of x (n,), and return those on the Pareto front.
 
-    The search is the genetic algorithm NSGA-II (Deb and others, 2002) with subtree crossover; the constants of each new
-    expression are fitted by `polish` Levenberg–Marquardt steps, in single precision. It runs on one thread, so that the
-    same seed gives the same front. x and y should be of order one. population: number of expressions in a generation.
-    generations: largest number of generations. length: largest number of nodes of an expression.
+    On this front no expression is both shorter and more accurate than another. The search is the genetic algorithm
+    NSGA-II (Deb and others, 2002) with subtree crossover. The constants of each new expression are fitted by `polish`
+    Levenberg–Marquardt steps, in single precision. The search runs on one thread, so that the same seed gives the same
+    front. x and y should be of order one. population: number of expressions in a generation. generations: largest
+    number of generations. length: largest number of nodes in the tree of an expression.
 
     Returns
     -------
     list of ScoredExpression, int
-        The front (not sorted; errors are in units of y²), and the number of models that were evaluated.
+        The expressions on the front (not sorted; errors are in units of y²), and the number of evaluated expressions.
     """
     search = SymbolicRegressor(
         allowed_symbols="add,sub,mul,tanh,abs,constant,variable",
@@ -106,9 +111,8 @@ def front(
 def _from_postfix(nodes: list, largest: float) -> Any:
     """Convert the nodes of Operon's tree, in postfix order, to an expression of SymPy.
 
-    A node follows its arguments, the first of which is directly before it.
-
-    largest: the largest absolute value of the variable.
+    In this order a node follows its arguments; its first argument is directly before it. largest: largest absolute
+    value of the variable in the data; it decides where tanh(x) is replaced by x (`SMALL`).
     """
     kinds, stack = op.NodeType, []
     grid = np.linspace(-largest, largest, 129)

@@ -1,6 +1,7 @@
-"""Fit the trajectory to a record by least squares, from an initial estimate: the second stage of every estimator.
+"""Fit the solution of the equation of motion (the trajectory) to a record by least squares, from an initial estimate.
 
-`cramer_rao` computes the smallest standard deviation that an unbiased estimator can have."""
+This is the second stage of every estimator. `cramer_rao` computes the smallest standard deviation that an unbiased
+estimator can have."""
 
 from __future__ import annotations
 
@@ -32,30 +33,35 @@ MOST_CORRELATION = 0.1
 """A misfit is reported if the autocorrelation of the residual at a lag of a twelfth of a period exceeds both this
 number and 5/√n, which is five standard errors for n samples."""
 LEAST_RESIDUAL = 1e-5
-"""No misfit is reported if the residual is below this fraction of the amplitude (numerical errors are much smaller)."""
+"""No misfit is reported if the rms residual is at most this fraction of the amplitude (numerical errors are much
+smaller)."""
 TOLERANCE = 1e-11
-"""Largest error of a trajectory, as a fraction of the amplitude. It is small so that records without noise are fitted
-to their last digits, and the sum of squares is smooth along combinations that the record hardly determines."""
+"""Largest error of a computed trajectory, as a fraction of the amplitude. It is so small for two reasons: records
+without noise are fitted to their last digits, and the sum of squares stays smooth if the record hardly determines a
+combination of parameters."""
 STEPS = 400
 """Greatest number of Levenberg–Marquardt steps of a fit; if they are not enough, the outcome says that the fit did not
 converge."""
 SCHEDULE = Schedule(less=0.1, more=10.0)
-"""Factors by which λ, the damping of Levenberg and Marquardt, changes after a step: `less` after one that lowers the
-sum of squares, `more` otherwise. Such large changes are possible because the residuals are nearly linear near the
-minimum."""
+"""Factors by which λ, the damping parameter of a Levenberg–Marquardt search, is multiplied after a step: `less` if the
+step lowers the sum of squares, otherwise `more`. Such large factors are possible because the residuals are nearly
+linear near the minimum."""
 UNDETERMINED = 1e-7
-"""A combination of parameters is not determined by the record if its singular value of the Jacobian, whose columns are
-scaled to unit length, is below this fraction of the largest one, which is about the error of the slopes."""
+"""The record does not determine a combination of parameters if the combination's singular value is at most this
+fraction of the largest one. These are the singular values of the Jacobian, whose columns are scaled to unit length. The
+number is about the relative error of the Jacobian."""
 SMALL_CHANGE, SMALL_STEP, SMALL_GAIN = 1e-9, 1e-13, 1e-12
-"""The search has converged if a step changes the residuals by this fraction of their norm, the parameters by this
-fraction of their values, or lowers the sum of squares by this fraction."""
+"""Limits of convergence. A search ends if a step changes the residuals by at most the first number (relative to their
+norm), or lowers the sum of squares by less than the third (relative to this sum). If a step does not lower it, the
+search also ends if each parameter changed by at most the second number (relative to its value)."""
 
 
 class Minimum(NamedTuple):
     """The result of a search for the minimum of a sum of squares.
 
-    x: best values, (k,). cost: lowest sum of squares. evaluations: number of evaluations. converged: whether it
-    converged.
+    x: values of the k parameters at the minimum, (k,). cost: lowest sum of squares. evaluations: number of evaluations
+    of the residuals and their Jacobian. converged: whether a limit of convergence, not the step limit, ended the
+    search.
     """
 
     x: np.ndarray
@@ -68,8 +74,8 @@ class Minimum(NamedTuple):
 class _TrajectoryFit:
     """The residuals (trajectory minus record) of one record as a function of the unknown parameters.
 
-    names: names of the unknowns, the order of x. base: values of the other parameters, by name. size: largest amplitude
-    of the record, in its unit.
+    names: names of the k unknowns, in the order in which a vector x (k,) has their values. base: values of the other
+    parameters, by name. size: largest amplitude of the record, in its unit.
     """
 
     signal: Signal
@@ -107,16 +113,20 @@ class _TrajectoryFit:
 
 
 def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
-    """Fit the trajectory to the record by least squares, starting at `first`.
+    """Fit the trajectory (the solution of the equation of motion) to the record by least squares, starting at `first`.
 
-    The unknowns are the damping coefficients (not negative), and every restoring parameter, theta0 and omega0 that is
-    not known; values that `first` does not have start from the record's features.
-    If the fit loses the phase of the record (the rms residual is 0.3 of the record's sd or more), it starts again with
-    the first two cycles and doubles this window until it covers the record, from the same start and, if this loses the
-    phase too, from the coefficients of `decay_start`. The fit with the least sum of squares counts.
+    The unknowns are the damping coefficients, which cannot be negative, and all parameters that are not known: those of
+    the restoring law, and displacement (theta0) and velocity (omega0) at the start. An unknown without a value in
+    `first` starts from a value that follows from the record's features.
 
-    A recorded velocity or acceleration determines only the difference of theta0 and a rest angle that shifts the law
-    (`RestoringLaw.shift`). If both are unknown, the rest angle keeps its start value, and theta0 is relative to it.
+    A fit has lost the phase of the record if its rms residual is at least 0.3 of the record's standard deviation. Then
+    the first two cycles are fitted, and this window is doubled until it covers the whole record. If this fit loses the
+    phase too, the same is done once more, from the coefficients of `decay_start`. The result is the fit with the
+    smallest sum of squares.
+
+    A recorded velocity or acceleration determines only the difference between theta0 and a rest angle that shifts the
+    restoring force (`RestoringLaw.shift`). If both are unknown, the rest angle keeps its start value, and theta0 is
+    fitted for this value.
 
     Parameters
     ----------
@@ -130,10 +140,11 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     Returns
     -------
     Estimate
-        The values with the least sum of squares. Their standard errors assume white residuals; a parameter at its lower
-        bound, or that the record does not determine, has none. The outcome is a sentence if the search did not
-        converge, a coefficient is at its lower bound 0, the record does not determine a parameter, or the residual is
-        larger or more correlated than noise (`misfit`).
+        The values with the smallest sum of squares, and their standard errors, which assume white residuals. A
+        parameter has no standard error if it is at its lower bound, or if the record does not determine it. The outcome
+        is OK, or a sentence for each of these problems: the search did not converge; a coefficient is at its lower
+        bound 0; the record does not determine a parameter; the residual is larger or more correlated than noise
+        (`misfit`).
 
     Raises
     ------
@@ -192,7 +203,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     good = sizes > UNDETERMINED * sizes.max(initial=0.0)
     errors = np.linalg.norm(combinations[good] / sizes[good, None], axis=0) / scale
     errors *= np.sqrt((residual @ residual) / freedom)
-    # A parameter with a part in a combination that is not determined; rounding alone gives parts below this limit.
+    # A parameter is undetermined if it contributes to such a combination by more than rounding does.
     undetermined = np.any(np.abs(combinations[~good]) > 1e-4, axis=0)
     inside = [name for name, free in zip(names, moving) if free]
     stderr = {name: float(e) for name, e, no in zip(inside, errors, undetermined) if not no}
@@ -208,10 +219,10 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
 def least_squares(
     linearise: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], start: np.ndarray, floor: np.ndarray
 ) -> Minimum:
-    """Minimise a sum of squares over x ≥ floor, elementwise, from `start` (k,), by Levenberg–Marquardt.
+    """Minimise a sum of squares by the Levenberg–Marquardt method, from `start` (k,), with lower bounds `floor` (k,).
 
-    linearise: maps x to residuals (n,) and their Jacobian (n, k). A step to residuals that are not finite is rejected.
-    There are at most `STEPS` steps; `Minimum.converged` says whether they were enough.
+    linearise: function that maps parameters x (k,) to the residuals (n,) and their Jacobian (n, k). A step to residuals
+    that are not finite is rejected. There are at most `STEPS` steps; `Minimum.converged` says whether they were enough.
     """
     evaluations, lowest = 0, np.inf
 
@@ -235,10 +246,11 @@ def least_squares(
 
 
 def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Features) -> np.ndarray:
-    """Return start values (k,) of the unknowns: the estimate `first`, with damping coefficients of at least `units`.
+    """Return the values from which the fit of the k unknowns starts, (k,), in the order of `fit.names`.
 
-    All other unknowns are those of the record's features instead, if `first` has values of them that fit the first
-    three periods worse. units: smallest start of each damping coefficient, in its unit.
+    Damping coefficients are those of the estimate `first`, but at least `units`, which has the smallest start value of
+    each coefficient in its unit. The other unknowns have their values in `first`, or those of the record's features
+    (`fit.base`) if these fit the first three periods better.
     """
     estimated = {**fit.base, **first.values}
     damping = {name: max(estimated[name], unit) for name, unit in zip(fit.osc.coefficients, units)}
@@ -255,8 +267,8 @@ def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Fe
 def misfit(residual: np.ndarray, signal: Signal, features: Features) -> str | None:
     """Return a sentence if the residual (n,) of a trajectory is larger or more correlated than noise; else None.
 
-    residual: trajectory minus record, in the unit of the record. White noise is reported as a misfit in less than one
-    of 10⁶ records.
+    residual: trajectory minus record, in the unit of the record. If the residual is white noise, the probability of a
+    sentence (a false alarm) is below 10⁻⁶.
     """
     n = residual.size
     rms = float(np.sqrt(np.mean(residual**2)))
@@ -277,8 +289,9 @@ def misfit(residual: np.ndarray, signal: Signal, features: Features) -> str | No
 
 
 SINGULAR = 1e-8
-"""Combinations of parameters whose singular value is below this fraction of the largest are not determined by the
-record (measured: rounding gives 1e-9 for such a combination; a pendulum without known parameters has 1e-5)."""
+"""The Cramér–Rao bound is infinite for all parameters in a combination whose singular value is at most this fraction of
+the largest. These are the singular values of the scaled Jacobian (measured: rounding gives 1e-9 for a combination that
+the record does not determine; a pendulum without known parameters has 1e-5)."""
 
 
 def cramer_rao(
@@ -291,9 +304,9 @@ def cramer_rao(
     """Compute the Cramér–Rao bound: the smallest standard deviation of an unbiased estimate of each unknown parameter.
 
     For independent normal noise the Fisher information is JᵀJ/σ², where J (n, k) has the derivatives of the n samples
-    by the k unknowns: the damping coefficients, and every restoring parameter, theta0 and omega0 that is not in
-    `problem.system.known`. Known parameters, parameters of damping terms other than their coefficients, and the width ε
-    of the smoothed sign in dry friction have no error.
+    by the k unknowns. These are the damping coefficients, and the restoring parameters, theta0 and omega0 (displacement
+    and velocity at the start) that are not in `problem.system.known`. All other parameters count as exactly known: also
+    those of damping terms other than their coefficients, and the width ε within which dry friction changes its sign.
 
     Parameters
     ----------
@@ -311,7 +324,8 @@ def cramer_rao(
     Returns
     -------
     dict
-        The bound by parameter, in the parameter's unit; inf if the record does not determine the parameter.
+        The bound of each unknown, by name, in the unit of the parameter; inf if the record does not determine the
+        parameter.
 
     Raises
     ------

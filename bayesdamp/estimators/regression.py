@@ -1,10 +1,10 @@
-"""Define the candidate terms of a regression, predict records from sums of them, and compute the model's parameters.
+"""Provide the candidate terms of sparse regressions of the equation of motion, predictions by them, and the weak form.
 
-Sections 3.4 and 3.12 of the paper that `bayesdamp.estimators` cites.
+The estimators that use them are those of sections 3.4, 3.9 and 3.12 of the paper that `bayesdamp.estimators` cites.
 
 In the weak form, each row of the regression is the equation of motion times one test function φ (zero outside a short
-interval), integrated over time. The inertia of a row is ∫φ θ̈ dt plus the integral of the known force, and its columns
-are the integrals of the candidate terms. The rows have correlated errors, and their columns have noise.
+interval), integrated over time. The inertia of a row is ∫φ θ̈ dt plus the integral of the known force. Its columns are
+the integrals of the candidate terms. The rows have correlated errors, and the columns contain noise too.
 """
 
 from collections.abc import Callable
@@ -22,23 +22,25 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import OK, Problem
 
 SHAPES = {"viscous": "2θ̇", "coulomb": "tanh(θ̇/ε)", "quadratic": "θ̇|θ̇|"}
-"""Formulae of the shapes of damping terms, by name; other terms are shown by their names."""
+"""Formulas, for reports, of the forces of damping terms with the coefficient 1, by name of the term. Other terms are
+shown by their names."""
 STEPS = 100
-"""Number of Runge–Kutta steps in a period, for predictions."""
+"""Number of Runge–Kutta steps in a period with which `predict` solves the equation of motion."""
 TABLE = 4001
-"""Number of entries in the tables of functions of θ, which cover twice the record's range."""
+"""Number of displacements θ at which `predict` tabulates forces that depend on θ; the table covers twice the range of
+the record."""
 STEP = 1e-3
-"""Step of finite differences: a coefficient changes by this fraction of its typical size, and displacement and velocity
-at the start by a tenth of this fraction of their amplitudes."""
+"""Step of the finite differences in `residual_squares`: a coefficient changes by this fraction of its typical size;
+displacement and velocity at the start change by a tenth of this fraction of their amplitudes."""
 
 
 @dataclass(frozen=True)
 class CandidateTerm:
-    """A function of displacement and velocity, (n,) each, in a library.
+    """A candidate term of a sparse regression: a function of displacement and velocity, (n,) each, that returns (n,).
 
-    name: formula for reports, or the name of a damping term. damping: name of the damping term with this shape; None if
-    it is not damping. restoring: whether it depends on θ only. jumps: whether it is discontinuous where the velocity
-    changes sign.
+    name: formula for reports, or the name of a damping term. damping: name of the damping term whose force with the
+    coefficient 1 this function is; None if it is not damping. restoring: whether it depends on θ only. jumps: whether
+    it is discontinuous where the velocity changes sign.
     """
 
     name: str
@@ -51,9 +53,10 @@ class CandidateTerm:
 def candidates(
     problem: Problem, features: Features, unit: str, *, sharp: bool = False, mixed: bool = False
 ) -> list[CandidateTerm]:
-    """Return the library: shapes of viscous, Coulomb and quadratic damping and of the problem's terms, then others.
+    """Return the candidate terms of a sparse regression (the library): damping terms, then functions of θ.
 
-    The others are functions of θ: 1, θ, cos θ, sin θ, θ² and θ³.
+    The damping terms, each with the coefficient 1, are viscous, Coulomb and quadratic damping, then those of the
+    problem. The functions of the displacement are 1, θ, cos θ, sin θ, θ² and θ³.
 
     Parameters
     ----------
@@ -62,9 +65,10 @@ def candidates(
     features
         Features of the record.
     unit
-        Unit of the displacement, "rad" or "m"; the library of a record in metres has no cos θ and sin θ.
+        Unit of the displacement. If it is not "rad", the library has no cos θ and sin θ.
     sharp
-        Whether friction is sign(θ̇) instead of tanh(θ̇/ε).
+        If true, dry friction jumps with the velocity, as sign(θ̇). If false, it is smoothed, as tanh(θ̇/ε), with the
+        width ε of `epsilon_of`.
     mixed
         Whether the library also includes θ̇² and θθ̇, as its last functions.
     """
@@ -99,9 +103,9 @@ def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> 
 
     The result is empty if all are known.
 
-    theta (n,): displacements. force (n,): estimate of F_rest(θ) at these displacements, per unit of inertia, in rad/s²
-    or m/s²; the equation of motion is θ̈ + F_rest(θ) + damping = 0. The known part of F_rest, which is the `offset` of
-    the law's `LinearForm`, is not included.
+    theta (n,): displacements. force (n,): estimate of the restoring force F_rest(θ) at these displacements, per unit of
+    inertia, in rad/s² or m/s², without its known part (the `offset` of the law's `LinearForm`). The equation of motion
+    is θ̈ + F_rest(θ) + damping = 0.
     """
     form = oscillator(problem).law.linear_form(theta, known_restoring(problem))
     if form.columns.shape[1] == 0:
@@ -110,7 +114,10 @@ def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> 
 
 
 def damping_values(problem: Problem, library: list[CandidateTerm], x: np.ndarray) -> dict[str, float]:
-    """Return the problem's damping coefficients, by name, of the coefficients x (p,) of all terms of the library."""
+    """Select the damping coefficients of the problem from the coefficients x (p,) of a library; return them by name.
+
+    library: the p candidate terms, in the order of x.
+    """
     index = {candidate.damping: i for i, candidate in enumerate(library) if candidate.damping}
     return {term.parameter: float(x[index[term.name]]) for term in oscillator(problem).terms}
 
@@ -134,10 +141,11 @@ def compare_selection(library: list[CandidateTerm], selected: np.ndarray, model:
 
 @dataclass(frozen=True)
 class RecordToPredict:
-    """A record that models predict.
+    """A record with which the predictions of candidate models are compared.
 
-    t, y (n,): times and samples. order: order of the recorded derivative of the displacement. theta, omega (n,): the
-    smoothed state. known: the known restoring force as a function of angles (m,). period: in s.
+    t, y (n,): times in s, and samples. order: order of the recorded time derivative of the displacement, 0 to 2. theta,
+    omega (n,): smoothed displacement and velocity. known: function that returns the known restoring force at angles
+    (m,). period: period of the oscillation in s.
     """
 
     t: np.ndarray
@@ -152,12 +160,13 @@ class RecordToPredict:
 def residual_squares(
     record: RecordToPredict, library: list[CandidateTerm], x: np.ndarray, unit: np.ndarray, floor: float
 ) -> np.ndarray:
-    """Return the residual sum of squares (m,), in the squared unit of the record, of predictions by models x (m, p).
+    """Compare the predictions of m models with the record: return the sum of squared residuals of each model, (m,).
 
-    Row i of x has the coefficients of model i, in the order of the library; 0 for terms that it does not have.
-    The start and the nonzero coefficients of each model are first improved by one Gauss–Newton step, so that errors of
-    the regression do not count. unit (p,): typical sizes of the coefficients, from which the steps of difference
-    quotients follow. floor: smallest root mean square residual; smaller ones are replaced by this value.
+    The sums are in the squared unit of the record. Row i of x (m, p) has the coefficients of model i, in the order of
+    the library; 0 for terms that it does not have. One Gauss–Newton step first improves the start and the nonzero
+    coefficients of each model, so that small errors of the regression do not count. unit (p,): typical size of each
+    coefficient, which sets the step of its finite difference. floor: smallest root mean square residual; a smaller one
+    is replaced by this value.
     """
     size = np.array([np.ptp(record.theta) / 2, np.abs(record.omega).max()])
     start = np.array([record.theta[0], record.omega[0]])
@@ -226,27 +235,29 @@ def predict(
 
 
 POWER = 6
-"""Power of the test function φ(s) = (1 − s²)^POWER on [−1, 1]; the trapezoidal rule is then exact to rounding."""
+"""Power of the test function φ(s) = (1 − s²)^POWER on [−1, 1]; with it the trapezoidal rule is exact to rounding."""
 DEGREE = 6
-"""Degree of the polynomials whose derivatives are the velocities."""
+"""Degree of the local polynomials (a Savitzky–Golay filter) whose derivatives give the velocities."""
 OVERLAP = 8
-"""Number of test functions that begin within the width of one of them."""
+"""Number of test functions per width of a test function: each begins 1/OVERLAP of the width after the one before."""
 LEAST_EIGENVALUE = 1e-7
-"""Eigenvectors of the rows' covariance with an eigenvalue below this fraction of the largest are left out."""
+"""Eigenvectors of the covariance of the regression's rows are left out if their eigenvalue is at most this fraction of
+the largest."""
 FLOOR = 1e-6
-"""Smallest rms residual that is distinguished from zero, as a fraction of the rms inertia (∫φ θ̈ dt) of all rows."""
+"""Smallest rms residual that is distinguished from zero, as a fraction of the rms of the rows' inertia (∫φ θ̈ dt plus
+the integral of the known force)."""
 NOISELESS = 1e-7
-"""If the noise of a row with whitened errors is below this fraction of its inertia (∫φ θ̈ dt), the bias that noise
-causes is not computed."""
+"""Noise in the columns of the regression biases the coefficients. This bias is not computed if the noise of a row, with
+whitened errors, is at most this fraction of its inertia (∫φ θ̈ dt plus the integral of the known force)."""
 
 
 @dataclass(frozen=True)
 class Stretch:
     """The record before its first gap, with uniformly spaced samples.
 
-    h: sampling interval in s. y (n,): the recorded quantity. theta, omega (n,): the state, at which functions of the
-    library are evaluated. velocity (n, n): the matrix from samples to omega; zero for a recorded velocity or
-    acceleration. order: order of the recorded derivative of the displacement, 0 to 2.
+    h: sampling interval in s. y (n,): the recorded quantity. theta, omega (n,): displacement and velocity, at which the
+    candidate terms are evaluated. velocity (n, n): matrix that computes omega from the samples; zero for a recorded
+    velocity or acceleration. order: order of the recorded time derivative of the displacement, 0 to 2.
     """
 
     h: float
@@ -258,7 +269,7 @@ class Stretch:
 
 
 def to_even_clock(t: np.ndarray, h: float, *curves: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return uniform times with the interval h (s), and curves at these times, from their values at the times t (n,).
+    """Interpolate curves, given at times t (n,), to uniform times with the interval h (s); return times and curves.
 
     The curves are interpolated by cubic splines if an interval of t differs from h by more than a thousandth of h; the
     number of values may then differ from n. Otherwise t and the curves are returned unchanged.
@@ -270,16 +281,20 @@ def to_even_clock(t: np.ndarray, h: float, *curves: np.ndarray) -> tuple[np.ndar
 
 
 def derivatives(s: np.ndarray, order: int) -> np.ndarray:
-    """Return the derivative of an order of (1 − s²)^POWER by s; 0 outside [−1, 1]. The shape is that of s."""
+    """Return a derivative by s of the test function (1 − s²)^POWER at the points s, which is 0 outside [−1, 1].
+
+    order: order of the derivative; 0 for the function itself. s can have any shape; the result has the same shape.
+    """
     bump = np.polynomial.Polynomial([1.0, 0.0, -1.0]) ** POWER
     return np.where(np.abs(s) < 1, bump.deriv(order)(s) if order else bump(s), 0.0)
 
 
 def test_function_weights(n: int, h: float, width: float, order: int) -> sparse.csr_matrix:
-    """Return the weights (m, n) by which n samples, h (s) apart, are integrated against derivatives of test functions.
+    """Return a matrix (m, n) that integrates a derivative of n samples y, h (s) apart, times m test functions φ.
 
-    Row j is (−1)^order h φ_j^(order), where φ_j has unit integral, is `width` (s) wide (or more, if that is too few
-    samples), and is entirely within the samples. Each function begins an eighth of the width (`OVERLAP`) after the one
+    The derivative of the given order is moved to φ by partial integration: row j is (−1)^order h φ_j^(order), and its
+    product with y is ∫φ_j y^(order) dt. Each φ_j has unit integral, is entirely within the samples, and is `width` (s)
+    wide, or wider if there were too few samples in this width. Each begins 1/`OVERLAP` of the width after the one
     before.
     """
     half = max(int(width / h) // 2, POWER)
@@ -294,11 +309,12 @@ def test_function_weights(n: int, h: float, width: float, order: int) -> sparse.
 
 
 def kernel_half_width(h: float, frequency: float, size: float, noise: float, most: int) -> int:
-    """Return the half width (samples) of the derivative kernel whose velocity has the smallest mean square error.
+    """Return the half width, in samples, of the Savitzky–Golay filter that gives the most accurate velocity.
 
-    The assumed velocity has amplitude `size` at `frequency` (rad/s) and a third harmonic of one hundredth of it, as dry
-    friction causes; the displacement has white noise of standard deviation `noise`. size: in rad/s or m/s; noise: in
-    rad or m. h: sampling interval in s. most: largest half width in samples.
+    It has the smallest mean square error for an assumed motion. The velocity of this motion has the amplitude `size`
+    (rad/s or m/s) at `frequency` (rad/s), and a third harmonic of one hundredth of it, as dry friction causes. The
+    displacement has white noise of standard deviation `noise` (rad or m). h: sampling interval in s. most: largest half
+    width in samples.
     """
     best, least = 4, np.inf
     for half in range(4, max(most, 4) + 1, max(1, most // 60)):
@@ -332,10 +348,11 @@ def velocity_map(n: int, h: float, half: int) -> sparse.csr_matrix:
 
 @dataclass(frozen=True)
 class Rows:
-    """The weak form, inertia + columns · x = 0 apart from noise, for m test functions φ and p terms f, coefficients x.
+    """The equation of motion in weak form: inertia + columns @ x = 0, apart from noise, for p coefficients x.
 
-    inertia (m,): ∫φ θ̈ dt plus the integral of the known force. columns (m, p): ∫φ f dt for each term f.
-    inertia_slopes, columns_slopes: the derivatives by the n samples of the inertia and of each column, (m, n) each.
+    It has a row for each of m test functions φ, and a column for each of p candidate terms f. inertia (m,): ∫φ θ̈ dt
+    plus the integral of the known force. columns (m, p): ∫φ f dt. inertia_slopes, columns_slopes: derivatives of the
+    inertia, and of each column, by the n samples of the record, (m, n) each.
     """
 
     inertia: np.ndarray
@@ -348,10 +365,10 @@ class Rows:
 class WhiteRows:
     """The weak form (`Rows`), transformed so that its errors are independent and have the variance of a sample's noise.
 
-    inertia (p + 1,), columns (p + 1, p): after a further orthogonal transformation that reduces the rows to p + 1.
-    count: number of rows before this reduction. moments (p + 1, p + 1): traces tr(C⁻¹B_k B_lᵀ), with the covariance C
-    of the rows for unit noise of the samples, and the derivatives B_k by the samples of each column and, last, of the
-    inertia.
+    inertia (p + 1,), columns (p + 1, p): as in `Rows`, after a further orthogonal transformation that reduces the rows
+    to p + 1. count: number of rows before this reduction. moments (p + 1, p + 1): traces tr(C⁻¹B_k B_lᵀ), from which
+    the bias by noise follows. C is the covariance of the rows for samples with noise of variance 1. B_k are the
+    derivatives by the samples of column k and, for the last k, of the inertia.
     """
 
     inertia: np.ndarray
@@ -361,10 +378,11 @@ class WhiteRows:
 
 
 def whiten(rows: Rows, x: np.ndarray, sigma: float, wanted: np.ndarray) -> WhiteRows:
-    """Return the rows, transformed so that their errors are independent if the coefficients are x (p,).
+    """Transform the rows of the weak form so that their errors are independent, if the p coefficients are x (p,).
 
-    sigma: standard deviation of the samples' noise, in the unit of the record. wanted (p,) of bool: the columns whose
-    moments are computed; the others are 0, and all are 0 if the noise is negligible (`NOISELESS`).
+    The errors come from the noise of the samples, and depend on the coefficients. sigma: standard deviation of this
+    noise, in the unit of the record. wanted (p,) of bool: the columns for which `WhiteRows.moments` are computed. Other
+    moments are 0, and all are 0 if the noise is negligible (`NOISELESS`).
     """
     slopes = [*rows.columns_slopes, rows.inertia_slopes]
     of_rows = sum((c * b for c, b in zip(x, slopes) if c != 0.0), rows.inertia_slopes)
@@ -386,11 +404,12 @@ def whiten(rows: Rows, x: np.ndarray, sigma: float, wanted: np.ndarray) -> White
 
 @dataclass(frozen=True)
 class Solution:
-    """A sparse solution: coefficients x (p,) and their standard errors (p,).
+    """A solution of the sparse regression: coefficients x (p,) of the candidate terms, and their standard errors (p,).
 
-    support (p,): whether each term is used. left: residual sum of squares. expected: its expectation from the noise of
-    inertia and columns. sound: whether the terms can be distinguished despite the noise; otherwise the coefficients are
-    not corrected for bias. score: Bayesian information criterion for errors of known size; the smallest is best.
+    support (p,): whether each term is used. left: residual sum of squares. expected: its expected value for the noise
+    in inertia and columns. sound: whether the terms can be distinguished despite the noise; if not, the coefficients
+    are not corrected for bias. score: Bayesian information criterion for errors of known size, of which the smallest is
+    best; ∞ if it was not computed.
     """
 
     support: np.ndarray
@@ -403,13 +422,12 @@ class Solution:
 
 
 def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Solution:
-    """Return the solution with the terms in `support` (p,), corrected for the bias from noise in their columns.
+    """Solve for the coefficients of the terms in `support`, corrected for the bias from noise in their columns.
 
-    white: the weak form with independent errors. support: mask of the terms that are used. sigma: standard deviation σ
-    of the samples' noise n. The residual r = b + Gx, with the inertia b and the columns G,
-    has the noise (A₀ + Σ x_l B_l) n, where A₀ and B_l are the derivatives of b and of column l by the samples. With its
-    covariance C for σ = 1, the mean of (GᵀC⁻¹r)_k is σ² [tr(C⁻¹B_k A₀ᵀ) + Σ_l x_l tr(C⁻¹B_k B_lᵀ)], which is
-    subtracted.
+    white: the weak form with independent errors. support (p,): mask of the terms that are used. sigma: standard
+    deviation σ of the samples' noise n. The residual r = b + Gx, with the inertia b and the columns G, has the noise
+    (A₀ + Σ x_l B_l) n, where A₀ and B_l are the derivatives of b and of column l by the samples. With its covariance C
+    for σ = 1, the mean of (GᵀC⁻¹r)_k is σ² [tr(C⁻¹B_k A₀ᵀ) + Σ_l x_l tr(C⁻¹B_k B_lᵀ)], which is subtracted.
     """
     terms = np.flatnonzero(support)
     scale = np.linalg.norm(white.columns[:, terms], axis=0)
@@ -421,7 +439,7 @@ def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Soluti
     plain = -inverse @ b
     free = gram - own
     sound = bool(np.linalg.eigvalsh(free)[0] > 0.5 * np.linalg.eigvalsh(gram)[0]) if terms.size else True
-    # The correction is added to the plain solution, so that there is no loss of digits without noise.
+    # The correction is added to the uncorrected solution, so that no digits are lost for a record without noise.
     x = plain + (np.linalg.solve(free, mixed + own @ plain) if sound else 0.0)
     left = float(np.sum((b + a @ x) ** 2))
     sd = np.sqrt(left / max(white.count - terms.size, 1))
@@ -433,12 +451,14 @@ def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Soluti
 
 
 def sparse_path(white: WhiteRows, dissipates: np.ndarray, sigma: float) -> list[Solution]:
-    """Return sparse solutions: for every set of damping terms, other terms are removed in the order of their t-values.
+    """Return solutions of the regression with fewer and fewer terms, for every set of damping terms.
 
-    The score is the Bayesian information criterion for errors of known size. Solutions with negative damping, and those
-    whose terms cannot be distinguished despite the noise, are excluded. The list is not sorted by the score, and can be
-    empty. white: the weak form with independent errors. dissipates (p,): which terms are damping. sigma: standard
-    deviation of the samples' noise, in the unit of the record.
+    Each set starts with all other terms (not damping). They are removed one by one, the term with the smallest t-value
+    (coefficient divided by its standard error) first. Excluded are solutions with negative damping, and those whose
+    terms cannot be distinguished despite the noise. Each solution has its score, the Bayesian information criterion for
+    errors of known size. The list is not sorted by the score, and can be empty. white: the weak form with independent
+    errors. dissipates (p,): which terms are damping. sigma: standard deviation of the samples' noise, in the unit of
+    the record.
     """
     floor = FLOOR * float(np.linalg.norm(white.inertia)) / np.sqrt(white.count)
     damping = np.flatnonzero(dissipates)

@@ -1,7 +1,7 @@
 """Define the base class of estimators, and functions that several of them use.
 
-These compute the motion with its derivatives from a smoothing spline, and starting values, and import optional
-packages.
+The functions compute the motion and its derivatives from a record with a spline, measure the noise, choose starting
+values of parameters, and import optional packages.
 """
 
 from __future__ import annotations
@@ -31,17 +31,19 @@ DEGREE = 7
 """Degree of the splines. The derivatives of an interpolating spline of this degree have relative errors near 1e-8."""
 LEAST_SAMPLES = 4
 """Least number of samples before the first gap. A record with fewer is refused, because the start of the motion is
-determined from these."""
+determined from these samples."""
 NOISE_SAMPLES, NOISE_PARTS = 32_768, 8
-"""Greatest number of samples from which the noise is measured. If the record has more, they are taken from this many
-evenly spread parts of it (second number)."""
+"""The noise is measured from at most `NOISE_SAMPLES` samples. In a longer record these samples are in `NOISE_PARTS`
+parts of equal length, spread evenly over the record."""
 NO_NOISE = 1e-6
-"""A record with less noise than this fraction of its amplitude counts as noise-free: it has no likelihood."""
+"""A record with at most this noise (standard deviation, as a fraction of its amplitude) counts as noise-free: a
+likelihood, which needs noise, cannot be computed for it."""
 KNOTS_PER_PERIOD = 4.0
-"""Number of knots of the smoothing spline in a period; it preserves the oscillation and its second harmonic."""
+"""Number of knots of the smoothing spline in a period of the oscillation; with it the spline preserves the oscillation
+and its second harmonic."""
 EDGE = 1.5
-"""Length at each end of a smoothing spline, in knot spacings, that is not used, because derivatives are inaccurate
-there."""
+"""At each end of a record, the smoothed motion is not used over this length (in knot spacings), because the derivatives
+of the smoothing spline are inaccurate there."""
 LEAST_SAMPLES_PER_CYCLE = 6.0
 """Least number of samples in a period (conventional). A record with fewer is refused."""
 MEANS_PER_CYCLE = 40.0
@@ -56,9 +58,9 @@ class SmoothedMotion:
 
     t (m,): selected times in s. theta, omega, alpha (m,): displacement, velocity and acceleration at t, in rad, rad/s
     and rad/s² (or m for rad).
-    clean: whether the spline interpolates the record; otherwise the spline smooths it.
-    project: applies the smoothing of the record to any function of the motion; maps its values at all samples (n,) to
-    smoothed values at t (m,). An equation of motion still holds when both its sides are projected.
+    clean: true if the spline interpolates the record, which is then nearly free of noise; false if it smooths it.
+    project: function that smooths any function of the motion in the same way as the record; it maps values at all
+    samples (n,) to smoothed values at t (m,). An equation of motion still holds after both sides were smoothed so.
     everywhere: theta, omega, alpha at all samples that are used, each (n,).
     bandwidth: the highest angular frequency that the spline follows, in rad/s.
     theta0, omega0: displacement and velocity at the start of the record.
@@ -84,7 +86,11 @@ def oscillator(problem: Problem) -> Oscillator:
 
 
 def ratios_per_unit(problem: Problem, features: Features) -> np.ndarray:
-    """Return the equivalent damping ratio per unit coefficient of each term, at the record's amplitude, (k,)."""
+    """Return the equivalent viscous damping ratio of each of k damping terms with the coefficient 1, (k,).
+
+    Each is the ratio for a harmonic motion with the record's amplitude and frequency. It converts between a coefficient
+    and a damping ratio.
+    """
     return np.array(
         [t.ratio_per_unit(features.amplitude, features.frequency) for t in oscillator(problem).terms]
     )
@@ -97,13 +103,20 @@ def known_restoring(problem: Problem) -> dict[str, float]:
 
 
 def free_names(problem: Problem) -> list[str]:
-    """Return the names of the restoring parameters and start values (theta0, omega0) that are not known."""
+    """Return the names of the unknown parameters that are not damping.
+
+    They are those of the restoring law, and displacement (theta0) and velocity (omega0) at the start, as far as the
+    problem does not state them as known.
+    """
     names = (*oscillator(problem).law.parameters, "theta0", "omega0")
     return [name for name in names if name not in problem.system.known]
 
 
 def free_start(problem: Problem, theta0: float, omega0: float) -> dict[str, float]:
-    """Return, by name, those of the given start values theta0 and omega0 that the problem does not state as known."""
+    """Return those of the start values theta0 (displacement) and omega0 (velocity) that are not known, by name.
+
+    A method reports the result as its estimate of the unknown start.
+    """
     start = {"theta0": float(theta0), "omega0": float(omega0)}
     return {name: value for name, value in start.items() if name not in problem.system.known}
 
@@ -120,10 +133,10 @@ def epsilon_of(problem: Problem, features: Features) -> float:
 
 
 def further_values(problem: Problem, features: Features) -> dict[str, float]:
-    """Return the arguments of the damping terms besides their coefficients, by name.
+    """Return the numbers on which the damping forces depend besides their coefficients and the motion, by name.
 
-    These are ε if a term depends on the sign of the velocity, and the amplitude, peak velocity or rest position of the
-    record, for terms that are defined relative to them.
+    These are ε, the width within which dry friction changes its sign, if a term depends on the sign of the velocity;
+    and the amplitude, peak velocity or rest position of the record, for terms that are defined relative to them.
     """
     osc, reference = oscillator(problem), reference_of(problem.system, features)
     epsilon = {"epsilon": epsilon_of(problem, features)} if osc.switches else {}
@@ -165,8 +178,8 @@ def decay_start(problem: Problem, features: Features) -> dict[str, float]:
 
     The logarithmic decrement at amplitude A is π times the sum of the terms' equivalent damping ratios at A. The
     coefficients follow by non-negative least squares, in which each half cycle is weighted by its amplitude. The
-    result, by name, is rough but robust. With fewer than two half cycles whose amplitude is more than three times the
-    noise, each term has a damping ratio of 0.01.
+    result, by name, is rough but robust. If fewer than two half cycles have an amplitude above three times the noise,
+    each coefficient is instead that of a damping ratio of 0.01.
     """
     osc = oscillator(problem)
     # The amplitude of a half cycle is half the distance of its turning points: no midline is needed.
@@ -196,7 +209,9 @@ def decay_start(problem: Problem, features: Features) -> dict[str, float]:
 
 
 def solve(a: np.ndarray, b: np.ndarray, rcond: float | None = None) -> np.ndarray:
-    """Return the least squares solution x (c,) of a x = b; the columns of a (n, c) are scaled to unit length.
+    """Return the least squares solution x (c,) of a x = b, where a is (n, c) and b (n,).
+
+    The columns of a are scaled to unit length for the solution, and x is scaled back.
 
     rcond: the fraction of the largest singular value below which singular values count as zero.
     """
@@ -205,7 +220,7 @@ def solve(a: np.ndarray, b: np.ndarray, rcond: float | None = None) -> np.ndarra
 
 
 def checked_features(signal: Signal) -> Features:
-    """Return the features of a record that is suitable for estimators.
+    """Measure the features of a record (such as period and amplitude), and check that estimators can use the record.
 
     Raises
     ------
@@ -227,11 +242,12 @@ def has_noise(signal: Signal, features: Features) -> bool:
 
 
 def noise_level(signal: Signal) -> float:
-    """Return the standard deviation of the noise in the record's unit; rounding error if there is no noise.
+    """Return the standard deviation of the noise in the record's unit; the rounding error if there is no noise.
 
-    It follows from the median absolute residual of a spline of degree 7 with a knot at every fourth sample; the median
-    is not affected by the corners of Coulomb friction. With fewer than 40 samples it follows from sixth differences. It
-    is at least step/√12, the noise of quantisation.
+    It is computed from the median absolute residual of a spline of degree 7 with a knot at every fourth sample. The
+    median is not affected by the sudden changes that Coulomb friction causes. With fewer than 40 samples, it is
+    computed from sixth differences of the samples. It is at least step/√12, the noise of quantisation with the
+    recording step.
     """
     t, y = signal.t, signal.y
     if t.size < 40:
@@ -253,8 +269,9 @@ def noise_level(signal: Signal) -> float:
 def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Return times and samples (t, y) of a record, thinned to at most `most` samples.
 
-    A longer record with noise above 1e-5 of its amplitude is averaged over blocks of at most 1/`MEANS_PER_CYCLE` of a
-    cycle, without blocks that contain a gap. If still more remain, evenly spread ones are selected.
+    A longer record with noise above 1e-5 of its amplitude is averaged: each block of successive samples, at most
+    1/`MEANS_PER_CYCLE` of a cycle long, becomes its mean. Blocks that contain a gap are left out. If more than `most`
+    values remain, evenly spread ones are selected. Times are in s, samples in the unit of the record, (m,) each.
     """
     t, y = signal.t, signal.y
     size = float(np.abs(features.turning_amplitudes).max())
@@ -271,9 +288,9 @@ def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarr
 def phase_of(signal: Signal, features: Features) -> Polynomial:
     """Return the phase of a record in rad, a polynomial in time (s).
 
-    It is 0 at the first turning point, and grows by π from one turning point to the next. If 9 or more turning points
-    span over 0.75 of the record, the degree is 3, so that it follows a frequency that drifts with the amplitude.
-    Otherwise it is a straight line.
+    The phase is 0 at the first turning point, and grows by π from one turning point to the next. If there are at least
+    9 turning points, and they cover more than 0.75 of the record, the polynomial has degree 3, to follow a frequency
+    that changes with the amplitude. Otherwise it is a straight line.
     """
     turns = features.turning_times
     if turns.size >= 9 and turns[-1] - turns[0] > 0.75 * (signal.t[-1] - signal.t[0]):
@@ -286,12 +303,13 @@ def motion(
 ) -> SmoothedMotion:
     """Compute displacement, velocity and acceleration from a record, whose times may be uneven.
 
-    If the noise in the acceleration of an interpolating spline (about 6σ/Δt² for an angle) is below a thousandth of the
-    acceleration, a spline of degree 7 interpolates the record. Otherwise a spline of degree 7 with `knots_per_period`
-    knots in a period is fitted by least squares, without samples that deviate from it by more than six robust standard
-    deviations. In both cases the ends are left out. A recorded velocity or acceleration is integrated; the constants
-    follow from a known theta0 and omega0, or from the midline of the turning points. Only the part of the record before
-    its first gap is used.
+    If the noise is negligible, a spline of degree 7 interpolates the record: the noise in the acceleration of this
+    spline (about 6σ/Δt² for an angle with noise σ and sampling interval Δt) must be below a thousandth of the
+    acceleration. Otherwise a spline of degree 7 with `knots_per_period` knots in a period is fitted by least squares,
+    without samples that deviate from it by more than six robust standard deviations. The result leaves out the ends of
+    the record, where the spline is inaccurate. A recorded velocity or acceleration is integrated. The constants of
+    integration follow from a known start (theta0 and omega0), or from the midline of the turning points. Only the part
+    of the record before its first gap is used.
     """
     noise, signal = noise_level(signal), before_gap(signal, features.period)
     t, y = signal.t, signal.y
@@ -342,8 +360,8 @@ def motion(
 def before_gap(signal: Signal, period: float) -> Signal:
     """Return the part of a record before its first gap, or the whole record if it has none.
 
-    A gap is longer than three sampling intervals and a tenth of the period (s). Raises Refusal if fewer than
-    `LEAST_SAMPLES` samples are before it.
+    A gap is an interval between samples that is longer than three median intervals, and longer than a tenth of the
+    period (s). Raises Refusal if the part has fewer than `LEAST_SAMPLES` samples.
     """
     steps = np.diff(signal.t)
     gaps = np.flatnonzero(steps > max(3 * float(np.median(steps)), 0.1 * period))
@@ -357,7 +375,10 @@ def before_gap(signal: Signal, period: float) -> Signal:
 
 
 def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
-    """Return inner knots about `spacing` (s) apart, with at least two samples between neighbours; t: sample times."""
+    """Return the inner knots of a spline, about `spacing` (s) apart, with at least two samples between neighbours.
+
+    t: times of the samples in s, (n,).
+    """
     wanted = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / spacing) + 1))[1:-1]
     knots, last = [], 0
     for knot, i in zip(wanted, np.searchsorted(t, wanted)):
@@ -370,7 +391,7 @@ def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
 def _fit_spline(t: np.ndarray, y: np.ndarray, inner: np.ndarray) -> BSpline:
     """Fit a spline of degree 7 (less if the samples are few) to y (n,) at times t (n,) by least squares.
 
-    inner: the knots between the ends. Raises Refusal if that is not possible.
+    inner: the knots between the ends, in the unit of t. Raises Refusal if no degree allows a fit.
     """
     for degree in range(DEGREE, 0, -2):  # a few samples before a gap allow only a lower degree
         knots = np.r_[(t[0],) * (degree + 1), inner, (t[-1],) * (degree + 1)]
@@ -425,9 +446,10 @@ def integrate(
 
 
 def _midline(t: np.ndarray, y: np.ndarray, period: float, degree: int) -> np.ndarray:
-    """Fit a polynomial in t − t[0] to the midpoints of turning points. Return its coefficients, the lowest first.
+    """Fit a polynomial in t − t[0] to the midline of a record y (n,); return its coefficients, the lowest first.
 
-    With fewer than four turning points, the polynomial is the mean of y. t, period: in s. degree: of the polynomial.
+    The midline has the midpoints between turning points. If there are fewer than four turning points, the polynomial is
+    the constant mean of y. t (n,), period: in s. degree: degree of the polynomial.
     """
     turns = turning_points(t, y, period)
     if turns.times.size < 4:
@@ -484,11 +506,11 @@ class Estimator(ABC, Generic[OptionsType]):
             cls.name = file
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Return a reason of this method's own why it cannot estimate a sum of damping terms, or None (the default).
+        """Return the reason why this method cannot estimate a sum of damping terms, or None if it can (the default).
 
-        damping: names of the terms. The reason is text for a message, without a capital letter and a full stop.
-        `reason_not_applicable` asks this first, then applies `by_position`, and refuses terms that have parameters
-        besides their coefficient.
+        A method with a restriction of its own overrides this. `reason_not_applicable` then checks two other
+        restrictions: `by_position`, and terms that have parameters besides their coefficient. damping: names of the
+        terms. The reason is text for a message, without a capital letter and a full stop.
         """
         return None
 
