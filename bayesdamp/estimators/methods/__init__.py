@@ -1,1 +1,1 @@
-"""Define the estimators, each in a module of its name that assigns it to `PLUGIN`."""
+"""Contain the estimators. Each module defines one estimator with the name of the module, and assigns it to `PLUGIN`."""

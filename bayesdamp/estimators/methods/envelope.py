@@ -1,6 +1,6 @@
-"""Estimate damping by fitting the Hilbert envelope of trajectories to that of the record.
+"""Estimate damping by fitting the Hilbert envelope of a simulated motion to that of the record.
 
-Section 3.3, equation 15, of the paper that `bayesdamp.estimators` cites.
+The method is that of section 3.3, equation 15, of the paper that `bayesdamp.estimators` cites.
 """
 
 import numpy as np
@@ -33,8 +33,8 @@ TOLERANCE = 1e-7
 class EnvelopeOptions(Options):
     """Options of the envelope method.
 
-    window: length in periods of the Savitzky–Golay filter that smooths the envelopes. above: the record is used until
-    the ratio of its envelope to its noise first falls below this.
+    window: length, in periods, of the Savitzky–Golay filter that smooths the envelopes. above: smallest ratio of the
+    record's envelope to its noise; the record is used until the ratio first falls below this.
     """
 
     window: float = Field(default=1.0, gt=0.1, le=4.0)
@@ -44,9 +44,9 @@ class EnvelopeOptions(Options):
 class Envelope(Estimator[EnvelopeOptions]):
     """Find the damping coefficients that minimise Σ (ln A_observed − ln A_simulated)², with the Hilbert envelopes A.
 
-    Unknown restoring parameters follow from the record's frequency and midline, and an unknown start from the smoothed
-    record; the amplitude of the start is then fitted together with the damping. Record and trajectories with uneven
-    times are interpolated linearly to uniform times.
+    Unknown restoring parameters are computed from the record's frequency and midline. An unknown start of the motion
+    is computed from the smoothed record, and its amplitude is then fitted together with the damping. Record and
+    simulated motions with uneven times are interpolated linearly to uniform times.
     """
 
     options = EnvelopeOptions
@@ -79,7 +79,7 @@ class Envelope(Estimator[EnvelopeOptions]):
 
 
 class _EnvelopeMatch:
-    """The log envelopes of the record and of trajectories, computed in the same way."""
+    """Compare the logarithm of the record's envelope with that of simulated motions, computed in the same way."""
 
     def __init__(
         self, signal: Signal, problem: Problem, options: EnvelopeOptions, features: Features

@@ -1,6 +1,6 @@
-"""Estimate damping by a genetic search for the trajectory that fits a record.
+"""Estimate damping by a genetic search for the simulated motion (trajectory) that fits a record best.
 
-Section 3.11 of the paper that `bayesdamp.estimators` cites.
+The method is that of section 3.11 of the paper that `bayesdamp.estimators` cites.
 """
 
 from collections.abc import Mapping
@@ -24,40 +24,41 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 TOLERANCE, OF_NOISE = 1e-5, 0.1
-"""Largest error of a trajectory: the larger of the first times the amplitude and the second times the noise sd."""
+"""Largest error of a simulated trajectory: `TOLERANCE` times the amplitude or `OF_NOISE` times the standard deviation
+of the noise, whichever is larger."""
 GAIN = 1e-4
-"""A search has converged when the mean misfit `patience` generations ago exceeds the present least misfit by at most
-this fraction."""
+"""A search has converged when the mean misfit of the population `patience` generations ago exceeds the present least
+misfit by at most this fraction. The misfit is the rms difference between trajectory and record."""
 ALONE = 4.0
-"""A damping coefficient is searched up to this many times the value with which it alone would cause the record's
-decay."""
+"""A damping coefficient is searched from 0 to this many times the value with which its term alone would cause the
+record's decay."""
 LEAST_READINGS = 200
-"""Least number of samples of the record with which a trajectory is compared, if the record has that many. It takes
-precedence over the option `readings`."""
+"""A long record is thinned before it is compared with trajectories. The limit on its number of samples is never below
+this number, even if the option `readings` asks for fewer."""
 LEAST_DECAY = 0.05
-"""A record whose amplitude falls by less than this fraction is treated as if it fell by this fraction, so that the
-search range of its damping is not too narrow."""
+"""If the amplitude of a record falls by less than this fraction, the search range of its damping is computed as if it
+fell by this fraction, so that the range is not too narrow."""
 PHASE = 3.0
-"""Half width, in rad/s, of the range in which the angular frequency is searched: this phase (rad) divided by the
-record's duration, plus 0.5 % of the record's frequency."""
+"""Sets the range in which the angular frequency is searched. Its half width in rad/s is this phase (rad) divided by the
+duration of the record (s), plus 0.5 % of the record's frequency."""
 CHANGE = 1e-5
-"""Relative step of the finite differences in Newton's method for harmonic balance."""
+"""Relative step of the finite differences in Newton's method for harmonic balance (`_balance`)."""
 PHASES, NEWTON = 24, 3
 """Number of phases of a cycle in a harmonic balance, and number of Newton steps to its solution (conventional)."""
 
 
 class GeneticOptions(Options):
-    """Options of the genetic search: those of the paper that `bayesdamp.estimators` cites, and what it leaves open.
+    """Options of the genetic search: those of the paper that `bayesdamp.estimators` cites, and some others.
 
     population: number of trajectories in a generation for one unknown parameter, as in the paper; each further unknown
     adds half as many (forty trajectories for six unknowns become similar long before they are near the solution).
-    tournament: number of trajectories of which the best becomes a parent. blend: α of the BLX-α crossover. mutation:
-    standard deviation of the Gaussian mutation, as a fraction of the range that the population spans, which is the
-    search range at first. mutated: probability with which a variable mutates. elite: fraction of the population that is
-    kept unchanged (the paper's tenth). generations: largest number of generations. patience: number of generations
-    after which the least misfit is compared with the population's mean misfit; the search has converged when they
-    differ by at most `GAIN`. readings: largest number of samples of all trajectories of a generation together; a longer
-    record is averaged over short blocks, or evenly spread samples are selected.
+    tournament: number of randomly chosen trajectories of which the best becomes a parent. blend: α of the BLX-α
+    crossover. mutation: standard deviation of the Gaussian mutation, as a fraction of the range that the population
+    spans, which is the search range at first. mutated: probability with which a variable mutates. elite: fraction of
+    the population that is kept unchanged (a tenth in the paper). generations: largest number of generations. patience:
+    number of generations after which the least misfit is compared with the population's mean misfit; the search has
+    converged when they differ by at most `GAIN`. readings: largest number of samples of all trajectories of a
+    generation together; a longer record is averaged over short blocks, or evenly spread samples are selected.
     """
 
     population: int = Field(default=40, ge=8, le=10_000)
@@ -122,15 +123,15 @@ class Genetic(Estimator[GeneticOptions]):
 
 
 class Genes:
-    """The unknown parameters of m trajectories as variables u, shape (m, d), where 0 ≤ u ≤ 1 is the search range.
+    """Convert the variables of the genetic search to the d unknown parameters of m trajectories.
 
-    The stiffness and the angle (of rest, or of the relaxed spring) of a restoring law are not searched themselves.
-    Instead, the frequency and the midline of a motion at the record's middle amplitude are searched, from which these
+    The variables u, (m, d), are scaled so that the search range is 0 ≤ u ≤ 1. For most parameters the variable is the
+    scaled parameter. The exceptions are the stiffness and the angle (of rest, or of the relaxed spring) of a restoring
+    law: their variables are the frequency and the midline of a motion at the record's middle amplitude, from which both
     parameters follow by harmonic balance. (If stiffness and gravity were searched themselves, most pairs would miss the
-    record's frequency and so lose its phase, even if both values are nearly right.) For all other parameters the
-    variable is the parameter, scaled to the search range. names: names of the unknown parameters; low, high (d,): the
-    range of what is varied for each, in its unit (rad/s for the frequency); positive (d,): whether it must not be
-    negative.
+    record's frequency and so lose its phase, even if both values are nearly right.) names: names of the unknown
+    parameters. low, high (d,): search range of each variable before scaling, in its unit (rad/s for the frequency).
+    positive (d,): whether the variable must not be negative.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
@@ -175,12 +176,13 @@ class Genes:
 def _balance(
     law: RestoringLaw, p: Mapping[str, np.ndarray], wanted: Mapping[str, np.ndarray], amplitude: float
 ) -> dict[str, np.ndarray]:
-    """Return the stiffness and the angle (m,), or one of them, that give the wanted frequency and midline.
+    """Compute stiffness and angle of a restoring law (or one of them) that give the wanted frequency and midline.
 
-    They follow from harmonic balance at this amplitude (rad or m), by Newton's method. p: the law's parameters, each
-    (m,), from which the method starts. wanted: the frequency (rad/s) under the name "stiffness", and the midline under
-    the angle's name, each (m,); the names in it are those of the result. `NEWTON` steps are taken, and convergence is
-    not checked. Values are not finite where a step cannot be computed.
+    They solve the equations of harmonic balance for a motion of this amplitude (rad or m), by Newton's method. p: the
+    law's parameters by name, each (m,), from which the method starts. wanted: the frequency (rad/s) under the name
+    "stiffness", and the midline under the name of the angle, each (m,). The result has the parameters with these names,
+    each (m,). `NEWTON` steps are made, and convergence is not checked. Values are not finite where a step cannot be
+    computed.
     """
     names = tuple(wanted)
     wave = np.cos(2 * np.pi * (np.arange(PHASES) + 0.5) / PHASES)
@@ -216,12 +218,12 @@ def _balance(
 
 
 def coefficient_alone(term: DampingTerm, features: Features) -> float:
-    """Return the coefficient with which a term alone would cause the decay of the record.
+    """Return the coefficient with which one damping term alone would cause the decay of the record.
 
-    With the equivalent damping ratio r(A) per unit of the coefficient, dA/dt = −c r(A) ω A, so that c is the integral
-    of dA/(ω A r(A)) over the fall of the amplitude, divided by the duration from the first to the last turning point.
-    The fall is from the largest turning amplitude to the last one, which counts as at least twice the noise, and at
-    most 1 − `LEAST_DECAY` of the largest.
+    With the equivalent damping ratio r(A) per unit of the coefficient c, the amplitude A falls as dA/dt = −c r(A) ω A.
+    So c is the integral of dA/(ω A r(A)) over the fall of the amplitude, divided by the time from the first to the last
+    turning point. The fall is from the largest turning amplitude to the last one. The last one counts as at least twice
+    the noise, and at most 1 − `LEAST_DECAY` of the largest.
     """
     sizes = features.turning_amplitudes
     scale = features.amplitude / max(float(sizes[0]), 1e-300)
@@ -236,14 +238,15 @@ def coefficient_alone(term: DampingTerm, features: Features) -> float:
 def _next_generation(
     people: np.ndarray, genes: Genes, options: GeneticOptions, elite: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return the next generation of variables, (m, d), of which the first `elite` rows are the best of the present one.
+    """Return the variables of the next generation, (m, d), by selection, crossover and mutation.
 
-    people: variables of the present generation, (m, d), the best first. New variables may be outside 0 to 1; those that
-    must not be negative are reflected at 0.
+    people: variables of the present generation, (m, d), the best first. The first `elite` rows of the result are those
+    of `people`. New variables may be outside the search range 0 to 1; those that must not be negative are reflected at
+    0.
     """
     size, count = people.shape
     children = size - elite
-    # The people are in order, so that the least index wins a tournament.
+    # The rows of `people` are sorted, the best first, so the smallest index wins a tournament.
     parents = np.min(rng.integers(size, size=(2, children, options.tournament)), axis=2)
     axes = np.linalg.svd(people - people.mean(axis=0), full_matrices=False)[2]
     turned = people @ axes.T

@@ -1,6 +1,6 @@
 """Estimate damping by extended dynamic mode decomposition, a linear model of a dictionary of functions of the state.
 
-Section 3.12, equations 24 and 25, of the paper that `bayesdamp.estimators` cites.
+The method is that of section 3.12, equations 24 and 25, of the paper that `bayesdamp.estimators` cites.
 """
 
 import numpy as np
@@ -28,16 +28,17 @@ STEP = 1.0 / 1000.0
 NOISY_STEP = 1.0 / 24.0
 """Time from one state to the next (the lag τ) for a record with noise, in periods."""
 FILTER = 1.2
-"""Width in periods of the filter that all observables of a record with noise pass."""
+"""Width, in periods, of the smoothing filter that is applied to all observables (functions of the state) of a record
+with noise."""
 CLEAN_RANK, NOISY_RANK = 1e-9, 1e-3
-"""Singular values of the dictionary along the record below this fraction of the largest are left out: the first for
-records without noise, the second with noise."""
+"""Fraction of the largest singular value below which singular values are left out, for records without and with noise.
+The singular values are those of the matrix of the dictionary's values along the record."""
 
 
 class KoopmanOptions(Options):
     """Options of dynamic mode decomposition.
 
-    lag: time from one state to the next in periods, or 0 to choose it by the record's noise.
+    lag: time from one state to the next in periods, or 0 to choose it by whether the record has noise.
     """
 
     lag: float = Field(default=0.0, ge=0.0, le=0.2)
@@ -46,13 +47,14 @@ class KoopmanOptions(Options):
 class Koopman(Estimator[KoopmanOptions]):
     """Fit g(x(t + τ)) ≈ K g(x(t)); the damping follows from the generator log(K)/τ.
 
-    x = (θ, θ̇) is the state, and g(x) the dictionary of the paper: the functions of `candidates` with `mixed`.
+    x = (θ, θ̇) is the state, and g(x) the dictionary of the paper: functions of the state, which `candidates` returns
+    with the option `mixed`.
 
-    The row of the generator for θ̇ is the equation of motion: its acceleration along the record, minus the known force,
-    is regressed on the unknown damping and restoring terms.
-    Noise in the observables, and a dictionary that is not closed, change log K equally forwards and backwards in time;
-    half the difference of both directions is unbiased to first order. With noise, all observables pass the same linear
-    filter, which preserves linear relations between them, and the lag is many samples.
+    The row of the generator for θ̇ gives the acceleration along the record. This acceleration, together with the known
+    restoring force, is regressed on the unknown damping and restoring terms of the equation of motion.
+    Noise in the observables, and a dictionary that is not closed, change log K equally for steps forwards and backwards
+    in time; half the difference of both is unbiased to first order. For a record with noise, the same linear filter is
+    applied to all observables, which preserves linear relations between them, and the lag is many samples.
     """
 
     options = KoopmanOptions
@@ -60,9 +62,10 @@ class Koopman(Estimator[KoopmanOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: KoopmanOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Return the coefficients that express the acceleration row of the dictionary's generator along the record.
+        """Estimate the coefficients by regression of the acceleration that the generator gives along the record.
 
-        They include unknown restoring parameters; the start comes from the smoothed record. No standard errors.
+        The result includes unknown restoring parameters, and an unknown start, which comes from the smoothed record. It
+        has no standard errors.
         """
         features = checked_features(signal)
         library = candidates(problem, features, signal.unit, mixed=True)
@@ -95,7 +98,7 @@ def observe(
     features: Features,
     lag: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
-    """Compute pairs of the dictionary's values, one lag apart.
+    """Compute the values of the functions of the dictionary along the record, at times in pairs that are one lag apart.
 
     The state comes from the smoothed motion, interpolated to uniform times if necessary. For a noisy record all
     observables pass the same compact filter; for a recorded angle, θ and 2θ̇ are computed by this filter from the
@@ -141,10 +144,11 @@ def observe(
 def decompose(
     before: np.ndarray, after: np.ndarray, lag: float, rank: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compute the generator of the matrix K of one step by least squares on leading singular vectors.
+    """Estimate the generator log(K)/lag of the matrix K that maps the values `before` to the values `after`.
 
-    before, after: values of p functions, (m, p) each, `lag` (s) apart. rank: fraction of the largest singular value
-    below which singular vectors are left out.
+    The maps forwards and backwards in time are fitted by least squares in the basis of the leading singular vectors of
+    the values. before, after: values of p functions at m times, and one lag later, (m, p) each. lag: in s. rank:
+    fraction of the largest singular value below which singular vectors are left out.
 
     Returns
     -------

@@ -1,6 +1,6 @@
 """Estimate damping by linear regression of the equation of motion.
 
-Section 3.10, equation 23, of the paper that `bayesdamp.estimators` cites.
+The method is that of section 3.10, equation 23, of the paper that `bayesdamp.estimators` cites.
 """
 
 from typing import Literal
@@ -23,7 +23,7 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 ROUNDS = 50
-"""Largest number of iterations of the iteratively reweighted variant."""
+"""Largest number of iterations of the variant "irls" (iteratively reweighted least squares)."""
 
 
 class LeastSquaresOptions(Options):
@@ -39,7 +39,7 @@ class LeastSquaresOptions(Options):
 class LeastSquares(Estimator[LeastSquaresOptions]):
     """Solve θ̈ + F_rest(θ) = −Σ coefficient · shape(θ, θ̇) for the unknown parameters by least squares.
 
-    Coefficients may be negative.
+    A shape is the force of a damping term with the coefficient 1. Coefficients may be negative.
     """
 
     options = LeastSquaresOptions
@@ -84,8 +84,9 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
 def _solve_variant(a: np.ndarray, b: np.ndarray, t: np.ndarray, period: float, variant: str) -> np.ndarray:
     """Return the weighted least squares solution x (c,) of a x = b.
 
-    variant: "ols" has weights 1; "wls" the inverse of the mean square residual within a period, with a lower limit;
-    "irls" Huber's weights. a (n, c), b (n,): values at the times t (n,). period: of the oscillation, in the unit of t.
+    variant: "ols" has weights 1; "wls" has the inverse of the mean square residual within a period, which has a lower
+    limit; "irls" has Huber's weights. a (n, c), b (n,): values at the times t (n,). period: of the oscillation, in the
+    unit of t.
     """
 
     def solve_weighted(weight: np.ndarray) -> np.ndarray:
@@ -120,10 +121,10 @@ def _solve_total(
 ) -> np.ndarray:
     """Return the solution x (c,) of a x = b by total least squares, with errors in the columns of a (n, c) and in b.
 
-    The columns of a are the damping shapes, the restoring terms, and last `drift` columns that have (nearly) no error.
-    The errors of the others are those that white noise within the spline's bandwidth causes. smoothed: the motion from
-    which a and b were computed. arguments: values of the arguments of the damping shapes besides the coefficients, by
-    name.
+    The first columns of a are the damping shapes, which are the forces of the terms with the coefficient 1. Then come
+    the restoring terms, and `drift` columns that have (nearly) no error. The other errors are those that white noise
+    within the spline's bandwidth causes. smoothed: the motion from which a and b were computed. arguments: values on
+    which the shapes depend besides the motion, by name.
     """
     step = 1e-4 * float(np.abs(smoothed.omega).max())
     up, down = (

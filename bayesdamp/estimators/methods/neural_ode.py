@@ -1,15 +1,15 @@
 """Estimate damping with a neural ordinary differential equation.
 
-Section 3.6, equation 20, of the paper that `bayesdamp.estimators` cites.
+The method is that of section 3.6, equation 20, of the paper that `bayesdamp.estimators` cites.
 
-ẏ = (θ̇, −F_rest(θ) − f(θ̇)) with the restoring law that is known and a network for the damping force f, an odd
-function of the velocity. It is trained through the solver by multiple shooting: the record is cut into segments of
-about half a cycle that are integrated as one batch, and the gaps between them are part of the loss. The derivatives of
-all steps of the solver by the weights and by their starts are automatic, so that each training step is a
-Levenberg–Marquardt step.
+The equation is ẏ = (θ̇, −F_rest(θ) − f(θ̇)) for the state y = (θ, θ̇). F_rest is the given restoring law; the damping
+force f is a neural network that is an odd function of the velocity. The network is trained through the solver of the
+equation by multiple shooting: the record is cut into segments of about half a cycle, which are integrated as one batch,
+and the gaps between them are part of the loss. Automatic differentiation gives the derivatives of every step of the
+solver by the weights and by the state before the step, so that each training step is a Levenberg–Marquardt step.
 
 The coefficients are the projection of the learnt force on the damping law (the sum of the problem's terms): with them
-the damping law takes, as nearly as possible, the same mean power out of the motion as the learnt force in each segment.
+the damping law dissipates, as nearly as possible, the same mean power as the learnt force in each segment.
 """
 
 import numpy as np
@@ -34,10 +34,11 @@ class NeuralOdeOptions(Options):
 
 
 class NeuralOde(Estimator[NeuralOdeOptions]):
-    """Learn the damping force as a network, and project it on the damping law.
+    """Learn the damping force as a network, and project it on the damping law (the sum of the problem's terms).
 
-    A negative coefficient is reported as it is. details: the learnt force (`force`, rad/s²) on a grid of velocities
-    (`velocity`, rad/s), and that of the damping law with the estimated coefficients (`law`).
+    A negative coefficient is reported as it is. The details of the estimate are three lists: velocities (`velocity`,
+    rad/s), and at these the learnt force (`force`, rad/s²) and the force of the damping law with the estimated
+    coefficients (`law`, rad/s²).
     """
 
     by_position = "its network is a force of the velocity alone"

@@ -1,15 +1,16 @@
 """Estimate the damping of a record with a recurrent network.
 
-Section 3.7 of the paper that `bayesdamp.estimators` cites.
+The method is that of section 3.7 of the paper that `bayesdamp.estimators` cites.
 
 An LSTM or GRU is trained on simulated records of the same oscillator at the record's own times. The logarithm of their
 damping coefficient is uniform in a wide range about the value that the record's mean decay suggests; their noise is
 similar to the record's; start and restoring parameters have their known values, or vary about those that the record
 shows. The input of the network is, for each half cycle, the logarithm of the amplitude and its difference from the half
-cycle before; its output is the place of the coefficient's logarithm in the range. The output for the record is the
-centre of a narrower range, whose width is a multiple of the network's error on simulated test records. The network is
-trained further in this range, and so on until the range is about ±10 %. (The alternative, a network for the one-step
-dynamics, does not contain the coefficient as a number.)
+cycle before. Its output is the position of the coefficient's logarithm in the range, from −1 (lower end) to 1 (upper
+end). The coefficient that it gives for the record becomes the centre of a narrower range, whose width is a multiple of
+the network's error on simulated test records. The network is trained further in this range, and so on until the range
+is about ±10 %. (The alternative, a network for the motion from one sample to the next, does not contain the coefficient
+as a number.)
 """
 
 from typing import Literal
@@ -43,8 +44,8 @@ MOST_ROUNDS = 6
 """Largest number of training rounds, each with a new range of the coefficient (conventional). The estimate is then that
 of the last round, even if its range is wider than `NARROWEST`."""
 LEAST_SAMPLES = 5
-"""Least number of samples in a stretch, which is a part of the record between equidistant phases, usually of half a
-cycle. Stretches with fewer are not used (conventional)."""
+"""Least number of samples in a stretch (conventional); stretches with fewer are not used. A stretch is a part of the
+record, usually of half a cycle; all cover the same range of phase."""
 LEAST_STRETCHES = 3
 """Least number of stretches (parts of usually half a cycle) with enough samples; a record with fewer is refused
 (conventional)."""
@@ -62,7 +63,7 @@ FLOOR = 1e-3
 """Number added to amplitudes before the logarithm is taken, as a fraction of the record's largest amplitude. It makes
 the logarithm of a vanishing amplitude finite."""
 COPIES = 2
-"""Number of times that each simulated record is presented, each time with other noise."""
+"""Number of times that each simulated record is used in a training round, each time with other noise."""
 
 
 class RnnOptions(Options):
@@ -82,8 +83,9 @@ class RnnOptions(Options):
 class Rnn(Estimator[RnnOptions]):
     """Estimate one damping coefficient with a recurrent network that is trained on simulated records.
 
-    The relative standard error is the network's rms error on simulated test records, in ln of the coefficient.
-    Unknown restoring parameters and an unknown start are not estimated by the network, but from the record's features.
+    Its relative standard error is the network's rms error on simulated test records, in ln of the coefficient.
+    Unknown restoring parameters and an unknown start are not estimated by the network, but from the record's features
+    and the smoothed record.
     """
 
     options = RnnOptions
@@ -132,14 +134,15 @@ class Rnn(Estimator[RnnOptions]):
 
 
 class Stretches:
-    """Parts of a record between equidistant values of its phase φ: stretches, usually of half a cycle.
+    """Cut a record into stretches, which are parts over equal ranges of its phase φ, and fit a sinusoid to each.
 
-    A stretch has several half cycles if there were more than `MOST_STRETCHES` otherwise, and a quarter cycle if there
-    are fewer than `FEW` half cycles. In each, y = a cos φ + b sin φ is fitted by least squares about the record's
-    midline, and with a constant of its own if it is at least half a cycle. The same matrices serve for any record at
-    these times. count: number of stretches that are used, those with at least `LEAST_SAMPLES` samples over at least 0.6
-    of their phase. half_cycles: number of half cycles in a stretch. spread: for each stretch the Cholesky factor (2, 2)
-    of the covariance of (a, b) for white noise of standard deviation 1.
+    A stretch is usually half a cycle. It has several half cycles if there were more than `MOST_STRETCHES` stretches
+    otherwise, and a quarter cycle if the record has fewer than `FEW` half cycles. The sinusoid y = a cos φ + b sin φ is
+    fitted by least squares about the record's midline, and together with a constant if the stretch is at least half a
+    cycle. The same matrices fit any record at these times. count: number of stretches that are used; these have at
+    least `LEAST_SAMPLES` samples, over at least 0.6 of their range of phase. half_cycles: number of half cycles in a
+    stretch. spread: for each stretch the Cholesky factor (2, 2) of the covariance of (a, b) for white noise of standard
+    deviation 1.
     """
 
     def __init__(self, signal: Signal, features: Features, t: np.ndarray) -> None:
@@ -175,11 +178,12 @@ class Stretches:
 
 
 class Simulator:
-    """Simulator of records that resemble a given record, as sequences of amplitudes.
+    """Simulate records that resemble a given record, and describe each by a sinusoid for each stretch.
 
-    parameter: name of the coefficient. centre: logarithm of the coefficient that the record's mean decay suggests.
-    record: (a, b) of the given record in units of its amplitude, (1, count, 2). simulated: number of records simulated
-    so far.
+    A stretch is a part of usually half a cycle (`Stretches`); there the record is a cos φ + b sin φ, with its phase φ.
+    parameter: name of the damping coefficient. centre: logarithm of the coefficient that the record's mean decay
+    suggests. record: (a, b) of the given record in all `count` stretches, in units of its amplitude, (1, count, 2).
+    simulated: number of records simulated so far.
     """
 
     def __init__(
@@ -229,18 +233,18 @@ class Simulator:
     def sequences(
         self, centre: float, half: float, records: int
     ) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], np.ndarray]:
-        """Simulate about `records` records, and others for tests, with the coefficient's logarithm in centre ± half.
+        """Simulate records to train and test the network, with the logarithm of the coefficient in centre ± half.
 
-        Records whose trajectory is unbounded are left out; each of the rest occurs `COPIES` times, with different
-        noise.
+        About `records` are for training, and a tenth more (at least 64) for tests. Records whose trajectory is
+        unbounded are left out. Each of the others is used `COPIES` times, with different noise.
 
         Returns
         -------
         (ndarray, ndarray), (ndarray, ndarray), ndarray
-            Sequences (m, count, 2) to train with, which have the log amplitude of each stretch and its difference from
-            the stretch before; and for each the place of its coefficient's logarithm in the range, −1 to 1, (m,). The
-            same for other records, whose error ends the training. The given record's sequence (1, count, 2). Sequences
-            are scaled to mean 0 and standard deviation 1 over the training records, and clipped at ±5.
+            First the training set: sequences (m, count, 2), and for each the position of its coefficient's logarithm in
+            the range, −1 to 1, (m,). Then the test set, in the same form. Last the given record's sequence, (1, count,
+            2). A sequence has, for each stretch of the record, the log amplitude and its difference from the stretch
+            before. Sequences are scaled to mean 0 and standard deviation 1 over the training set, and clipped at ±5.
         """
         every = records + max(64, records // 10)
         place = self.rng.uniform(-1.0, 1.0, every)
@@ -250,7 +254,7 @@ class Simulator:
             raise Refusal(
                 "most of the simulated trajectories are unbounded, so there are too few to train the network"
             )
-        # All copies of a record are on the same side, or the training would be stopped by records that it knows.
+        # All copies of a record are in the same set: a test must not use records that the network knows.
         last = COPIES * (np.count_nonzero(good) * records // every)
         place = np.repeat(place[good], COPIES)
         noisy = _sequence(np.repeat(pure[good], COPIES, axis=0) + self.noise(place.size))
@@ -273,7 +277,8 @@ class Simulator:
 def _sequence(quadratures: np.ndarray) -> np.ndarray:
     """Return the log amplitude of each stretch and its difference from the stretch before, (m, count, 2).
 
-    quadratures: (a, b) of each stretch, (m, count, 2), in units of the record's amplitude. `FLOOR` is added to the
+    A stretch is a part of a record, in which the record is a cos φ + b sin φ. quadratures: (a, b) of the `count`
+    stretches of each of m records, (m, count, 2), in units of the record's amplitude. `FLOOR` is added to the
     amplitude √(a² + b²) before the logarithm. The difference of the first stretch is 0.
     """
     size = np.log(np.hypot(quadratures[..., 0], quadratures[..., 1]) + FLOOR)

@@ -1,7 +1,8 @@
 """Estimate damping by sparse identification of nonlinear dynamics (SINDy).
 
-Section 3.4, equation 16, of the paper that `bayesdamp.estimators` cites. Records with noise are differentiated by
-`OscillationSpline`, a smoothing spline that penalises amplitudes and phases which do not change linearly in time.
+The method is that of section 3.4, equation 16, of the paper that `bayesdamp.estimators` cites. Records with noise are
+differentiated by `OscillationSpline`, a smoothing spline that penalises amplitudes and phases which do not change
+linearly in time.
 """
 
 import warnings
@@ -42,13 +43,15 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
 
 DEGREE = 7
-"""Degree of the splines; the penalty needs five derivatives."""
+"""Degree of the smoothing splines; their penalty needs five derivatives."""
 KNOTS_PER_PERIOD = 16.0
-"""Number of knots in a period. It is larger than needed, because the penalty determines the smoothing."""
+"""Number of knots of the smoothing spline in a period. It is larger than needed, because the penalty determines the
+smoothing."""
 DECADES = np.arange(-8.0, 6.0)
-"""Values of log₁₀ λ at which the cross-validation score is first computed; the best is then refined within ± 1."""
+"""Values of log₁₀ λ at which the cross-validation score of the smoothing spline is first computed (λ: weight of its
+penalty); the best value is then refined within ±1."""
 PROBES = 32
-"""Number of random vectors that estimate the trace of the smoothing matrix."""
+"""Number of random vectors with which the trace of the smoothing matrix is estimated."""
 OUTLIER = 6.0
 """Samples that deviate by more than this many robust standard deviations are left out."""
 
@@ -56,10 +59,10 @@ OUTLIER = 6.0
 class OscillationSpline:
     """The spline x that minimises Σ(y − x)² + λ (n/T) ∫(Lx)² dt, with λ chosen by generalised cross-validation.
 
-    L = D(D² + ω²)²/ω⁵ with D = d/dt, so that λ has no unit; T is the duration. Lx is zero for a
-    constant and for oscillations at ω whose amplitude and phase are linear in time (Heckman and Ramsay, Canadian
-    Journal of Statistics 28, 2000, 241). Samples that deviate by more than `OUTLIER` robust standard deviations are
-    left out of the sum, and the spline is fitted again. The times may be uneven.
+    y are the n samples of the record, T is its duration, and ω its angular frequency. L = D(D² + ω²)²/ω⁵ with D = d/dt,
+    so that λ has no unit. Lx is zero for a constant and for oscillations at ω whose amplitude and phase are linear in
+    time (Heckman and Ramsay, Canadian Journal of Statistics 28, 2000, 241). Samples that deviate by more than `OUTLIER`
+    robust standard deviations are left out of the sum, and the spline is fitted again. The times may be uneven.
 
     Arguments: the times (s) and samples of the record, (n,) each; the period (s). Attributes: coefficients, those of
     the B-splines; log_penalty, log₁₀ λ; freedom, trace of the smoothing matrix, which is the effective number of
@@ -86,7 +89,7 @@ class OscillationSpline:
             self._choose(y)
 
     def __call__(self, order: int) -> np.ndarray:
-        """Return the derivative of an order (0 to 2) of the smoothed record at all samples, (n,)."""
+        """Return the smoothed record (order 0), or its first or second time derivative, at all samples, (n,)."""
         return self._designs[order] @ self.coefficients
 
     def curve(self) -> BSpline:
@@ -94,7 +97,7 @@ class OscillationSpline:
         return BSpline(self.knots, self.coefficients, DEGREE)
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
-        """Return other values x (n,) at the same samples, smoothed in the same way, (n,)."""
+        """Smooth other values x (n,) at the same samples in the same way as the record; return them, (n,)."""
         return self._designs[0] @ self._solve(self._designs[0].T @ (self._weight * x))
 
     def _solve(self, right: np.ndarray) -> np.ndarray:
@@ -129,10 +132,10 @@ class OscillationSpline:
 
 
 def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
-    """Return the matrix that maps spline coefficients to the derivative of an order at x (n,).
+    """Return the matrix that computes a spline, or a derivative of it, at x (n,) from the spline's coefficients.
 
-    Its shape is (n, number of coefficients). knots: all knots, with repeated ends, in the unit of x. order: 0 for the
-    spline itself.
+    Its shape is (n, number of coefficients). knots: all knots, with repeated ends, in the unit of x. order: order of
+    the derivative; 0 for the spline itself.
     """
     size = knots.size - DEGREE - 1
     down = sparse.identity(size, format="csr")
@@ -162,24 +165,26 @@ def _penalty(knots: np.ndarray, frequency: float) -> sparse.csr_matrix:
 
 
 def _band(matrix: sparse.csr_matrix) -> np.ndarray:
-    """Return the lower band of a symmetric matrix in LAPACK's layout, (DEGREE + 1, size)."""
+    """Return the lower band of a symmetric matrix in LAPACK's layout, (DEGREE + 1, size): row k has subdiagonal k."""
     return np.array([np.r_[matrix.diagonal(-k), np.zeros(k)] for k in range(DEGREE + 1)])
 
 
 RIDGES = (1e-8, 1e-3)
-"""Weights of the ridge penalty, for columns and target of unit norm. For each of them the threshold is raised step by
-step, so that functions of θ are removed one by one."""
+"""Weights of the ridge penalty in thresholded least squares, for columns and target of unit norm. For each of them the
+threshold, below which coefficients are set to zero, is raised step by step, so that functions of θ are removed one by
+one."""
 TESTED = 2
-"""Number of sparse solutions with functions of θ, for each set of damping terms, whose integrated predictions are
-compared with the record."""
+"""For each set of damping terms, number of sparse solutions with functions of θ that are tested by integration: their
+predictions are compared with the record."""
 FLOOR = 1e-4
-"""Smallest root mean square error of a prediction that is distinguished from zero, as a fraction of the amplitude."""
+"""Smallest root mean square error of a prediction that is distinguished from zero, as a fraction of the record's
+amplitude."""
 END = 0.5
 """Length at each end of a smoothed record, in periods, that the regression leaves out, because splines are inaccurate
 there."""
 MOST_CANCELLATION = 10.0
-"""Largest sum of the rms of all terms (coefficient times column), as a multiple of the rms of the regression's target.
-In a solution above it, large terms cancel each other and fit noise."""
+"""Largest sum of the rms of all terms (coefficient times column) of a solution, as a multiple of the rms of the
+regression's target. In a solution above it, large terms cancel each other and fit noise."""
 
 
 class SindyOptions(Options):
@@ -194,12 +199,12 @@ class SindyOptions(Options):
 
 @dataclass(frozen=True)
 class Derivatives:
-    """State and acceleration computed from the record.
+    """Displacement, velocity and acceleration that were computed from a record by differentiation.
 
     t, y (n,): times in s, and samples. theta, omega, alpha (n,): the motion at all samples, in rad, rad/s, rad/s² (or m
     for rad). rows (m,): indices of the samples that the regression uses. project: smooths values (n,) at all samples as
     the record is smoothed, and returns them at the rows, (m,). integrated: number of constants of integration that were
-    guessed. freedom: effective number of independent rows.
+    guessed (0 for a recorded displacement). freedom: effective number of independent rows.
     """
 
     rows: np.ndarray
@@ -215,9 +220,9 @@ class Derivatives:
 
 @dataclass(frozen=True)
 class SparseModel:
-    """A sparse solution.
+    """A solution of the sparse regression, with only some of the p candidate terms (the library).
 
-    support (p,): whether each term of the library is used. x (p,): the coefficients in natural units, 0 for unused
+    support (p,): whether each term is used. x (p,): the coefficients in natural units, 0 for unused
     terms. sound: whether its damping coefficients are not negative and its terms do not cancel each other. score:
     extended Bayesian information criterion of the predicted record; the smallest is best. It is ∞ if the solution is
     not sound.
@@ -230,14 +235,15 @@ class SparseModel:
 
 
 class Sindy(Estimator[SindyOptions]):
-    """Sparse regression of θ̈ + known force = −Θ(θ, θ̇) ξ on a library Θ, by pysindy's thresholded least squares.
+    """Solve θ̈ + known force = −Θ(θ, θ̇) ξ for a sparse ξ, by pysindy's thresholded least squares.
 
-    State and acceleration come from a smoothing spline for oscillations, and the library's columns are smoothed like
-    the acceleration. A record without noise is interpolated. The known part of the restoring force is added to the
-    acceleration.
+    Θ is a library of candidate terms, with a column for each term; ξ are their coefficients. State and acceleration
+    come from a smoothing spline for oscillations, and the library's columns are smoothed like the acceleration. A
+    record without noise is interpolated. The known part of the restoring force is added to the acceleration.
 
-    For every set of damping terms, functions of θ are removed one at a time by thresholds. The sparse solution is
-    selected whose integrated prediction of the record has the smallest extended Bayesian information criterion
+    For every set of damping terms, functions of θ are removed one at a time by thresholds. Each sparse solution is
+    integrated to predict the record; the solution whose prediction has the smallest extended Bayesian information
+    criterion is selected
     (prediction test: Mangan, Kutz, Brunton and Proctor, Proceedings of the Royal Society A 473, 2017, 20170009;
     criterion: Chen and Chen, Biometrika 95, 2008, 759). The estimate comes from the best solution that has exactly the
     damping terms of the model. If another solution is selected, `outcome` is a sentence that names the differences.
@@ -297,7 +303,10 @@ class Sindy(Estimator[SindyOptions]):
 
 
 def _differentiate(signal: Signal, problem: Problem, features: Features) -> Derivatives:
-    """Compute state and acceleration, by interpolation if the record has no noise, else by an oscillation spline."""
+    """Compute displacement, velocity and acceleration from a record.
+
+    A record with negligible noise is interpolated; any other is smoothed by `OscillationSpline`.
+    """
     plain, signal = motion(signal, problem, features), before_gap(signal, features.period)
     t, y = signal.t, signal.y
     if plain.clean:
@@ -325,12 +334,13 @@ def _differentiate(signal: Signal, problem: Problem, features: Features) -> Deri
 def sparse_models(
     columns: np.ndarray, target: np.ndarray, dissipates: np.ndarray, freedom: float
 ) -> list[SparseModel]:
-    """Return sparse solutions: for every set of damping terms, without and with functions of θ.
+    """Return the solutions of a sparse regression among which the estimator chooses, for every set of damping terms.
 
-    For each set of damping terms and each ridge, the threshold is raised so that functions of θ are removed one by one.
-    Of these solutions the `TESTED` ones with the least Bayesian information criterion are kept, sound ones (see
-    `SparseModel`) first; in it the number of samples is `freedom`, the effective number of independent rows. The list
-    is in the order of the sets, not of the criterion. columns (n, p), target (n,): both sides of the regression, target
+    For each set there is the solution without functions of θ, and up to `TESTED` solutions with some. To find the
+    latter, the threshold of the regression is raised for each weight in `RIDGES`, so that functions of θ are removed
+    one by one. Sound solutions (see `SparseModel`) are preferred, then those with the smallest Bayesian information
+    criterion, in which the number of samples is `freedom`, the effective number of independent rows. The list is in the
+    order of the sets, not of the criterion. columns (n, p), target (n,): both sides of the regression, target
     = columns @ x. dissipates (p,): which terms are damping. Raises Refusal if the target is zero.
     """
     scale, size = np.linalg.norm(columns, axis=0), float(np.linalg.norm(target))
@@ -388,13 +398,13 @@ def score_models(
     target: np.ndarray,
     floor: float,
 ) -> list[SparseModel]:
-    """Return the solutions with their scores n ln(s²) + k ln(n) + 2 ln(p choose k).
+    """Return the solutions with their scores n ln(s²) + k ln(n) + 2 ln(p choose k), by which one is selected.
 
-    n: number of samples. s²: mean square error of the prediction. k: number of terms in the solution, of p in the
-    library. Solutions that are not sound have the score ∞ and come first in the result; the others keep the order of
-    `path`. columns (n, p), target (n,): both sides of the regression, from whose norms the typical sizes of the
-    coefficients follow. floor: smallest root mean square error of a prediction that is distinguished from zero, in the
-    unit of the record.
+    This is the extended Bayesian information criterion; the smallest is best. n: number of samples. s²: mean square
+    error of the prediction. k: number of terms in the solution, of p in the library. Solutions that are not sound have
+    the score ∞ and come first in the result; the others keep the order of `path`. columns (n, p), target (n,): both
+    sides of the regression, from whose norms the typical sizes of the coefficients follow. floor: smallest root mean
+    square error of a prediction that is distinguished from zero, in the unit of the record.
     """
     unit = np.linalg.norm(target) / np.linalg.norm(columns, axis=0)
     sound = [model for model in path if model.sound]

@@ -1,6 +1,6 @@
 """Estimate damping by genetic programming over expressions for the damping force.
 
-Section 3.8, equation 21, of the paper that `bayesdamp.estimators` cites.
+The method is that of section 3.8, equation 21, of the paper that `bayesdamp.estimators` cites.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -34,12 +34,13 @@ MOST_NOISE = 0.1
 """A number of knots above the smallest of `KNOTS` is used only if the noise of the acceleration is then at most this
 fraction of the rms damping force, and if there are at least six samples for each knot."""
 HATS = 25
-"""Largest number of hat functions of the velocity that represent an unknown damping force."""
+"""Largest number of hat functions (piecewise linear) of the velocity that represent an unknown damping force."""
 FLOOR = 1e-11
-"""Smallest mean square error, as a fraction of the variance of the force, that the search in single precision
-resolves."""
+"""Mean square error, as a fraction of the variance of the force, that the search in single precision just resolves; it
+is added to the error of each expression before the logarithm is taken."""
 NEGLIGIBLE = 1e-4
-"""Products whose root mean square is below this fraction of that of the expression are dropped."""
+"""Additive terms of an expression are dropped if their root mean square is at most this fraction of that of the whole
+expression."""
 
 
 class SymbolicRegressionOptions(Options):
@@ -122,11 +123,12 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
 
 
 class Force:
-    """The damping force −(θ̈ + F_rest(θ)) along a record, and the misfit of forces that depend on θ̇.
+    """Compute the damping force −(θ̈ + F_rest(θ)) along a record, and compare it with candidate forces f(θ̇).
 
     motion: the smoothed motion. omega: velocities at all samples that are used, (n,), rad/s. independent: effective
-    number of independent samples. Unknown restoring parameters, and guessed constants of integration, are eliminated by
-    regression: together with a force, or before the search with hat functions of θ̇ that are 0 at θ̇ = 0.
+    number of independent samples. Unknown restoring parameters, and guessed constants of integration, add unknown parts
+    to this force. They are fitted by regression and removed: before the search together with an arbitrary function of
+    θ̇ (a sum of hat functions that is 0 at θ̇ = 0), and later for each candidate force.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
@@ -183,10 +185,11 @@ class Force:
         return np.r_[x, -x], np.r_[y, -y]
 
     def misfit(self, values: np.ndarray) -> np.ndarray:
-        """Return the residual (m,) of values (n,) of a force at `omega`, in units of the force's standard deviation.
+        """Return measured minus candidate damping force, (m,), in units of the measured force's standard deviation.
 
-        It is the measured minus this force at the m times of `motion`, both smoothed, without the part that unknown
-        restoring parameters and guessed constants of integration can explain.
+        values: the candidate force at the velocities `omega`, (n,). Both forces are smoothed, and compared at the m
+        times of `motion`, without the part that unknown restoring parameters and guessed constants of integration can
+        explain.
         """
         left = self.target - self.motion.project(values)
         return (left - self._basis @ (self._basis.T @ left)) / np.sqrt(self._variance)
@@ -204,9 +207,9 @@ class Force:
 
 
 def _polish(force: Force, expression: Any) -> Any:
-    """Return the expression with constants fitted to the force, or unchanged if that does not lower its error.
+    """Return the expression with constants fitted to the damping force, or unchanged if this does not lower its error.
 
-    It is a short least squares fit of `Force.misfit` that starts from the expression's own constants.
+    The fit is a short least squares fit of `Force.misfit` that starts from the expression's own constants.
     """
     import sympy
 
@@ -238,9 +241,10 @@ def _polish(force: Force, expression: Any) -> Any:
 
 
 def _read(force: Force, values: np.ndarray, problem: Problem, features: Features) -> dict[str, float]:
-    """Return the damping coefficients, by name, that describe a force with the values (n,) at `Force.omega`.
+    """Return the coefficients of the problem's damping terms, by name, that describe a given damping force.
 
-    A single term has the coefficient with which it dissipates the same energy; a sum has those that fit best.
+    values: this force at the velocities `Force.omega`, (n,). A single term has the coefficient with which it dissipates
+    the same energy; a sum has those that fit best.
     """
     osc, project = oscillator(problem), force.motion.project
     shapes = osc.shapes(np.zeros_like(force.omega), force.omega, further_values(problem, features))

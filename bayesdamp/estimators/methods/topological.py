@@ -1,6 +1,7 @@
 """Estimate damping from the persistence lifetimes of a record's sublevel sets.
 
-Section 3.2 of the paper that `bayesdamp.estimators` cites. The method comes from:
+A lifetime is the difference between a maximum of the record and the minimum with which it is paired. The method is that
+of section 3.2 of the paper that `bayesdamp.estimators` cites. It comes from:
 
 A. D. Myers and F. A. Khasawneh, Damping parameter estimation using topological signal processing, Mechanical
 Systems and Signal Processing 174 (2022) 109042.
@@ -32,9 +33,11 @@ from bayesdamp.records.oscillation.features import Features, midpoints
 from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
 
 OPTIMAL_RATIO = 0.3299
-"""Ratio L_n/L_0 of lifetimes that minimises the variance of the viscous estimate (Myers and Khasawneh)."""
+"""Ratio L_n/L_0 of the lifetimes of two cycles, n periods apart, that minimises the variance of the viscous estimate
+(Myers and Khasawneh)."""
 NOISE_OF_MEDIAN = 0.680
-"""Ratio of the standard deviation of white noise to the median of its lifetimes (Myers and Khasawneh)."""
+"""Ratio of the standard deviation of white noise to the median of the persistence lifetimes that it causes (Myers and
+Khasawneh)."""
 
 
 class TopologicalOptions(Options):
@@ -67,7 +70,8 @@ class Pairs:
     def choose_lifetimes(self) -> tuple[float, float, int]:
         """Return lifetimes L_0 (the first) and L_n, and the number n of periods between them.
 
-        L_n is that with L_n/L_0 nearest to `OPTIMAL_RATIO`, or the last one if all ratios are larger.
+        L_n is the lifetime whose ratio L_n/L_0 is nearest to `OPTIMAL_RATIO`, or the last lifetime if all ratios are
+        larger.
         """
         lifetimes = self.p - self.v
         ratio = lifetimes / lifetimes[0]
@@ -83,9 +87,9 @@ class Topological(Estimator[TopologicalOptions]):
     options = TopologicalOptions
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
-        """Return the reason why this method cannot estimate a damping sum; None if it can.
+        """Return the reason why this method cannot estimate a sum of damping terms; None if it can.
 
-        damping: names of the terms of the sum. The method estimates one term: viscous, Coulomb or quadratic damping.
+        damping: names of the terms. The method estimates a single term: viscous, Coulomb or quadratic damping.
         """
         if len(damping) != 1:
             return "persistence lifetimes give one damping coefficient, not a sum of terms"
@@ -134,9 +138,9 @@ class Topological(Estimator[TopologicalOptions]):
 def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the finite sublevel components of y (n,) at times t (n,), in time order: three arrays (k,).
 
-    They are the values of y at birth (a minimum), at death (a maximum), and the times of birth. t, period: in s.
-
-    Components that are born within a tenth of a period of an end of the record are incomplete and left out.
+    They are the values of y at birth (a minimum), at death (a maximum), and the times of birth. A component of the
+    sublevel sets {y ≤ c} begins, as c rises, at a minimum, and ends when it joins one that began lower. period: in s,
+    like t. Components that are born within a tenth of a period of an end of the record are incomplete and left out.
     """
     cells = optional_package("gudhi").CubicalComplex(top_dimensional_cells=y)
     cells.persistence(homology_coeff_field=2, min_persistence=0)

@@ -1,6 +1,6 @@
 """Estimate damping by weak SINDy: regression of the equation of motion integrated against test functions.
 
-Section 3.9, equation 22, of the paper that `bayesdamp.estimators` cites.
+The method is that of section 3.9, equation 22, of the paper that `bayesdamp.estimators` cites.
 """
 
 from dataclasses import replace
@@ -44,29 +44,33 @@ from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
 WIDTHS = (0.75, 1.0, 1.5, 2.0)
 """Widths of the test functions that are tried, in periods."""
 ROUNDS = 3
-"""Number of fits; each one uses weights from the coefficients of the one before."""
+"""Number of times that the final regression is repeated; each time its weights follow from the coefficients of the fit
+before."""
 SUBDIVIDED = 15
-"""Number of points, in the sampling interval around each sample, over which a discontinuous function is averaged."""
+"""Number of points, in the sampling interval around each sample, over which a discontinuous candidate term is averaged.
+"""
 
 
 class WeakSindyOptions(Options):
     """Options of weak SINDy.
 
-    width: width of the test functions in periods, or 0 to choose it by the predicted standard error.
+    width: width of the test functions in periods, or 0 to choose that of `WIDTHS` with the smallest predicted standard
+    error of the damping.
     """
 
     width: float = Field(default=0.0, ge=0.0, le=10.0)
 
 
 class WeakSindy(Estimator[WeakSindyOptions]):
-    """Sparse regression of ∫φ″θ + ∫φ F_rest(θ) + Σ ξ ∫φ f(θ, θ̇) = 0, without numerical derivatives of the record.
+    """Solve ∫φ″θ + ∫φ F_rest(θ) + Σ ξ ∫φ f(θ, θ̇) = 0 for sparse ξ, without second derivatives of the record.
 
-    φ is a test function, f a candidate term, and ξ its coefficient. The inertia ∫φθ̈ is integrated by parts twice, and
-    viscous damping once. For terms that are not linear in θ̇, the velocity comes from local polynomials (Savitzky and
-    Golay) over a width that balances noise against bias. The record's noise enters through φ″ + φ F′ and through the
-    columns, so the rows have correlated errors: we use generalised least squares, whose weights follow from the
-    coefficients. Noise in the columns biases the normal equations by a known amount, which is subtracted.
-    Terms are removed by their t-value; their number is chosen by the Bayesian information criterion.
+    φ is a test function, F_rest the known restoring force, f a candidate term, and ξ its coefficient. The inertia ∫φθ̈
+    is integrated by parts twice, and viscous damping once. For terms that are not linear in θ̇, the velocity comes from
+    local polynomials (Savitzky and Golay) over a width that balances noise against bias. The record's noise enters
+    through φ″ + φ F′ and through the columns, so the rows have correlated errors: we use generalised least squares,
+    whose weights follow from the coefficients. Noise in the columns biases the normal equations by a known amount,
+    which is subtracted. Terms are removed by their t-value; their number is chosen by the Bayesian information
+    criterion.
     """
 
     options = WeakSindyOptions
@@ -144,7 +148,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
 
 
 def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float) -> Stretch:
-    """Return the record before its first gap, interpolated to uniform times, with displacement and velocity.
+    """Return the record before its first gap, at uniform times (interpolated), with displacement and velocity.
 
     sigma: standard deviation of the noise, in the unit of the record.
     """
@@ -163,7 +167,11 @@ def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float)
 def _assemble(
     stretch: Stretch, library: list[CandidateTerm], problem: Problem, features: Features, width: float
 ) -> Rows | None:
-    """Return the weak form of the library on test functions `width` s wide; None if none fits into the stretch."""
+    """Return the weak form of the equation of motion for test functions `width` s wide.
+
+    The result is None if no test function fits into the record.     stretch: the part of the record that is used.
+    library: the candidate terms, one for each column of the result.
+    """
     law, known, n = oscillator(problem).law, known_restoring(problem), stretch.y.size
     if n * stretch.h <= width:
         return None
