@@ -1,1 +1,1 @@
-"""Define networks and the losses of the methods that train them. Every module here needs torch."""
+"""Contain the neural networks and the loss functions of the estimators that train a network. All modules need torch."""

@@ -1,6 +1,6 @@
-"""Compute the loss of a physics-informed neural network as a sum of squares.
+"""Compute the loss of a physics-informed neural network as a sum of squares, and train the network.
 
-Equation 17 of the paper that `bayesdamp.estimators` cites.
+The loss is equation 17 of the paper that `bayesdamp.estimators` cites.
 """
 
 import warnings
@@ -27,12 +27,13 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 UNIT = 3.0
-"""Factor that enlarges the units in which the physical parameters are trained: the larger it is, the less Levenberg's
-method damps their steps in comparison with those of the weights."""
+"""Factor that enlarges the units of the physical parameters in the training. The larger it is, the less Levenberg's
+method limits their steps compared with those of the network's weights."""
 UNINFORMED = 0.05
 """Equivalent damping ratio of each term from which the training starts with the option start = "uninformed"."""
 COLLINEAR = 1e-3
-"""Singular values below this fraction of the largest are left out when the first output layer is fitted."""
+"""Fraction of the largest singular value below which singular values are left out when the output layer of the
+untrained network is fitted to the record."""
 with warnings.catch_warnings():
     warnings.simplefilter(
         "ignore", DeprecationWarning
@@ -41,11 +42,12 @@ with warnings.catch_warnings():
 
 
 class Collocation(ScaledRecord):
-    """Misfits of the record, of a known start, and of the equation of motion at many instants.
+    """Compute the residuals whose sum of squares is the loss of a physics-informed network for the motion.
 
-    The unknowns are the weights of the network, then the physical parameters divided by `units`: the damping
-    coefficients, then the unknown restoring parameters. The methods take them as a vector x (k,), or as one row for
-    each misfit, (n, k). first: start values of the unknowns, (k,). units: units of the physical parameters.
+    They are the misfits of the record, of a known start, and of the equation of motion at many instants. The unknowns
+    are the weights of the network, then the physical parameters divided by `units`: the damping coefficients, then the
+    unknown restoring parameters. The methods take them as a vector x (k,), or as one row for each misfit, (n, k).
+    first: start values of the unknowns, (k,). units: units of the physical parameters.
     """
 
     def __init__(

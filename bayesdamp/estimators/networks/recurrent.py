@@ -9,7 +9,7 @@ from torch import Tensor
 from bayesdamp.estimators.networks.training import REAL, Evaluated, descend, jacobian, single_thread
 
 PATIENCE = 4
-"""A training ends after this many rounds in a row without a smaller error on the test records."""
+"""A training ends if the error on the test records has not become smaller in this many rounds in a row."""
 
 
 @dataclass(frozen=True)

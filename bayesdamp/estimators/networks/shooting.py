@@ -25,7 +25,7 @@ MOST_SEGMENTS = 160
 """Largest number of segments into which a record is cut (conventional). A segment is half a cycle, or longer if there
 would be more segments than this."""
 GRID = 41
-"""Number of velocities at which the learnt force is reported (conventional)."""
+"""Number of velocities, evenly spaced, at which the learnt damping force is reported (conventional)."""
 STEADY = 1e-3
 """Training has converged if no damping coefficient has changed by more than this fraction in the last
 `training.WINDOW` rounds."""
@@ -34,12 +34,13 @@ STEADY = 1e-3
 class Shooting(ScaledRecord):
     """The loss of a learnt damping force as a sum of squares.
 
+    The damping force is a network. Multiple shooting integrates the motion separately in short segments of the record.
     Angles are measured from the equilibrium in units of the record's amplitude A, times in 1/ω with its angular
-    frequency ω, forces in Aω². The unknowns x (k,) are the weights of the
-    network, the unknown restoring parameters (divided by `free_units`), and each segment's first angle and velocity.
-    first: start values of the unknowns, (k,). units: units in which `project` returns the damping coefficients. width:
-    number of units in each of the two hidden layers. count: number of weights. physical: number of weights and
-    restoring parameters, so that the starts of the segments begin at this index of x.
+    frequency ω, forces in Aω². The unknowns x (k,) are the weights of the network, the unknown restoring parameters
+    (divided by `free_units`), and each segment's first angle and velocity. first: start values of the unknowns, (k,).
+    units: units in which `project` returns the damping coefficients. width: number of units in each of the two hidden
+    layers. count: number of weights. physical: number of weights and restoring parameters, so that the starts of the
+    segments begin at this index of x.
     """
 
     def __init__(
@@ -152,9 +153,10 @@ class Shooting(ScaledRecord):
         return torch.cat(misfits).numpy(), lambda: self._slopes(unknowns, paths)
 
     def _slopes(self, unknowns: Tensor, paths: Tensor) -> np.ndarray:
-        """Return the Jacobian (n, k) of the residuals of `evaluate`, from the paths of these unknowns.
+        """Return the Jacobian (n, k) of the residuals of `evaluate` by the unknowns.
 
-        The derivatives of all single steps are automatic, in one batch; those of a path follow from step to step.
+        paths: result of `paths` for these unknowns. The derivatives of all single steps are computed by automatic
+        differentiation, in one batch. Those of a path follow from them step by step, by the chain rule.
         """
         steps, columns = len(paths) - 1, 2 + self.physical
 
@@ -180,10 +182,10 @@ class Shooting(ScaledRecord):
         return slopes.numpy()
 
     def _by_unknowns(self, slopes: Tensor, segment: Tensor) -> Tensor:
-        """Return the derivatives by all unknowns, (n, k).
+        """Return the derivatives of n residuals by all k unknowns, (n, k), with zeros for the starts of other segments.
 
-        slopes: derivatives by the start of a segment (first two columns) and by the unknowns that are not starts.
-        segment: index of this segment for each row, (n,).
+        slopes: derivatives of each residual by the start of its segment (first two columns), and by the unknowns that
+        are not starts of segments (other columns). segment: index of the segment of each residual, (n,).
         """
         full = torch.zeros(len(slopes), self.physical + 2 * self.segments, dtype=REAL)
         full[:, : self.physical] = slopes[:, 2:]
@@ -220,8 +222,8 @@ def _runge_kutta(rate: Callable[[Tensor], Tensor], start: Tensor, times: Tensor)
 def _chain(outer: Tensor, inner: Tensor) -> Tensor:
     """Return the derivatives, (…, m, 2 + k), of a step's end by the start of its path (2) and the k unknowns.
 
-    outer (…, m, 2 + k): derivatives of the step's end by the state before the step (2) and the unknowns. inner
-    (…, 2, 2 + k): derivatives of this state by the start of the path and the unknowns.
+    It is the chain rule. outer (…, m, 2 + k): derivatives of the step's end by the state before the step (2) and the
+    unknowns. inner (…, 2, 2 + k): derivatives of this state by the start of the path and the unknowns.
     """
     total = outer[..., :2] @ inner
     total[..., 2:] += outer[..., 2:]

@@ -25,17 +25,20 @@ REAL = torch.float64
 MOST_SAMPLES = 750
 """Largest number of samples of a record; longer ones are thinned (conventional)."""
 BIAS = 0.5
-"""Standard deviation of the biases of a network before its training."""
+"""Standard deviation of the random biases of a network before its training."""
 FIRST, LOWEST, LESS, MORE = 1e-3, 1e-14, 0.2, 5.0
-"""Damping λ of the first step, its lowest value, its factor after a step that lowers the loss (applied only if the step
-tried before did too), and its factor after a step that does not (conventional)."""
+"""Numbers for λ, the damping of Levenberg's method (conventional). `FIRST`: its value at the first step. `LOWEST`: its
+smallest value. `LESS`: its factor after a step that lowers the loss, applied only if the step tried before did so too.
+`MORE`: its factor after a step that does not lower the loss."""
 AHEAD, STRAIGHT = 0.1, 0.375
-"""Fraction of a step over which the second derivative of the residuals along the step is measured, and largest length
-of the correction for it (geodesic acceleration) as a fraction of the step's length (Transtrum & Sethna 2012)."""
+"""Numbers for the geodesic acceleration, a correction of a step for the curvature of the residuals (Transtrum & Sethna
+2012). `AHEAD`: fraction of the step over which the second derivative along it is measured. `STRAIGHT`: largest length
+of the correction, as a fraction of the length of the step."""
 TRIALS = 12
 """Largest number of steps that are tried from one point; if none lowers the loss, the descent ends (conventional)."""
 WINDOW = 8
-"""Number of rounds over which the numbers that `train` watches must be steady (conventional)."""
+"""Number of rounds over which the numbers that `train` watches must stay unchanged for the training to count as
+converged (conventional)."""
 
 
 @contextmanager
@@ -50,7 +53,7 @@ def single_thread() -> Iterator[None]:
 
 
 def jacobian(function: Callable[[Tensor], Tensor], rows: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the values of a function at each row, (n,) or (n, m), and their derivatives, (n, k) or (n, m, k).
+    """Return the values of a function at each row, (n,) or (n, m), and their derivatives by it, (n, k) or (n, m, k).
 
     Each value may depend only on its own row of `rows` (n, k), so that the gradient of the sum of all values contains
     the gradients of the single values. m: number of values for each row.
@@ -63,9 +66,10 @@ def jacobian(function: Callable[[Tensor], Tensor], rows: Tensor) -> tuple[Tensor
 
 
 def jets(function: Callable[[Tensor], Tensor], argument: Tensor) -> Tensor:
-    """Return a function's jets (n, j, …): its value and its first j − 1 time derivatives.
+    """Return the values and the first j − 1 time derivatives (together called jets) of a function, (n, j, …).
 
-    function: maps values (n, …) to values (n, …). argument: the jets of its argument, (n, j, …).
+    function: maps values (n, …) to values (n, …). argument: values of its argument and their first j − 1 time
+    derivatives, (n, j, …).
     """
     if argument.shape[1] == 1:
         return function(argument[:, 0])[:, None]
@@ -127,12 +131,15 @@ def _hidden(layers: list[tuple[Tensor, Tensor]], inputs: Tensor) -> Tensor:
 
 
 def _affine(matrix: Tensor, bias: Tensor, inputs: Tensor) -> Tensor:
-    """Return the jets of matrix @ inputs + bias from the jets of the inputs; the bias has no time derivatives."""
+    """Return matrix @ inputs + bias and its time derivatives, (n, j, outputs); the bias has no time derivatives.
+
+    inputs: values and their first j − 1 time derivatives, (n, j, inputs).
+    """
     return inputs @ matrix.mT + torch.nn.functional.pad(bias[..., None, :], (0, 0, 0, inputs.shape[1] - 1))
 
 
 class _Mathematics:
-    """Stands in for the modules `math` and `numpy`: its attributes are the functions of the same names in torch."""
+    """Replace the modules `math` and `numpy`: an attribute is torch's function of the same name, or a constant."""
 
     def __getattr__(self, name: str) -> Any:
         value = getattr(math, name, None) or getattr(np, name)
@@ -146,9 +153,9 @@ class _Mathematics:
 
 @lru_cache(maxsize=256)
 def on_tensors(kernel: Callable[..., Any]) -> Callable[..., Tensor]:
-    """Return a version of a kernel, the Python function of a force of single numbers, that torch can differentiate.
+    """Convert a kernel, the Python function of a force of single numbers, to a function that torch can differentiate.
 
-    Each argument of this version is a tensor (n,), a number, or a tuple of these where the kernel takes a tuple; it
+    Each argument of the new function is a tensor (n,), a number, or a tuple of these where the kernel takes a tuple; it
     returns a tensor (n,). A kernel that branches with `if` is called for one number after the other.
     """
     on_rows = with_names(kernel, _Mathematics())
@@ -173,9 +180,10 @@ Evaluated = tuple[np.ndarray, Callable[[], np.ndarray]]
 
 
 class Round(NamedTuple):
-    """A point of a descent: unknowns x (k,), the loss there, and the number of evaluations of the residuals so far.
+    """A point of the minimisation `descend`: its start, or the end of a step that lowered the loss.
 
-    The loss is the sum of squares of the residuals.
+    x: the unknowns, (k,). loss: sum of squares of the residuals there. evaluations: number of evaluations of the
+    residuals so far.
     """
 
     x: np.ndarray
@@ -253,11 +261,11 @@ def train(
     steady: float = 2e-4,
     samples: float = np.inf,
 ) -> Training:
-    """Descend until the watched numbers no longer change, or further rounds would only fit noise.
+    """Train until the watched numbers, such as coefficients, no longer change, or more rounds would only fit noise.
 
-    They no longer change if they have stayed within `steady` of their size for `WINDOW` rounds while the loss did not
-    fall to a tenth. Only noise is fitted if the loss has fallen by less than the fraction 1/`samples` in these rounds,
-    which is the mean effect of one superfluous unknown. The descent also ends if the loss is not finite.
+    The watched numbers no longer change if in `WINDOW` rounds their relative change was at most `steady`, and the loss
+    did not fall to a tenth. Only noise is fitted if the loss has fallen by less than the fraction 1/`samples` in these
+    rounds, which is the mean effect of one superfluous unknown. The training also ends if the loss is not finite.
 
     Parameters
     ----------
@@ -299,7 +307,7 @@ def train(
 
 
 class ScaledRecord:
-    """A record and its oscillator in the record's scales: the amplitude a (rad or m) and angular frequency w (rad/s).
+    """A record and its oscillator, scaled by the record's amplitude a (rad or m) and angular frequency w (rad/s).
 
     t, recorded: times in s and samples, (n,) each, at most `MOST_SAMPLES`. order: order of the recorded derivative of
     the displacement. y: the samples (a displacement minus the equilibrium) in units of a wᵒʳᵈᵉʳ. base: values of all
