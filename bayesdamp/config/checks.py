@@ -52,7 +52,7 @@ def check_keys(raw: Iterable[str], valid: Iterable[str], key: str) -> None:
 
 
 def read_section(model: type[Model], raw: object, key: str) -> Model:
-    """Return a table as an instance of `model`, a class of tables.
+    """Check a table of the study file, and return it as an instance of `model`, the class that defines its keys.
 
     `key` is the full key of the table, for messages; empty for the top of the file. Raises StudyError for an unknown,
     missing or wrong key; the message states valid values.
@@ -130,7 +130,10 @@ def check_plugins(registry: Registry[Any], names: Iterable[str], key: str) -> No
 
 
 def check_distinct(names: Iterable[str], key: str, what: str) -> None:
-    """Raise StudyError if a name is repeated. For the message, `key` is the key with the names, `what` their kind."""
+    """Raise StudyError if a name is repeated.
+
+    For the message, `key` is the key of the study file with the names, and `what` their kind, such as "the sampler".
+    """
     earlier: set[str] = set()
     for name in names:
         if name in earlier:
@@ -140,7 +143,7 @@ def check_distinct(names: Iterable[str], key: str, what: str) -> None:
 
 @contextmanager
 def in_keys() -> Iterator[None]:
-    """Context manager in which InputErrors name the keys of a study file instead of command-line options."""
+    """Make each InputError that is raised in this context name keys of a study file instead of command-line options."""
     try:
         yield
     except InputError as error:

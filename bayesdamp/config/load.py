@@ -69,21 +69,25 @@ _PUBLISHED = ("estimator", "signal", "error_pct", "time")
 """Columns of a CSV file of published results: the estimator, the signal, the error in per cent, the computing time."""
 _NO_STUDY = "give a study file (TOML), or a run's run.json"
 PRUNE_NATS = 20.0
-"""A candidate (a damping sum under a restoring law) is left out if its log evidence is at least this far below the
-largest, in nats: a relative probability of 2e-9. The evidence is that of the answer, by linear approximations."""
+"""A candidate (a damping sum under a restoring law) is left out of the sampling and of the full evidence computation if
+its log evidence is at least this far below the largest, in nats: its relative probability is then at most 2e-9. For
+this
+test the evidence is computed by linear approximations."""
 SAMPLED_CANDIDATES = 2
 """Number of candidates (damping sums under a restoring law) whose posterior is sampled, the most probable ones."""
 WARMUP, DRAWS = 100, 500
-"""Numbers of warm-up draws, which are discarded, and of draws of each of four chains. Draws in whitened coordinates are
-nearly independent; if they are not, the sampler adds draws."""
+"""`WARMUP`: number of first draws of each of four Markov chains, which are discarded. `DRAWS`: number of draws of each
+chain that are used. They are nearly independent, because the sampler works in whitened coordinates; if they are not, it
+adds draws."""
 LEAST_NOISE = 1e-3
 """Standard deviation of the noise that is added to a record without noise, because a likelihood needs noise: a fraction
 of the amplitude, typical of a good encoder."""
 SPECIMEN = "specimen"
-"""Name of the specimen (the tested object) if all records are repeats on the same one."""
+"""Name of the specimen (the tested object) in a study whose records are all repeated tests of one object."""
 RecordOptions = Mapping[str, Any]
-"""A record's file and how to read it, with the keys of [[signal]] in a study (None for no value), and a label if the
-file has several records. Without a unit, an envelope has the unit of its file, and a motion is in rad."""
+"""Options for one record, by the keys of [[signal]] in a study: its file and how to read it. None stands for a missing
+value. A `label` distinguishes several records in a file. Without a unit, an envelope has the unit of its file, and any
+other record is in rad."""
 
 
 def shipped_folder() -> Path:
@@ -225,7 +229,8 @@ def resolve_study(raw: dict[str, Any], path: Path, plugins: Sequence[PluginModul
     path
         The file. Paths in it are relative to its folder.
     plugins
-        Modules of plug-ins besides those that it names. Afterwards all these modules are in use, and no others.
+        Modules of plug-ins besides those that the file names. After the call the plug-ins of all these modules are
+        registered, and those of all other modules of users are removed.
 
     Returns
     -------
@@ -362,10 +367,12 @@ def _read_published(path: Path) -> tuple[dict[str, str], ...]:
 
 
 def _check_across_tables(study: Study) -> None:
-    """Check settings that depend on several tables. Raises StudyError.
+    """Raise StudyError if settings in different tables of a study contradict each other.
 
-    Published results are of estimators and signals that exist. Estimators run only under compared models. Records of a
-    specimen must be different, have the same base unit and the same candidates, and cannot be combined with a sweep.
+    Published results must be for estimators and signals of the study. The key `estimate` of a signal may name only
+    damping sums that are compared on it. The records of a specimen (repeated tests of one object) must be different,
+    and have the same base unit, the same damping sums and the same restoring laws; a study with a specimen must not
+    have a sweep.
     """
     names = {
         "estimator": [*ESTIMATORS.names(), *study.estimators.variants],
@@ -406,12 +413,11 @@ def _check_across_tables(study: Study) -> None:
 
 
 def laws_for(unit: str) -> tuple[str, ...]:
-    """Return the restoring laws that are compared if the user names none.
+    """Return the names of the restoring laws that are compared if the user names none.
 
-    `unit` is that of the displacement, such as "mm". For an angle or an unknown unit these are all laws, for any other
-    unit those that also describe a translation.
-
-    All are needed, because the misfit of a wrong restoring law would be explained by damping.
+    `unit` is the unit of the displacement, such as "mm". For an angle or an unknown unit the result has all laws; for
+    any other unit it has the laws that also describe a translation. Several laws are compared because otherwise the
+    misfit of a wrong restoring law could be mistaken for damping.
     """
     along = unit in UNITS and UNITS[unit].translates
     return tuple(n for n in LAWS.present() if not along or LAWS.get(n).translates)
@@ -462,26 +468,31 @@ def comparison_tables(
     deviation: str = "auto",
     sensor: float = SENSOR,
 ) -> dict[str, Any]:
-    """Return the content of the study file for a comparison.
+    """Return the tables of the study that compares damping sums under restoring laws on each record.
 
     Parameters
     ----------
     records
         Files and how to read them (`RecordOptions`).
     restoring, damping
-        Names of restoring laws, and damping sums such as "viscous+cubic"; all if empty.
+        Names of restoring laws, and damping sums such as "viscous+cubic", to compare; all if empty.
     repeats
-        Whether all records belong to one specimen. If false, oscillations with the same key `specimen` belong to one
-        specimen, and the others have none.
-    noise, seed, deviation, sensor
-        Name of the noise model, or "auto" to choose one for each record; seed of all random numbers; whether laws hold
-        with deviations ("law"), exactly ("none"), or with deviations for measured records ("auto"); relative linearity
-        error of the sensor (standard deviation).
+        If true, all records are tests of one specimen (tested object). If false, oscillations with the same key
+        `specimen` are tests of one specimen, and the others have none.
+    noise
+        Name of the noise model, or "auto" to choose one for each record.
+    seed
+        Seed of all random numbers.
+    deviation
+        Whether the damping and restoring laws hold exactly ("none") or only approximately ("law"). "auto" allows
+        deviations for measured records only.
+    sensor
+        Relative linearity error of the sensor (standard deviation).
 
     Raises
     ------
     InputError
-        `repeats` with fewer than two records.
+        If `repeats` is true and there are fewer than two records.
     """
     if repeats and len(records) < 2:
         raise InputError("--repeats: there is one record; give two or more of one specimen")

@@ -48,13 +48,13 @@ REFERENCE = ("amplitude", "frequency", "inertia")
 """Keys of [system] that are not inferred: amplitude (rad or m) and frequency (rad/s) by which priors are scaled, and
 inertia (kg m² or kg), with which forces and energies get physical units."""
 LARGEST_VALUE = 1e24
-"""Largest true value of a parameter of a simulation, in the parameter's unit; a larger one is an error of the study
-(conventional)."""
+"""Largest absolute value that a study may give as the true value of a parameter of a simulation, in the parameter's
+unit (conventional)."""
 LEAST_CYCLES, MOST_CYCLES = 0.01, 1e6
 """Smallest and largest number of cycles of a simulated record; other numbers are an error of the study
 (conventional)."""
 MOST_SIGNALS = 100_000
-"""Greatest number of signals after each is repeated for all values of the sweeps; more are an error of the study
+"""Greatest number of signals of a study, counted after each is repeated for all values of the sweeps; more are an error
 (conventional)."""
 _MINIMUM = {"epsilon": 0.0, "noise_sd": 0.0}
 _POSITIVE = ("noise_time", "noise_dof", *REFERENCE)
@@ -104,10 +104,10 @@ def _system_keys(parameters: tuple[str, ...] | list[str]) -> list[str]:
 
 
 def _read_value(name: str, raw: object, key: str) -> object:
-    """Return a number, None for "free", or the prior that a table describes.
+    """Return what a study states about the parameter `name`: a number, None for "free" (unknown), or a prior.
 
-    `name` is the parameter; a name of `REFERENCE` must have a positive number. `key` is its full key, for messages.
-    Raises StudyError.
+    raw: the value in the study file; a table describes a prior. A name in `REFERENCE` must have a positive number. key:
+    full key of the parameter, for messages. Raises StudyError if the value is wrong.
     """
     if name not in REFERENCE:
         if raw == "free":
@@ -130,7 +130,7 @@ def _read_number(name: str, raw: object, key: str) -> float:
 def _read_systems(
     base: Mapping[str, Any], own: Mapping[str, Any], laws: tuple[str, ...], key: str
 ) -> tuple[list[System], dict[str, float]]:
-    """Return what is known of a signal's system, once for each restoring law that is compared.
+    """Return what the study states about the oscillator of a signal, once for each restoring law that is compared.
 
     Parameters
     ----------
@@ -182,10 +182,11 @@ def _read_systems(
 
 
 def _read_simulation(raw: object, system: System, key: str) -> Simulation:
-    """Read the table `simulate`; true values that it does not state are the known values of `system`.
+    """Return the record to simulate that the table `simulate` of a signal describes.
 
-    `key` is the full key of the table, for messages. Raises StudyError if a value is missing or wrong, or if the motion
-    would hardly oscillate or have too many cycles.
+    True values that the table does not state are the known values of `system`. `key` is the full key of the table, for
+    messages. Raises StudyError if a value is missing or wrong, or if the motion would hardly oscillate or have too many
+    cycles.
     """
     law = LAWS.get(system.restoring)
     given = check_table(raw, key)
@@ -265,9 +266,10 @@ def damping_order() -> list[str]:
 
 
 def _read_recording(entry: SignalTable, folder: Path, key: str) -> Recording:
-    """Return the record of a signal that is read from a file; the file itself is not read.
+    """Return the path and the reading options of a signal's record; the file itself is not read yet.
 
-    folder: folder of the study. key: key of the signal, for messages. Raises StudyError if the file does not exist.
+    entry: the table [[signal]]. folder: folder of the study. key: key of the signal, for messages. Raises StudyError if
+    the file does not exist.
     """
     assert entry.file is not None
     path = folder / at_home(Path(entry.file))
@@ -367,7 +369,7 @@ def resolve_signal(
 
 
 def _read_envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, key: str) -> SignalSpec:
-    """Return the specification of a signal that is an envelope, which has no restoring law.
+    """Return the specification of a signal that is an envelope (recorded amplitudes), which has no restoring law.
 
     `entry` is the table [[signal]]; `given` contains only the keys that the file states. Raises StudyError.
     """
@@ -417,7 +419,7 @@ def expand(signals: list[dict[str, Any]], sweeps: list[Any]) -> list[dict[str, A
     A sweep over a key `simulate.*` applies to simulated signals, a sweep over `system.*` to all signals, and a sweep
     over any other key to signals that are read from files. The name of a signal gets a suffix `-key-value` for each
     sweep that applies (0.003 becomes `0p003`). A signal's copies replace it at its place; the values of the last sweep
-    change fastest. Raises StudyError.
+    change fastest. Raises StudyError if a sweep is wrong, or if there are too many signals.
     """
     tables = [read_section(SweepTable, raw, f"sweep[{i}]") for i, raw in enumerate(sweeps, start=1)]
     for i, sweep in enumerate(tables, start=1):

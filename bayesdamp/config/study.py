@@ -40,7 +40,8 @@ Names = Annotated[tuple[str, ...], BeforeValidator(_tuple_of)]
 SomeNames = Annotated[Names, Field(min_length=1)]
 Levels = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(_tuple_of), Field(min_length=1)]
 Deviation = Literal["auto", "none", "law"]
-"""Whether laws hold exactly ("none") or with deviations ("law"). "auto" allows deviations for measured records only."""
+"""Whether the damping and restoring laws hold exactly ("none") or only approximately, with deviations ("law"). "auto"
+allows deviations for measured records only."""
 MOST_SAMPLES = 10_000_000
 """Greatest number of samples of a simulated record, and of draws of a Markov chain, that a study may ask for; a larger
 number is an error (conventional)."""
@@ -50,7 +51,7 @@ error (conventional)."""
 MOST_CHAINS = 1000
 """Greatest number of Markov chains that a study may ask for; a larger number is an error (conventional)."""
 MOST_SAMPLED = 100_000
-"""Greatest number of models that a study may ask to sample; a larger number is an error (conventional)."""
+"""Greatest number of models whose posterior a study may ask to sample; a larger number is an error (conventional)."""
 MOST_COLUMNS = 100_000
 """Largest number, counted from 1, by which a study may select a column of a file; a larger one is an error
 (conventional)."""
@@ -86,15 +87,16 @@ class Header(StudySection):
 
 
 class FileTable(StudySection):
-    """The keys of [[signal]] on how the file of a record is read; None: as the file states, or chosen automatically.
+    """The keys of [[signal]] that state how the file of a record is read.
 
-    time, angle: columns of the times and of the recorded quantity (also if it is not an angle), by name or number from
-    1. unit: unit of the displacement. quantity: the recorded quantity. frequency: frequency of the oscillation in Hz,
-    for an envelope. rate: sampling rate in Hz, for a file without times. clock: times of the samples: "as_logged" (the
-    time stamps), "uniform" (equal steps, fitted to the stamps), or "auto" to choose. run, channel: the record to use of
-    a file with several. time_unit: unit of the file's times. start, stop: limits of the free decay in s, in the times
-    of the record; "auto" finds them. least_noise: standard deviation of the noise that is added to a record without
-    noise, as a fraction of its amplitude.
+    None means that the file itself states it, or that it is chosen automatically. time, angle: columns of the times and
+    of the recorded quantity (also if it is not an angle), by name or number from 1. unit: unit of the displacement.
+    quantity: the recorded quantity. frequency: frequency of the oscillation in Hz, for an envelope. rate: sampling rate
+    in Hz, for a file without times. clock: times of the samples: "as_logged" (the time stamps), "uniform" (equal steps,
+    fitted to the stamps), or "auto" to choose. run, channel: the record to use of a file with several. time_unit: unit
+    of the file's times. start, stop: limits of the free decay in s, in the times of the record; "auto" finds them.
+    least_noise: standard deviation of the noise that is added to a record without noise, as a fraction of its
+    amplitude.
     """
 
     time: ColumnName | None = Field(None, description="a column's name or its number from 1")
@@ -228,9 +230,11 @@ class EstimatorsTable(StudySection):
 class ModelsTable(StudySection):
     """[models]: the damping sums and restoring laws to compare, and priors of damping terms.
 
-    compare: damping sums; "all" becomes the seven sums. restoring: laws that each sum is combined with; if there are
-    none, each signal has only its own. prior: as tables; in a `Study` as priors. prune: a model is left out if its log
-    evidence in the answer is at least this many nats below the best; None keeps all.
+    compare: damping sums (sums of damping terms, such as viscous+coulomb); "all" stands for the seven sums of viscous,
+    Coulomb and quadratic damping. restoring: restoring laws that each sum is combined with; if it is empty, each signal
+    has only the law of its system. prior: priors by damping term, as tables of the file or, in a checked `Study`, as
+    prior objects. prune: a model is left out if its log evidence is at least this many nats below the best; None keeps
+    all. The test uses the log evidences of the answer on the record, which are linear approximations.
     """
 
     compare: Annotated[SomeNames, BeforeValidator(lambda sums: all_sums() if sums == "all" else sums)] = (
@@ -314,10 +318,11 @@ class CalibrationTable(StudySection):
 class RecoveryTable(StudySection):
     """[recovery]: settings of `calibrate --models`, which checks the probabilities of models on simulated records.
 
-    records: number of simulated records. noise, noise_sigma: the noise sd of a record has a log-normal prior; its
-    median is one of the values of noise, in fractions of the reference amplitude, and noise_sigma is the standard
-    deviation of its logarithm. cycles: lengths of records, in cycles of the reference frequency. Records take all
-    combinations of noise and cycles in turn. samples: number of samples of a record.
+    records: number of simulated records. noise, noise_sigma: the standard deviation of a record's noise is drawn from a
+    log-normal distribution. Its median is one of the values in `noise`, as fractions of the reference amplitude;
+    `noise_sigma` is the standard deviation of its logarithm. cycles: lengths of records, in cycles of the reference
+    frequency. All combinations of the values in `noise` and `cycles` are used in turn. samples: number of samples of a
+    record.
     """
 
     records: Count = 1000
@@ -357,12 +362,14 @@ class Recording(FileTable):
 
 @dataclass(frozen=True)
 class SignalSpec:
-    """A signal of the study: a record that is simulated or read, and what is known of its system.
+    """A signal of the study: a record that is simulated or read, and what is known about its oscillator.
 
-    inertia: in kg m² (kg for a translation), used only for results in physical units. compare: damping sums of this
-    signal; None for those of the study. estimate: sums under which estimators run; None for all. laws: the restoring
-    laws that are compared; empty if it is only the law of `system`. alternatives: the system under the laws other than
-    that of `system`. specimen: name of the specimen; empty if none is named. Its records have a common verdict.
+    name: name of the signal. system: what is known about the oscillator, under the first restoring law. source: how the
+    record is simulated or read. inertia: in kg m² (kg for a translation), used only for results in physical units.
+    compare: damping sums that are compared on this signal; None for those of the study. estimate: damping sums whose
+    coefficients the estimators estimate; None for all. laws: the restoring laws that are compared; empty if it is only
+    the law of `system`. alternatives: what is known about the oscillator under each other law. specimen: name of the
+    tested object, or "". All records of one specimen have a common verdict.
     """
 
     name: str
@@ -392,7 +399,7 @@ class SignalSpec:
         return () if self.is_envelope else self.laws or (self.system.restoring,)
 
     def under(self, restoring: str) -> System:
-        """Return what is known of the system under a restoring law; for a law that is not compared, `system`."""
+        """Return what is known about the oscillator under a restoring law; `system` for a law that is not compared."""
         return next((s for s in self.alternatives if s.restoring == restoring), self.system)
 
     @property
@@ -423,8 +430,8 @@ class SignalSpec:
 class Estimators(EstimatorsTable):
     """The estimators of a study.
 
-    options: options of each by name. variants: the estimator behind each name that the study itself gives (an estimator
-    with other options).
+    options: options of each estimator or variant, by its name. A variant is an estimator with other options, to which
+    the study gives a name. variants: for each variant the name of its estimator.
     """
 
     options: Mapping[str, Mapping[str, Any]]
@@ -441,9 +448,9 @@ class Estimators(EstimatorsTable):
 
 @dataclass(frozen=True)
 class Study:
-    """A checked study. The order of tables in the file has no effect.
+    """A checked study: all settings of a study file, with defaults for those that it does not state.
 
-    source: path of the file, to whose folder other paths are relative. published: published results that the report
+    source: path of the file; other paths are relative to its folder. published: published results that the report
     shows next to those of the study, each with the columns estimator, signal, error_pct and time as text. plugins: the
     user's modules with their source code. tables: the raw tables of the file.
     """
@@ -486,7 +493,7 @@ class Study:
         return bool(self.posterior.samplers or self.evidence.methods)
 
     def deviation_of(self, spec: SignalSpec) -> str:
-        """Return "law" if the answer on a signal allows deviations from the laws, else "none".
+        """Return "law" if the answer on a signal allows deviations from the damping and restoring laws, else "none".
 
         With the setting "auto" (the default), it allows them only for a measured record.
         """
@@ -495,7 +502,7 @@ class Study:
 
     @property
     def likelihood(self) -> str:
-        """The deviations from the laws that samplers and evidence methods allow: "law" or "none".
+        """Whether samplers and evidence methods allow deviations from the damping and restoring laws: "law" or "none".
 
         "law" if the study sets deviation = "law"; "none" if it sets "none" or "auto" (which concerns only the answer).
         """
@@ -503,12 +510,12 @@ class Study:
 
     @property
     def priors(self) -> dict[str, Prior]:
-        """The priors that the study states for damping terms, by parameter."""
+        """The priors that the study states for parameters of damping terms, by name of the parameter."""
         return {TERMS.get(t).parameter if t in TERMS.names() else t: p for t, p in self.models.prior.items()}
 
     @property
     def specimens(self) -> dict[str, tuple[SignalSpec, ...]]:
-        """The signals of each specimen, by the specimen's name; signals that name no specimen are not included."""
+        """The signals of each specimen (tested object), by its name; signals that name no specimen are not included."""
         specimens: dict[str, tuple[SignalSpec, ...]] = {}
         for spec in self.signals:
             if spec.specimen:
