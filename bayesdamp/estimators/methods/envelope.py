@@ -69,11 +69,11 @@ class Envelope(Estimator[EnvelopeOptions]):
         units = 1e-5 / ratios_per_unit(problem, features)
         coefficients = np.maximum([guess[name] for name in match.osc.coefficients], units)
 
-        # An unknown start is known only roughly, so its amplitude is fitted too.
+        # An unknown start is only a rough guess from the record, so its amplitude is fitted too.
         x, scale = match.fit(coefficients, scaled="theta0" in free or "omega0" in free)
         parameters = match.parameters(x, scale)
         if not np.all(np.isfinite(match.trajectories.record(parameters))):
-            raise Refusal("no motion that was tried stays finite; check the known values and the laws")
+            raise Refusal("every simulated motion grows without bound; check the known values and the laws")
         values = {name: float(parameters[name]) for name in (*match.osc.coefficients, *free)}
         return Estimate(self.name, "initial", values, evaluations=match.evaluations)
 
@@ -104,7 +104,9 @@ class _EnvelopeMatch:
         quiet = np.flatnonzero(inside & ~loud)
         self.used = np.flatnonzero(inside & (self.times < (self.times[quiet[0]] if quiet.size else np.inf)))
         if self.used.size * gap < period:
-            raise Refusal("the envelope exceeds the noise for less than a period")
+            raise Refusal(
+                "the envelope is clearly above the noise for less than a period, which is too short"
+            )
         self.observed_log = np.log(observed[self.used])
         tolerance = TOLERANCE * float(np.abs(features.turning_amplitudes).max())
         self.trajectories = Trajectories(self.osc, self.record_times, signal.quantity, self.base, tolerance)

@@ -115,7 +115,9 @@ class Genetic(Estimator[GeneticOptions]):
                 break
             people, misfit = _next_generation(people, genes, options, elite, rng), misfit[:elite]
         if not np.isfinite(best[-1]):
-            raise Refusal("every trajectory within the search range is unbounded")
+            raise Refusal(
+                "every simulated motion in the search range grows without bound; check the known values"
+            )
         values = genes.decode(np.array(leaders))
         course = {name: values[name].tolist() for name in genes.names}
         final = {name: each[-1] for name, each in course.items()}

@@ -41,7 +41,7 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
     coefficients (`law`, rad/s²).
     """
 
-    by_position = "its network is a force of the velocity alone"
+    by_position = "its network computes the force from the velocity alone"
     options = NeuralOdeOptions
 
     def initial(

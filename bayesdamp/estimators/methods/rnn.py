@@ -50,11 +50,12 @@ LEAST_STRETCHES = 3
 """Least number of stretches (parts of usually half a cycle) with enough samples; a record with fewer is refused
 (conventional)."""
 FEW = 6.0
-"""If the record has fewer half cycles than this, it is divided into stretches of a quarter cycle instead of half."""
+"""A record with fewer half cycles than this is cut into parts (stretches) of a quarter cycle instead of half."""
 MOST_SAMPLES = 2000
 """Largest number of samples of a record; longer ones are thinned (conventional)."""
 MOST_STRETCHES = 48
-"""Largest number of stretches of a record (conventional). A longer record has stretches of several half cycles."""
+"""Largest number of stretches (parts, usually of half a cycle) into which a record is cut (conventional). In a longer
+record a stretch has several half cycles."""
 TOLERANCE = 1e-6
 """Largest numerical error of a simulated record, as a fraction of the amplitude."""
 LEAST_DECAY = 0.01
@@ -266,8 +267,9 @@ class Simulator:
     def noise(self, records: int) -> np.ndarray:
         """Draw the noise in the coefficients (a, b) of all stretches of simulated records, (records, count, 2).
 
-        It is in units of the given record's amplitude. The standard deviation of each record's noise is within a factor
-        of two of that of the given record.
+        A stretch is a part of usually half a cycle, in which the record is a cos φ + b sin φ. The noise is in units of
+        the given record's amplitude. The standard deviation of each record's noise is within a factor of two of that of
+        the given record.
         """
         size = self.sd * np.exp(np.log(2.0) * self.rng.uniform(-1.0, 1.0, records))
         white = self.rng.standard_normal((records, self.stretches.count, 2))

@@ -37,7 +37,7 @@ untrained network is fitted to the record."""
 with warnings.catch_warnings():
     warnings.simplefilter(
         "ignore", DeprecationWarning
-    )  # the first derivative in a process loads what torch deprecates
+    )  # torch uses deprecated functions of its own for the first derivative
     jvp(torch.sin, (torch.zeros(1),), (torch.ones(1),))
 
 

@@ -74,7 +74,7 @@ class Shooting(ScaledRecord):
 
         self.weight = (1.0 / self.t.size**0.5, options.continuity_weight)
         states, y = [], self.recorded / (self.a * self.w**self.order)
-        for i in range(self.segments):  # angle and velocity of a sinusoid that is fitted near its start
+        for i in range(self.segments):  # angle and velocity of a sinusoid, fitted near the segment's start
             tau = s - i * length
             near = np.argsort(np.abs(tau), kind="stable")
             near = near[: max(8, int(np.count_nonzero(np.abs(tau) < 0.75 * np.pi)))]

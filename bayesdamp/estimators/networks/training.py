@@ -163,7 +163,7 @@ def on_tensors(kernel: Callable[..., Any]) -> Callable[..., Tensor]:
     def evaluate(x: Tensor, *others: Any) -> Tensor:
         try:
             return on_rows(x, *others)
-        except RuntimeError:  # a tensor has no truth value
+        except RuntimeError:  # the kernel branches, but a tensor has no truth value
             return torch.stack([on_rows(*(_row(a, i) for a in (x, *others))) for i in range(x.numel())])
 
     return evaluate
@@ -344,7 +344,7 @@ class ScaledRecord:
     def damping_shapes(self, omega: Tensor) -> Tensor:
         """Return the damping force per unit of each coefficient, (n, terms), at velocities (n,) in rad/s."""
         width: Any = self._epsilon
-        if width == 0.0:  # the sign
+        if width == 0.0:  # friction jumps with the sign of the velocity
             width = torch.where(omega == 0.0, 1.0, EXACT * omega.detach().abs())
         still = torch.zeros_like(omega)
         return torch.stack([on_tensors(t.kernel)(still, omega, width) for t in self._osc.terms], -1)
