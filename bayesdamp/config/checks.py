@@ -14,7 +14,7 @@ from bayesdamp.types import InputError
 
 Model = TypeVar("Model", bound=BaseModel)
 _KEYS = {"value": "angle", "channels": "channel", "runs": "run"}
-"""Arguments of `bayesdamp.read` that have other names in a study file: the key of [[signal]] for each of them."""
+"""For each argument of `bayesdamp.read` that has another name in a study file: the name of its key in [[signal]]."""
 PRIORS: Mapping[str, type[BaseModel]] = {
     kind.model_fields["prior"].default: kind for kind in get_args(get_args(GivenPrior)[0])
 }
@@ -37,7 +37,7 @@ def join_keys(key: str, name: str) -> str:
 
 
 def check_table(raw: object, key: str) -> dict[str, Any]:
-    """Return a raw value that is a table (a dict). Raises StudyError, which names its `key`, if it is not."""
+    """Return the value `raw` if it is a table (a dict); otherwise raise StudyError, which names its `key`."""
     if not isinstance(raw, dict):
         raise StudyError(key, f"is {show(raw)}; it must be a table")
     return raw

@@ -63,7 +63,8 @@ PACKAGE = Path(__file__).resolve().parents[1]
 _SETTINGS = {
     "posterior": PosteriorTable, "evidence": EvidenceTable, "calibration": CalibrationTable, "recovery": RecoveryTable,
 }  # fmt: skip
-"""Tables with settings of single steps of a run, which are checked separately: their classes by name."""
+"""Classes of the tables with settings for single steps of a run, by the name of the table; each is checked separately.
+"""
 _TABLES = ("system", "signal", "sweep", "estimators", "models", *_SETTINGS, "plugins")
 _PUBLISHED = ("estimator", "signal", "error_pct", "time")
 """Columns of a CSV file of published results: the estimator, the signal, the error in per cent, the computing time."""
@@ -80,8 +81,8 @@ WARMUP, DRAWS = 100, 500
 chain that are used. They are nearly independent, because the sampler works in whitened coordinates; if they are not, it
 adds draws."""
 LEAST_NOISE = 1e-3
-"""Standard deviation of the noise that is added to a record without noise, because a likelihood needs noise: a fraction
-of the amplitude, typical of a good encoder."""
+"""Standard deviation of the noise that is added to a record without noise, as a fraction of the amplitude. Noise is
+needed to compute a likelihood; this value is typical of a good encoder."""
 SPECIMEN = "specimen"
 """Name of the specimen (the tested object) in a study whose records are all repeated tests of one object."""
 RecordOptions = Mapping[str, Any]
@@ -314,11 +315,12 @@ def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> t
 
 
 def _read_estimators(raw: object) -> Estimators:
-    """Return the estimators that the table [estimators] names in `use`, with their options. Raises StudyError.
+    """Return the estimators that the table [estimators] names in `use`, with their options.
 
-    Without `use`, or if the table is empty, these are all estimators (`names_for_all`). Options of an estimator are in
-    a table with its name. A variant is an estimator with other options, under a new name: a table with this name, in
-    which `variant_of` gives the estimator and all other keys are options.
+    Raises StudyError if the table is wrong. Without `use`, or if the table is empty, these are all estimators
+    (`names_for_all`). Options of an estimator are in a table with its name. A variant is an estimator with other
+    options, under a new name: a table with this name, in which `variant_of` gives the estimator and all other keys are
+    options.
     """
     given = check_table(raw, "estimators")
     own = list(EstimatorsTable.model_fields)
@@ -348,9 +350,9 @@ def _read_estimators(raw: object) -> Estimators:
 
 
 def _read_published(path: Path) -> tuple[dict[str, str], ...]:
-    """Return the rows of a CSV file with the columns `_PUBLISHED`, each by column as text.
+    """Return the rows of a CSV file of published results; each row is a dict from the name of a column to its text.
 
-    Raises StudyError if the file cannot be read or has no such columns.
+    Raises StudyError if the file cannot be read, or has not all columns in `_PUBLISHED`.
     """
     try:
         reader = csv.DictReader(io.StringIO(read_plain(path, "a CSV file"), newline=""))

@@ -99,7 +99,7 @@ def check_base(raw: object, laws: tuple[str, ...] = ()) -> dict[str, Any]:
 
 
 def _system_keys(parameters: tuple[str, ...] | list[str]) -> list[str]:
-    """Return the valid keys of [system]: the given parameters of restoring laws, and those that every law has."""
+    """Return the valid keys of [system]: the given parameters of restoring laws, and the keys that suit every law."""
     return ["restoring", *parameters, *START, "epsilon", *NOISE, *REFERENCE]
 
 
@@ -246,8 +246,8 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
 def term_keys(law: tuple[str, ...]) -> dict[str, str]:
     """Return the damping terms by their keys in the table `simulate`.
 
-    The key is the name of the term. If a parameter of the restoring law has the same name, it is the name of the
-    coefficient (`mu_3` for cubic damping with a cubic spring).
+    The key is the name of the term. If the restoring law has a parameter of this name, the key is instead the name of
+    the term's coefficient (`mu_3` for cubic damping with a cubic spring).
 
     Parameters
     ----------
@@ -466,10 +466,10 @@ def _applies(key: str, signal: dict[str, Any]) -> bool:
 
 
 def suffix(key: str, value: object, values: tuple[Any, ...]) -> str:
-    """Return the suffix of a name, such as `-noise_sd-0p003` for simulate.noise_sd = 0.003.
+    """Return the suffix that a sweep adds to a signal's name, such as `-noise_sd-0p003` for simulate.noise_sd = 0.003.
 
-    A decimal point becomes p, a leading minus m, and any other character that a name cannot have _. A table or a list
-    is named by its number among the values, from 1.
+    A decimal point becomes p, a leading minus becomes m, and any other character that is not valid in a name becomes _.
+    If the value is a table or a list, the suffix has its number among the values of the sweep, from 1.
     """
     if isinstance(value, dict | list):
         text = str(values.index(value) + 1)

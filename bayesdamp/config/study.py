@@ -64,7 +64,7 @@ Positive = Annotated[float, Field(gt=0, description="a positive number")]
 
 
 class StudySection(BaseModel):
-    """Base class of the tables of a study file. They are frozen, and unknown keys are errors."""
+    """Base class of the tables of a study file. Their values cannot be changed, and unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, regex_engine="python-re")
 
@@ -333,10 +333,10 @@ class RecoveryTable(StudySection):
 
 
 class Simulation(SimulateTable):
-    """A record to simulate. Estimators and inference get only the simulated samples.
+    """A record that is simulated. Estimators and inference get only the simulated samples.
 
-    damping: true damping terms. truth: true values of the parameters by name (`zeta`, `stiffness`, ...), in their units
-    with rad or m, and s.
+    damping: true damping terms. truth: true values of the parameters by name (`zeta`, `stiffness`, ...), in units
+    of rad (or m) and s.
     """
 
     damping: tuple[str, ...]
@@ -344,7 +344,7 @@ class Simulation(SimulateTable):
 
 
 class Recording(FileTable):
-    """A record to read.
+    """A record that is read from a file.
 
     file: the path as written in the study. path: the absolute path. unit: unit of the displacement; empty for an
     envelope whose study does not state the unit, so that the file's unit is used.
@@ -478,7 +478,7 @@ class Study:
     def compare(self, spec: SignalSpec) -> tuple[str, ...]:
         """Return the names of a signal's candidates: each damping sum under each restoring law.
 
-        An envelope has no candidates, because its damping sums are compared only in its answer.
+        An envelope (recorded amplitudes) has no restoring law, and therefore no candidates.
         """
         return tuple(spec.candidate(m, law) for m in self.dampings(spec) for law in spec.restoring)
 
@@ -524,7 +524,7 @@ class Study:
 
     @property
     def records(self) -> tuple[tuple[SignalSpec, int], ...]:
-        """All records, signal by signal: the signal and the number of the repeat, from 0."""
+        """All records of the study, each as a pair: the signal, and the number of the repeat (from 0)."""
         return tuple((spec, repeat) for spec in self.signals for repeat in range(spec.repeats))
 
     @property
