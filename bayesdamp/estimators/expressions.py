@@ -21,7 +21,7 @@ is then at most 3e-7."""
 
 
 def values_of(expression: Any, v: np.ndarray) -> np.ndarray:
-    """Return the values of an expression at velocities v (n,), shape (n,)."""
+    """Evaluate a SymPy expression of the velocity at the velocities v (n,), and return its values, (n,)."""
     return np.zeros_like(v) + sympy.lambdify(V, expression, "numpy")(v)
 
 

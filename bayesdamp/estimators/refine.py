@@ -99,7 +99,7 @@ class _TrajectoryFit:
         return {**self.base, **dict(zip(self.names, map(float, x)))}
 
     def linearise(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residuals (n,), in the unit of the record, and their Jacobian by the unknown parameters (n, k)."""
+        """Return the residuals (n,), in the unit of the record, and their Jacobian (n, k) by the unknowns x (k,)."""
         values, slopes = self.trajectories.with_slopes(self._parameters(x), self.names)
         return values - self.signal.y, slopes.T
 

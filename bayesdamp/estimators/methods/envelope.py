@@ -27,7 +27,7 @@ from bayesdamp.types import Estimate, Problem, Refusal, Signal
 LEAST_CYCLES = 3.0
 """Least number of cycles of a record (conventional). A record with fewer is refused."""
 TOLERANCE = 1e-7
-"""Largest error of a trajectory, as a fraction of the amplitude."""
+"""Largest numerical error of a simulated trajectory, as a fraction of the amplitude."""
 
 
 class EnvelopeOptions(Options):

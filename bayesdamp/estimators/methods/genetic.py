@@ -44,7 +44,8 @@ duration of the record (s), plus 0.5 % of the record's frequency."""
 CHANGE = 1e-5
 """Relative step of the finite differences in Newton's method for harmonic balance (`_balance`)."""
 PHASES, NEWTON = 24, 3
-"""Number of phases of a cycle in a harmonic balance, and number of Newton steps to its solution (conventional)."""
+"""Settings of the harmonic balance (conventional). `PHASES`: number of points in a cycle at which the force is
+averaged. `NEWTON`: number of steps of Newton's method."""
 
 
 class GeneticOptions(Options):
@@ -164,7 +165,7 @@ class Genes:
         self.positive = np.arange(len(self.names)) < len(self.osc.terms)
 
     def decode(self, u: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the values (m,) of every parameter of a trajectory, by name, for variables u (m, d)."""
+        """Convert variables of the search, (m, d), to the values (m,) of every parameter of m trajectories, by name."""
         x = dict(zip(self.names, (self.low + u * (self.high - self.low)).T))
         p = {name: np.full(u.shape[0], float(self.base.get(name, 0.0))) for name in self.osc.inputs}
         p |= {name: value for name, value in x.items() if name not in self.balanced}

@@ -47,7 +47,7 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: LeastSquaresOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Regress the acceleration on the damping shapes and the unknown restoring terms; return all unknowns."""
+        """Regress the acceleration on the damping and the unknown restoring forces; return all unknown parameters."""
         features = checked_features(signal)
         smoothed = motion(signal, problem, features)
         osc, known = oscillator(problem), known_restoring(problem)

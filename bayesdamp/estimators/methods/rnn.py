@@ -52,7 +52,7 @@ LEAST_STRETCHES = 3
 FEW = 6.0
 """A record with fewer half cycles than this is cut into parts (stretches) of a quarter cycle instead of half."""
 MOST_SAMPLES = 2000
-"""Largest number of samples of a record; longer ones are thinned (conventional)."""
+"""Largest number of samples of a record that are used; a longer record is thinned (conventional)."""
 MOST_STRETCHES = 48
 """Largest number of stretches (parts, usually of half a cycle) into which a record is cut (conventional). In a longer
 record a stretch has several half cycles."""

@@ -53,7 +53,8 @@ penalty); the best value is then refined within ±1."""
 PROBES = 32
 """Number of random vectors with which the trace of the smoothing matrix is estimated."""
 OUTLIER = 6.0
-"""Samples that deviate by more than this many robust standard deviations are left out."""
+"""Samples that deviate from the smoothing spline by more than this many robust standard deviations are left out of its
+fit."""
 
 
 class OscillationSpline:

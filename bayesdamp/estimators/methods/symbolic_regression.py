@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from bayesdamp.estimators.expressions import ScoredExpression
 
 KNOTS = (5.0, 6.0, 8.0, 11.0, 16.0, 23.0, 32.0)
-"""Numbers of spline knots in a period that are tried: more knots resolve the force better but pass more noise."""
+"""Numbers of knots of the smoothing spline in a period that are tried. More knots resolve the damping force better, but
+smooth noise less."""
 MOST_NOISE = 0.1
 """A number of knots above the smallest of `KNOTS` is used only if the noise of the acceleration is then at most this
 fraction of the rms damping force, and if there are at least six samples for each knot."""
@@ -195,11 +196,17 @@ class Force:
         return (left - self._basis @ (self._basis.T @ left)) / np.sqrt(self._variance)
 
     def error(self, values: np.ndarray) -> float:
-        """Return the mean square of the `misfit` of values (n,), as a fraction of the variance of the damping force."""
+        """Return the mean square `misfit` of a candidate force, as a fraction of the measured force's variance.
+
+        values: the candidate force at the velocities `omega`, (n,).
+        """
         return float(np.mean(self.misfit(values) ** 2))
 
     def restoring(self, values: np.ndarray) -> dict[str, float]:
-        """Return the unknown restoring parameters by name, fitted with values (n,) at `omega` as damping force."""
+        """Fit the unknown restoring parameters for a given damping force, and return them by name.
+
+        values: the damping force at the velocities `omega`, (n,).
+        """
         if self._count == 0:
             return {}
         left = self.target - self.motion.project(values)

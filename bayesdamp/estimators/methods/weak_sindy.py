@@ -42,7 +42,7 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
 
 WIDTHS = (0.75, 1.0, 1.5, 2.0)
-"""Widths of the test functions that are tried, in periods."""
+"""Widths of the test functions, in periods, that are tried; that with the smallest predicted standard error is used."""
 ROUNDS = 3
 """Number of times that the final regression is repeated; each time its weights follow from the coefficients of the fit
 before."""

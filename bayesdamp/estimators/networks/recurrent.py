@@ -1,4 +1,4 @@
-"""Define a recurrent network that maps a sequence to a number, and train it."""
+"""Define a recurrent network that maps a sequence of vectors to one number, and train it."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ PATIENCE = 4
 
 @dataclass(frozen=True)
 class RecurrentNetwork:
-    """A recurrent layer over sequences, and a linear layer from its last state to one number, the answer.
+    """A recurrent layer over sequences, and a linear layer that maps its last state to one number, the answer.
 
     cell: "lstm" (Hochreiter & Schmidhuber 1997, with the forget gate of Gers, Schmidhuber & Cummins 2000) or "gru" (Cho
     and others 2014). units: number of units in the recurrent layer. inputs: number of values in each step of a
@@ -34,7 +34,7 @@ class RecurrentNetwork:
         return (4 if self.cell == "lstm" else 3) * self.units
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw first weights (k,) uniformly between ±1/√units: those of the matrix, then those of the linear layer."""
+        """Draw random weights (k,), uniform in ±1/√units: those of the matrix, then those of the linear layer."""
         count = self.gates * (self.inputs + self.units + 1) + self.units + 1
         return rng.uniform(-1.0, 1.0, count) / self.units**0.5
 
@@ -77,9 +77,10 @@ class RecurrentNetwork:
         ----------
         weights
             The weights (k,) so far.
-        own, others
-            Sequences (m, steps, inputs) and their right answers (m,): those to train with, and those whose error ends
-            the training.
+        own
+            The sequences (m, steps, inputs) with which the network is trained, and their right answers (m,).
+        others
+            Other sequences with their right answers, in the same form, whose error ends the training.
         epochs
             Largest number of rounds; each is one step of `descend` on all sequences.
 

@@ -1,4 +1,4 @@
-"""Fit a learnt damping force by multiple shooting: segments of a record are integrated in one batch."""
+"""Train a network for the damping force by multiple shooting: the segments of a record are integrated in one batch."""
 
 from collections.abc import Callable
 from typing import Any, cast

@@ -23,7 +23,7 @@ from bayesdamp.types import DERIVATIVES, OK, Problem, Refusal, Signal
 REAL = torch.float64
 """Type of every tensor. We pass it wherever a tensor is created, so that torch's default type stays unchanged."""
 MOST_SAMPLES = 750
-"""Largest number of samples of a record; longer ones are thinned (conventional)."""
+"""Largest number of samples of a record that are used for the training; a longer record is thinned (conventional)."""
 BIAS = 0.5
 """Standard deviation of the random biases of a network before its training."""
 FIRST, LOWEST, LESS, MORE = 1e-3, 1e-14, 0.2, 5.0
@@ -93,7 +93,7 @@ class DenseNetwork:
         return sum(outputs * (inputs + 1) for inputs, outputs in itertools.pairwise(self.sizes))
 
     def draw(self, rng: np.random.Generator) -> Tensor:
-        """Draw first weights (k,): matrices of variance 1/inputs (Glorot's for equal sizes), biases of sd `BIAS`."""
+        """Draw random first weights (k,): those of a matrix have the variance 1/inputs, biases the sd `BIAS`."""
         weights = torch.from_numpy(rng.standard_normal(self.count))
         for matrix, bias in self._layers(weights):
             matrix /= matrix.shape[1] ** 0.5
@@ -195,9 +195,9 @@ def descend(evaluate: Callable[[np.ndarray], Evaluated], x: np.ndarray) -> Itera
     """Lower the sum of squares of residuals (n,) step by step, for up to a few thousand unknowns.
 
     It uses Levenberg's method with geodesic acceleration (Transtrum & Sethna 2012, arXiv:1201.5885): a step is bent by
-    the residuals' second derivative along it, and refused if it bends too much. All unknowns have the same damping:
-    scaled by their curvature, as Marquardt proposed, it would let weights without effect grow without bounds. The
-    descent ends when none of `TRIALS` steps from a point lowers the loss.
+    the residuals' second derivative along it, and refused if it bends too much. All unknowns have the same damping
+    λ. (If it were scaled by their curvature, as Marquardt proposed, weights without effect could grow without bounds.)
+    The descent ends when none of `TRIALS` steps from a point lowers the loss.
 
     Parameters
     ----------
