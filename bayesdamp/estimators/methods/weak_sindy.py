@@ -47,7 +47,7 @@ ROUNDS = 3
 """Number of times that the final regression is repeated; each time its weights follow from the coefficients of the fit
 before."""
 SUBDIVIDED = 15
-"""Number of points, in the sampling interval around each sample, over which a discontinuous candidate term is averaged.
+"""Number of points over which a discontinuous candidate term is averaged, within the sampling interval around a sample.
 """
 
 
@@ -169,8 +169,8 @@ def _assemble(
 ) -> Rows | None:
     """Return the weak form of the equation of motion for test functions `width` s wide.
 
-    The result is None if no test function fits into the record.     stretch: the part of the record that is used.
-    library: the candidate terms, one for each column of the result.
+    The result is None if no test function fits into the record. stretch: the part of the record that is used. library:
+    the candidate terms, one for each column of the result.
     """
     law, known, n = oscillator(problem).law, known_restoring(problem), stretch.y.size
     if n * stretch.h <= width:
