@@ -183,7 +183,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
             best = other if other.cost < best.cost else best
     residual, jacobian = fit.linearise(best.x)
     if not np.all(np.isfinite(residual)):
-        raise Refusal("every simulated motion grows without bound; check the known values and the laws")
+        raise Refusal("no simulated motion has finite values; check the known values and the laws")
 
     problems = [] if best.converged else ["the trajectory fit did not converge"]
     zero = [name for name, value, unit in zip(osc.coefficients, best.x, units) if value < 1e-3 * unit]

@@ -73,7 +73,7 @@ class Envelope(Estimator[EnvelopeOptions]):
         x, scale = match.fit(coefficients, scaled="theta0" in free or "omega0" in free)
         parameters = match.parameters(x, scale)
         if not np.all(np.isfinite(match.trajectories.record(parameters))):
-            raise Refusal("every simulated motion grows without bound; check the known values and the laws")
+            raise Refusal("no simulated motion has finite values; check the known values and the laws")
         values = {name: float(parameters[name]) for name in (*match.osc.coefficients, *free)}
         return Estimate(self.name, "initial", values, evaluations=match.evaluations)
 

@@ -116,9 +116,7 @@ class Genetic(Estimator[GeneticOptions]):
                 break
             people, misfit = _next_generation(people, genes, options, elite, rng), misfit[:elite]
         if not np.isfinite(best[-1]):
-            raise Refusal(
-                "every simulated motion in the search range grows without bound; check the known values"
-            )
+            raise Refusal("no simulated motion in the search range has finite values; check the known values")
         values = genes.decode(np.array(leaders))
         course = {name: values[name].tolist() for name in genes.names}
         final = {name: each[-1] for name, each in course.items()}

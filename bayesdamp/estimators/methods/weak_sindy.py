@@ -47,8 +47,7 @@ ROUNDS = 3
 """Number of times that the final regression is repeated; each time its weights follow from the coefficients of the fit
 before."""
 SUBDIVIDED = 15
-"""Number of points over which a discontinuous candidate term is averaged, within the sampling interval around a sample.
-"""
+"""Number of points in the sampling interval around a sample, over which a discontinuous term is averaged."""
 
 
 class WeakSindyOptions(Options):
