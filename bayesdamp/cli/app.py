@@ -108,8 +108,8 @@ app = typer.Typer(
 
 
 build_parser = lru_cache(maxsize=1)(typer.main.get_command)
-"""Function that converts the Typer app to a Click command, which parses and runs a command line. The result is cached
-as that of `command`."""
+"""Function that converts the Typer app to a Click command, which parses and runs a command line. The result is cached,
+because tests run hundreds of commands in one process."""
 
 
 def _show_version(wanted: bool) -> None:
@@ -191,8 +191,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _usage_error(error: Any, given: Sequence[str]) -> str:
     """Return one line that describes an error in the command line and names the help to read.
 
-    `error` is Click's exception, `given` the words of the command line. The line is empty if Typer has already printed
-    the help.
+    `error` is the exception that Click raised, and `given` contains the words of the command line. The line is empty if
+    the exception has no message, because the help was already printed.
     """
     line = error.format_message().rstrip(".")
     at = re.fullmatch(r"Invalid value for '(--[\w-]+)[^']*': Input should be ([^,]*)(,.*)?", line)

@@ -36,9 +36,9 @@ def one_line(text: object) -> str:
 
 
 def machine_refusal(error: BaseException) -> str | None:
-    """Return a line that explains too little memory, a full disk, or a path that the operating system refuses.
+    """Return a line that explains an error of the machine, and what the user can do; None for other errors.
 
-    Return None for other errors, also for an OSError that contains no path, unless memory is short or the disk is full.
+    Errors of the machine are too little memory, a full disk, and an OSError with the path of a file.
     """
     number = getattr(error, "errno", None)
     if (
@@ -78,7 +78,7 @@ def prepare_streams() -> None:
 
 
 def print_error(line: str) -> None:
-    """Print a line on stderr. If stderr is closed, discard the line."""
+    """Print a line on stderr; if stderr is closed, discard the line."""
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:

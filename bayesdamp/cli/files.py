@@ -11,7 +11,9 @@ from bayesdamp.types import InputError
 
 
 def check_folder(out: Path | None, name: str) -> Path:
-    """Return the folder of a run: `out`, or reports/`name` if `out` is None. The folder is not created.
+    """Return the folder of a run, `out` or by default reports/`name`, and check that it can be a folder.
+
+    The folder is not created.
 
     Raises
     ------

@@ -63,9 +63,9 @@ AsJson = Annotated[bool, option(OUTPUT, "Print the verdicts as JSON, as in verdi
 
 
 def parse_time(text: float | str, name: str) -> float | str:
-    """Convert the value of the option `name` (--start or --stop) to a finite time in s; "auto" stays as it is.
+    """Convert the value of the option `name` (--start or --stop) to a finite time in s; "auto" is returned unchanged.
 
-    Raises InputError for anything else.
+    Raises InputError for any other text.
     """
     if text == "auto":
         return text

@@ -31,10 +31,10 @@ _VALID = {
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """The command-line options for reading files; each annotation contains the option's help text.
+    """The command-line options for reading files; the annotation of each field contains the option's help text.
 
-    An option that is not given is None, or "auto" for clock, start and stop. start, stop: limits of the free decay in
-    s. A wrong value raises InputError.
+    An option that is not given is None, or "auto" for clock, start and stop. start, stop: start and end of the free
+    decay in s. An invalid value raises InputError.
     """
 
     angle: Annotated[
@@ -126,13 +126,13 @@ class FileRecord:
     unit, quantity
         Unit of the displacement, such as "deg" (or of the recorded quantity, such as "rpm"), and the recorded quantity.
     findings
-        Findings on what looks wrong.
+        Doubts about the unit, the times and the sampling rate of the record.
     signal
-        The part of the record that is used, as `clean` returns it, in the base unit (such as rad): its free decay, or
-        the whole oscillation if this is not the free decay of one oscillator. None if there is none, or if it was not
-        searched.
+        The part of the record that is used, as `clean` returns it, in the base unit (such as rad). It is the free
+        decay, or the whole oscillation if this is not the free decay of one oscillator. None if the record does not
+        contain an oscillation, or if it was not searched for a free decay.
     refusal
-        Reason why `signal` is None; empty if there is a signal, or if it was not searched.
+        Reason why `signal` is None; empty if there is a signal, or if the record was not searched.
     several
         Whether the file contains several records.
     """
@@ -154,16 +154,17 @@ class FileRecord:
 
 
 def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> list[FileRecord]:
-    """Return the records in a file.
+    """Read all records in a file, and check them for what looks wrong.
 
     Parameters
     ----------
     path
         The file.
     options
-        How to read it.
+        The options of the command for reading files.
     cleaned
-        Whether to look for the free decay in each record; a record without one then has a `refusal`.
+        Whether to search each record for its free decay, which becomes its `signal`. A record without a free decay has
+        the reason as its `refusal`. If False, both are empty.
 
     Raises
     ------
@@ -206,18 +207,18 @@ def with_free_decay(record: FileRecord, options: ReadingOptions) -> FileRecord:
 
 @dataclass(frozen=True)
 class SelectedRecords:
-    """The records of several files.
+    """The records of several files that a command uses, and lines to print about them.
 
     Attributes
     ----------
     records
         The records that are used.
     doubted
-        Lines on what looks wrong with them.
+        Lines on what looks wrong with these records.
     notes
-        Lines on how they were read.
+        Lines on how these records were read, and on records that were left out.
     failed
-        Errors of the files that could not be read or have no usable record.
+        Errors of the files that could not be read or do not contain a usable record.
     """
 
     records: list[FileRecord]
@@ -227,20 +228,21 @@ class SelectedRecords:
 
 
 def select_records(paths: Sequence[Path], options: ReadingOptions, *, every: bool = False) -> SelectedRecords:
-    """Return the records of several files.
+    """Read several files, and return the records that a command uses.
 
-    If a file has several records and the user did not select any, those without a free decay are left out with a note.
-    Otherwise a record without a free decay makes its file unusable. If there is only one path, the free decay of a
-    single or selected record is not searched here (`signal` and `refusal` are empty).
+    If a file contains several records and the user did not select any of them, records without a free decay are left
+    out with a note. Otherwise a record without a free decay makes its file unusable. If there is only one path, a
+    record that is alone in the file, or that the user selected, is not searched for its free decay here: its `signal`
+    and `refusal` are then empty.
 
     Parameters
     ----------
     paths
         The files.
     options
-        How to read them.
+        The options of the command for reading files.
     every
-        Whether every file must contain a usable record; otherwise at least one file must.
+        Whether every file must contain a usable record. If False, one file with a usable record is enough.
 
     Raises
     ------
@@ -264,9 +266,13 @@ def _choose(
 ) -> tuple[list[FileRecord], list[str], list[str]]:
     """Return the records of a file that are used, lines on what looks wrong, and lines on how they were read.
 
-    `cleaned`: whether to search for the free decay of a single or selected record too. Raises InputError if the file
-    cannot be read, if none of its records is a free decay, if a single or selected one was searched and is not, or if a
-    finding is one of the `QUESTIONS`, which the user must settle first.
+    `cleaned`: whether to search for the free decay also in a record that is alone in the file or that the user
+    selected. InputError is raised in these cases:
+
+    - the file cannot be read;
+    - the file contains several records, and none of them is a free decay;
+    - a record that is alone or selected was searched and is not a free decay;
+    - a doubt about a record is one of the `QUESTIONS`, which the user must answer first.
     """
     notes: list[str] = []
     all_of_it = options.runs is None and not options.channels and options.angle is None
@@ -298,18 +304,18 @@ def _choose(
 
 
 def doubt_lines(path: Path, records: Sequence[FileRecord]) -> list[str]:
-    """Return lines on what looks wrong with the records of a file: the first finding of each kind.
+    """Return lines on what looks wrong with the records of a file: for each kind of doubt, the first one.
 
-    Each line begins with the file's name.
+    Each line begins with the name of the file.
     """
     first = {finding.kind: finding for record in reversed(records) for finding in record.findings}
     return [f"{path.name}: {finding}" for finding in first.values()]
 
 
 def distinguishing_label(record: FileRecord, records: Sequence[FileRecord]) -> str:
-    """Return the run or channel (or both) that distinguishes a record from the others of its file.
+    """Return the run or channel (or both) that distinguishes a record from the other records of its file.
 
-    Empty if the file has only one record.
+    The text is empty if the file has only one record.
     """
     if not record.several:
         return ""
@@ -318,10 +324,11 @@ def distinguishing_label(record: FileRecord, records: Sequence[FileRecord]) -> s
 
 
 def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[RecordOptions]:
-    """Return records as entries [[signal]] of a study, in the same order.
+    """Convert records to the entries [[signal]] of a study, in the same order.
 
-    If the file marks its records as runs, the runs of one channel are repeats of one specimen, which has the name of
-    the file without its ending, and of the channel if there are several. Other records have no specimen.
+    If a file contains numbered runs, the runs of one channel are repeats of one specimen. The name of the specimen is
+    the name of the file without its ending, followed by the name of the channel if there are several. Other records
+    have no specimen.
     """
     signals = []
     for record in records:

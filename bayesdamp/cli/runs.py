@@ -26,7 +26,9 @@ FEW_RECORDS = 5
 
 
 def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
-    """Read a study, and check the options of its estimators. Raises InputError if anything in it is wrong.
+    """Read a study, and check the options of its estimators.
+
+    Raises InputError if something in the study is wrong.
 
     Parameters
     ----------
@@ -43,9 +45,10 @@ def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
 
 
 def choose_folder(study: Study) -> Path:
-    """Return the first of the folders reports/NAME, NAME-2, NAME-3, ... that contains no run of a different study.
+    """Return the first of the folders reports/NAME, reports/NAME-2, ... that contains no run of a different study.
 
-    It is a new folder, or that of an earlier run of the same study, which is then resumed.
+    NAME is the study's name. The folder does not exist yet, or contains no run, or contains an earlier run of the same
+    study, which is then resumed.
 
     Raises
     ------
@@ -80,7 +83,7 @@ def run_and_print(
 ) -> int:
     """Run a study, print its verdicts, and return the exit status.
 
-    For up to `FEW_RECORDS` records, each verdict is printed as soon as it is available. The status is that of
+    For up to `FEW_RECORDS` records, each verdict is printed as soon as it is available. The exit status is that of
     `run_study`, but 3 if `failed` is not empty.
 
     Parameters
@@ -93,9 +96,9 @@ def run_and_print(
         Last step of the run: the answer alone, the sampled answer, or everything that the study asks for.
     finish
         Function that prints the end of the output, from the folder of the run; by default `print_conclusion`. It is
-        not called if `as_json`.
+        not called if `as_json` is True.
     as_json
-        Whether to print the verdicts as JSON.
+        Whether to print the verdicts as JSON. If False, they are printed as text.
     failed
         Errors of files that could not be read, which are printed at the end.
     **options

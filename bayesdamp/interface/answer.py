@@ -1,7 +1,7 @@
-"""Compute the answer on one signal: which damping it has, how large it is, and how well the law holds.
+"""Compute the answer on one signal: which damping it has, how large it is, and how well the damping law holds.
 
-`bayesdamp compare`, `bd.compare` and the tasks of a study all call `answer`. How the damping models are compared is
-described in the docstring of `bayesdamp.inference.deviation`.
+`bayesdamp compare`, `bd.compare` and the tasks of a study all call `answer`. The docstring of
+`bayesdamp.inference.deviation` describes how the damping models are compared.
 """
 
 from collections.abc import Mapping, Sequence
@@ -43,30 +43,33 @@ from bayesdamp.verdict.specimen import RecordAnswer
 from bayesdamp.verdict.types import Verdict
 
 BEYOND = 1.3
-"""Factor by which a requested amplitude may be outside the range of the record's amplitudes (conventional)."""
+"""Factor by which a requested amplitude may be above the record's first amplitude or below its last (conventional)."""
 COMPARED = "comparison"
-"""Key of the stored comparison in the argument `comparisons` of `answer`."""
+"""Key under which `answer` stores the model comparison in its argument `comparisons`."""
 CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
-"""Names of the arrays of a damping curve that a verdict on several records needs: amplitudes, damping ratio with the
-ends of its 95 % interval, and mean and sd of the logarithm of the damping ratio divided by that without deviations."""
+"""Names of the arrays of a damping curve that a verdict on several records needs. `amplitude`: the amplitudes. `ratio`,
+`low`, `high`: the damping ratio there, and the ends of its 95 % interval. `over`, `over_sd`: mean and sd of ln(damping
+ratio / damping ratio without deviations from the damping law)."""
 BY_LAW = ("ratio", "low", "high")
-"""Names of the arrays of the damping ratio that is averaged over damping laws; they are left out if no law is the
-answer."""
+"""Names of the arrays with the damping ratio according to the damping laws, averaged over them by their probability,
+and its 95 % interval. They are left out if the damping is measured without a law (`Verdict.law_free`)."""
 CURVE_POINTS = 40
-"""Number of points of the damping curve that is measured without a law."""
+"""Number of amplitudes at which `measured_curve` gives the damping that is measured without assuming a law."""
 OF_LAW = (*BY_LAW, "fit", "residual", "law/", "work/")
-"""Prefixes of the names of all arrays that depend on a damping law; they are left out if the record contradicts every
-law."""
+"""Prefixes of the names of all arrays that depend on a damping law. They are left out if the best law contradicts the
+damping that is measured without a law (`Verdict.contradicted`)."""
 RUN = "run/"
-"""Prefix of the arrays that describe each model's likelihood, for a verdict on several records."""
+"""Prefix of the names of the arrays that contain each model's likelihood, which a verdict on several records needs."""
 RUN_ARRAYS = {
     **dict.fromkeys(("coefficients", "mode", "per_unit", "growth")),
     "likelihood": dict.fromkeys(("log", "slope", "information")),
 }
-"""The fields of a model's likelihood that are stored as arrays, in the form that `serial.join` takes."""
+"""Fields of a `RatioLikelihood` (a model's likelihood as a function of its damping) that are stored as arrays, as a
+nested dictionary for `serial.join`, which reads them back."""
 JOINABLE = 40.0
-"""For a verdict on several records, the likelihood of each compared damping sum is stored. That of another form of
-damping is stored only if its log evidence is less than this many nats below the largest (conventional)."""
+"""Limit in nats (conventional) for the likelihoods that are stored for a verdict on several records. The likelihood of
+a form of damping outside the compared sums is stored only if its log evidence is less than this below the largest one.
+The likelihoods of the compared sums are always stored."""
 
 
 @dataclass(frozen=True)
@@ -79,12 +82,12 @@ class Answer:
         The verdict, the compared models and further results as plain values, with amplitudes in the record's base unit
         (rad, m or the sensor's unit).
     arrays
-        The arrays of its figure, as in `inference.deviation.findings.picture`; for one of several records of a specimen
-        also the likelihood of each model, `run/DAMPING@RESTORING/...`. Empty if an oscillation has no answer. For an
-        envelope: those of `answer_envelope`.
+        Arrays for the figure, by name, as in `inference.deviation.findings.picture`. For one of several records of a
+        specimen (the object that was recorded), they include the likelihood of each model,
+        `run/DAMPING@RESTORING/...`. Empty if an oscillation has no answer. For an envelope, see `answer_envelope`.
     further
-        Draws of the models that were sampled, `draws/DAMPING@RESTORING`, and the arrays of the fits in
-        `content.laws`, `found/DAMPING@RESTORING/...`; empty for an envelope.
+        Posterior draws of the models that were sampled (`draws/DAMPING@RESTORING`), and the arrays of the fits in
+        `content.laws` (`found/DAMPING@RESTORING/...`). Empty for an envelope.
     """
 
     content: AnswerContent
@@ -93,15 +96,16 @@ class Answer:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """The verdict on the record."""
+        """The verdict on the record, restored from `content`."""
         return Verdict.from_dict(self.content.verdict)
 
     def of_specimen(self) -> RecordAnswer:
         """Return the part of this answer that a verdict on several records of a specimen needs.
 
-        Log evidences are relative to the largest one of the compared models. They allow for deviations from the laws,
-        or assume exact laws for all models if one of the compared models has no other log evidence. The answer must be
-        on an oscillation, have `arrays`, and be computed with `repeated`.
+        Log evidences are relative to the largest one of the compared models. They allow for deviations from the damping
+        and restoring laws. If one of the compared models has only a log evidence under exact laws, those under exact
+        laws are used for all models. The answer must be on an oscillation, contain `arrays`, and be computed with
+        `repeated=True`.
         """
         rows, rivals = [r for r in self.content.candidates if r.outcome == OK], self.content.rivals
         exact = any(r.log_evidence is None for r in rows)
@@ -151,7 +155,7 @@ def answer(
     repeated: bool = False,
     noise: str | Sequence[str] = "auto",
 ) -> Answer:
-    """Return which damping a signal has, how large it is, and how well the law holds.
+    """Compute which damping a signal has, how large it is, and how well the damping law holds.
 
     Parameters
     ----------
@@ -164,14 +168,15 @@ def answer(
         Unit of `amplitudes`; by default `signal.unit`. The answer itself is always in `signal.unit` (rad, m or the
         sensor's unit) and s.
     deviation
-        "none": laws hold exactly; "law" or "auto": they may hold approximately.
+        "none": the damping and restoring laws are assumed to hold exactly; "law" or "auto": deviations from them are
+        inferred.
     damping, restoring
-        Damping sums, such as "viscous+coulomb", and restoring laws to compare; by default the seven sums of viscous,
-        Coulomb and quadratic damping, and all laws that the unit of the signal allows. Other forms of damping are tried
-        in addition.
+        Sums of damping terms, such as "viscous+coulomb", and restoring laws to compare. By default these are the seven
+        sums of viscous, Coulomb and quadratic damping, and all laws that the unit of the signal allows. Other forms of
+        damping are tried in addition.
     known
-        Known values of parameters, by name, in `signal.unit` and s; or a function that returns them for the name of a
-        restoring law.
+        Known values of parameters, by name, in `signal.unit` and s; or a function that returns such a dictionary for
+        the name of a restoring law.
     priors
         Priors by name of the parameter, such as "zeta"; the other parameters have default priors.
     reference
@@ -179,20 +184,23 @@ def answer(
         of the record.
     sensor
         Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
-        every damping ratio. It is not used if laws hold exactly.
+        every damping ratio. It is not used with the deviation "none".
     measured
-        Whether the record is a measurement. Probabilities are then at most `thresholds.CAP`, unless laws hold exactly.
+        Whether the record is a measurement. Probabilities are then at most `thresholds.CAP`, unless the deviation is
+        "none".
     seed
         Seed of all random numbers.
     notes
         Sentences on the record that are added to the remarks.
     sample
-        Whether to sample the posterior of the full equation of motion after the linear approximation.
+        Whether to sample the posterior of the full equation of motion. If False, the answer is from a linear
+        approximation of the motion.
     comparisons
         A dictionary in which the comparison by linear approximations is stored, so that a second call on the same
         signal with the same arguments does not compute it again.
     repeated
-        Whether the signal is one of several records of a specimen. The answer then contains each model's likelihood.
+        Whether the signal is one of several records of a specimen (the object that was recorded). The answer then
+        contains each model's likelihood.
     noise
         A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, from which
         the most probable one is chosen. Gaussian noise, if it is among them, is replaced only by a model whose log
@@ -282,7 +290,7 @@ def answer(
 
 
 def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, np.ndarray]) -> Answer:
-    """Return the answer that consists of a comparison, its verdict and the arrays of its figure."""
+    """Return an answer in its stored form, from a model comparison, its verdict and the arrays of its figure."""
     further: dict[str, np.ndarray] = {}
     priors, posteriors, laws = [], [], []
     for r in comparison.results:
@@ -317,12 +325,12 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
 
 
 def measured_curve(fit: LawFree) -> dict[str, np.ndarray]:
-    """Return the damping curve that is measured without a law, as the arrays `free/*` of a figure.
+    """Return the damping against amplitude, measured without assuming a damping law, as arrays `free/...` for a figure.
 
-    They contain, at falling amplitudes `free/amplitude` in the record's base unit, the equivalent damping ratio
-    `free/ratio` and the energy lost in a cycle `free/lost` (unit²/s²), each with the ends `_low` and `_high` of its
-    95 % interval. The energy lost in a cycle, per unit of inertia, is 4π ζ E with the damping ratio ζ and the energy E
-    of the oscillation.
+    `free/amplitude` contains `CURVE_POINTS` falling amplitudes in the record's base unit. At these, `free/ratio` is the
+    equivalent damping ratio, and `free/lost` is the energy lost in a cycle per unit of inertia (unit²/s²). Arrays with
+    the endings `_low` and `_high` are the ends of their 95 % intervals. The energy lost in a cycle is 4π ζ E, with the
+    damping ratio ζ and the energy E of the oscillation.
     """
     at = fit.at(np.linspace(*fit.span, CURVE_POINTS))
     order, half = np.argsort(-at.amplitude), NORMAL_95 * at.ratio_sd
@@ -343,7 +351,7 @@ def amplitudes_in_base_unit(
     amplitudes
         The amplitudes in `unit`, or None.
     comparison
-        The comparison of the candidates on the record, of which only the range of amplitudes is used.
+        The model comparison on the record; only the record's first and last amplitude are used.
     unit
         A unit of displacement.
 
@@ -355,7 +363,7 @@ def amplitudes_in_base_unit(
     Raises
     ------
     InputError
-        If an amplitude is outside the range of the record by more than the factor `BEYOND`.
+        If an amplitude is above the record's first amplitude, or below its last, by more than the factor `BEYOND`.
     """
     if amplitudes is None:
         return None
@@ -371,7 +379,11 @@ def amplitudes_in_base_unit(
 
 
 def _noise_remark(noise: SampleNoise) -> str:
-    """Return a sentence on the noise model and its lead over Gaussian noise in nats; empty if it is Gaussian."""
+    """Return a sentence on a noise model other than Gaussian noise; an empty text for Gaussian noise.
+
+    The sentence says by how many nats the model's log evidence is larger than that of Gaussian noise, or that the model
+    was specified.
+    """
     if noise.name == GAUSSIAN:
         return ""
     if np.isnan(noise.ahead):
@@ -394,7 +406,8 @@ def _noise_remark(noise: SampleNoise) -> str:
 def _phase_remark(data: Data, first: float) -> str:
     """Return sentences on a phase of the oscillation that wanders randomly, and on gaps whose cycles cannot be counted.
 
-    `first` is the time of the first sample in s, on the record's own time axis. The text is empty if there is neither.
+    `first` is the time of the first sample in s, on the record's own time axis. The text is empty if the phase does not
+    wander and there are no such gaps.
     """
     averaged, sentences = data.averaged, []
     if averaged is not None and averaged.wander:
@@ -412,9 +425,9 @@ def _phase_remark(data: Data, first: float) -> str:
 def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarray]:
     """Return the arrays that a verdict on several records of a specimen needs.
 
-    They describe each model's likelihood as a function of its damping (`run/DAMPING@RESTORING/...`; for other forms of
-    damping, see `JOINABLE`), the deviation of the damping from its law along the damping curve (`over`, `over_sd`; see
-    `CURVE`), and the reference amplitude and angular frequency (`run/reference`).
+    `run/DAMPING@RESTORING/...`: each model's likelihood as a function of its damping (which models: see `JOINABLE`).
+    `over`, `over_sd`: the deviation of the damping from its law at each amplitude of the damping curve (see `CURVE`).
+    `run/reference`: the amplitude and the angular frequency to which default priors are scaled.
     """
     amplitudes = np.array([r.amplitude for r in findings.curve])
     arrays = {f"{RUN}reference": np.array([comparison.reference.amplitude, comparison.reference.frequency])}
@@ -430,9 +443,9 @@ def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarr
 
 
 def _row(comparison: ModelComparison, result: CandidateResult) -> ComparedCandidate:
-    """Return the stored form of the result of one model.
+    """Convert the result of one damping model to the form in which it is stored.
 
-    Its rms residual is None if averages over cycles were fitted instead of the samples of the record.
+    The rms residual is None if averages over cycles were fitted instead of the samples of the record.
     """
     data, noise = comparison.data, comparison.variance / comparison.inflation
     # The fit uses means of `thinned` samples. Add the noise that averaging removed, to get the residual of the samples.

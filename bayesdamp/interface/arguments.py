@@ -64,10 +64,10 @@ def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
 
 
 def names_of_parameters(terms: Sequence[str], parameters: Sequence[str]) -> dict[str, str]:
-    """Return the parameter that each valid name of a prior means.
+    """Return a dictionary from each name under which a prior may be given to the name of its parameter.
 
-    A parameter has its own name. The coefficient of a damping term (`terms` lists them) also has the name of the term,
-    such as "viscous" for "zeta", unless a parameter of the restoring law has this name.
+    Each of the `parameters` has its own name. For the coefficient of a damping term in `terms`, the name of the term is
+    valid too, such as "viscous" for "zeta", unless a parameter of the restoring law has this name.
     """
     return {t: TERMS.get(t).parameter for t in terms} | {p: p for p in parameters}
 
@@ -75,15 +75,15 @@ def names_of_parameters(terms: Sequence[str], parameters: Sequence[str]) -> dict
 def known_and_priors(
     who: str, known: object, priors: object, terms: Sequence[str], parameters: Sequence[str]
 ) -> tuple[dict[str, float], dict[str, Prior]]:
-    """Check the arguments `known` and `priors`, and return both by name of the parameter.
+    """Check the arguments `known` and `priors`, and return both as dictionaries by name of the parameter.
 
     Parameters
     ----------
     who
         Name of the function or class, for errors.
     known
-        Values by name, in base units (rad, m or the sensor's unit, and s). epsilon (`EPSILON`) is always allowed, also
-        without friction, so that one dictionary fits all models.
+        Values by name, in base units (rad, m or the sensor's unit, and s). The parameter `EPSILON` of Coulomb friction
+        is allowed for models without friction too, so that one dictionary can be used for all models.
     priors
         Priors by damping term or parameter.
     terms, parameters
@@ -114,9 +114,9 @@ def known_and_priors(
             right = f"it must be one of {', '.join(kind.__name__ for kind in PRIORS.values())}"
             raise StudyError(key, f"is {show(prior)}; {right}")
         if parameter in values:
-            raise StudyError(key, f"{parameter} is also known; give one of the two")
+            raise StudyError(key, f"{parameter} is also in known; give its value or its prior, not both")
         if parameter in given:
-            raise StudyError(key, f"is a second prior of {parameter}; give one")
+            raise StudyError(key, f"is a second prior of {parameter}; give only one")
         check_support(prior, key, negative=parameter not in (*coefficients, *NOISE, EPSILON))
         given[parameter] = prior
     return values, given
@@ -125,9 +125,10 @@ def known_and_priors(
 def check_settings(
     who: str, noise: str | Iterable[str], deviation: object, sensor: object
 ) -> str | tuple[str, ...]:
-    """Check arguments of the function or class `who` as the table [posterior] of a study, and return `noise`.
+    """Check the arguments `noise`, `deviation` and `sensor` as in the table [posterior] of a study; return the noise.
 
-    Several noise models are returned as a tuple. Raises InputError, which states valid values.
+    who: name of the function or class with these arguments, for errors. The result is "auto", or a tuple of names of
+    noise models. Raises InputError, whose message gives the valid values.
     """
     given = names_given(noise)
     named = "auto" if given == ("auto",) else given
@@ -137,12 +138,12 @@ def check_settings(
 
 
 def names_given(given: object) -> tuple[Any, ...]:
-    """Return an argument that is one name or several as a tuple; its elements are not checked."""
+    """Convert an argument that may be one name or several names to a tuple; the names are not checked."""
     return tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
 
 
 def _mapping(given: object, key: str) -> Mapping[str, Any]:
-    """Return an argument that must be a dictionary. Raises InputError, which names `key`, if it is something else."""
+    """Return an argument unchanged if it is a dictionary; otherwise raise InputError, whose message names `key`."""
     if not isinstance(given, Mapping):
         raise StudyError(key, f"is {show(given)}; it must be a dictionary by parameter name")
     return given

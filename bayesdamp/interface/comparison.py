@@ -1,4 +1,4 @@
-"""Compare dampings on one record, or on several of one specimen."""
+"""Compare damping models on one record, or on several records of one specimen (the object that was recorded)."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ _CANDIDATES = ["record", "damping", "restoring", "log_evidence", "log_evidence_e
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
-    """The comparison of all damping models on one record, or on several records of one specimen.
+    """The comparison of damping models on one record, or on several records of one specimen (the recorded object).
 
     Attributes
     ----------
     verdict
-        The verdict, with amplitudes in the unit of the recorded file, as in tables and figures; in base units (rad, m)
-        if the files of a specimen have different units.
+        The verdict on the record or the specimen, with amplitudes in the unit of the recorded file. If the files of a
+        specimen have different units, amplitudes are in base units (rad, m).
     answers
         The answer on each record, in base units: rad, m or the unit of the sensor.
     units
@@ -87,12 +87,18 @@ class Comparison(Result):
     def table(self) -> pd.DataFrame:
         """A table with a row for each damping sum and restoring law on each record.
 
-        The columns are record, damping, restoring, log_evidence (with deviations from the laws; NaN if laws hold
-        exactly) and log_evidence_exact (under exact laws), each in nats relative to the record's largest value; rms of
-        the residual under exact laws, in the unit of the file (missing if averages over cycles were fitted); outcome
-        ("ok", or why the model was not compared); place (empty here); parameters (names of the inferred damping
-        parameters). Rows are sorted by record and falling log_evidence; those without it come last, by falling
-        log_evidence_exact. Other forms of damping, which may be more probable, are in `verdict.rivals`.
+        The columns are:
+
+        - record, damping, restoring: names of the record, the sum of damping terms and the restoring law;
+        - log_evidence (with deviations from the laws; NaN if laws were assumed to be exact) and log_evidence_exact
+          (under exact laws), each in nats relative to the record's largest value;
+        - rms: residual under exact laws, in the unit of the file (missing if averages over cycles were fitted);
+        - outcome: "ok", or why the model was not compared;
+        - place: always empty in this table;
+        - parameters: names of the inferred damping parameters.
+
+        Rows are sorted by record and falling log_evidence; those without it come last, by falling log_evidence_exact.
+        Other forms of damping, which may be more probable, are in `verdict.rivals`.
         """
         rows = [
             {
@@ -112,30 +118,31 @@ class Comparison(Result):
 
     @property
     def curve(self) -> pd.DataFrame:
-        """The damping curve that is measured without a law, by amplitude, with 95 % intervals.
+        """The damping against amplitude, measured without assuming a damping law, with 95 % intervals.
 
-        Columns: amplitude (in the unit of the file); ratio (equivalent damping ratio) and lost (energy lost in a cycle
-        per unit of inertia, in unit²/s²), each with the ends _low and _high of its interval; unit (of the amplitude);
-        record. An envelope, a record on which no model was compared, or one that is too short for this has no rows.
+        Columns: amplitude (in the unit of the file); ratio (equivalent damping ratio); lost (energy lost in a cycle per
+        unit of inertia, in unit²/s²); ratio_low, ratio_high, lost_low and lost_high (ends of the intervals); unit (of
+        the amplitude); record. There are no rows for an envelope, for a record on which no model was compared, and for
+        a record that is too short.
         """
         return self._joined({n: f"free/{n}" for n in DAMPING_CURVES})
 
     @property
     def law_curve(self) -> pd.DataFrame:
-        """The damping ratio by amplitude from the damping laws, averaged by their probability, with 95 % intervals.
+        """The damping ratio against amplitude according to the damping laws, with 95 % intervals.
 
-        Columns: amplitude, ratio (equivalent damping ratio), ratio_low and ratio_high (ends of the interval), unit (of
-        the amplitude), record. A record that no law describes (`verdict.law_free`), and an envelope, have no
-        rows.
+        It is averaged over the laws, weighted by their probability. Columns: amplitude, ratio (equivalent damping
+        ratio), ratio_low and ratio_high (ends of the interval), unit (of the amplitude), record. There are no rows for
+        a record that no law describes (`verdict.law_free`), and for an envelope.
         """
         names = {"amplitude": "amplitude", "ratio": "ratio", "ratio_low": "low", "ratio_high": "high"}
         return self._joined(names)
 
     def _joined(self, names: Mapping[str, str]) -> pd.DataFrame:
-        """Return arrays of all records, in the units of their files, as columns of a table, with unit and record.
+        """Return a table with arrays of all records, in the units of their files, as columns.
 
-        `names` maps the columns to the names of arrays in `Answer.arrays`. Records that lack one of these arrays have
-        no rows.
+        `names` maps the columns to the names of arrays in `Answer.arrays`. Two more columns contain the unit and the
+        name of the record. There are no rows for records that lack one of these arrays.
         """
         import pandas as pd
 
@@ -160,7 +167,7 @@ class Comparison(Result):
         return data_frame([v.row() for v in (*(r.verdict for r in self.records), self.verdict)])
 
     def plot(self, ax: GivenAxes = None) -> tuple[Axes, ...]:
-        """Plot the answer on the first record that has one.
+        """Plot the answer on the first record that has an answer: record, damping ratio, residual and energy.
 
         Parameters
         ----------
@@ -203,7 +210,7 @@ class Comparison(Result):
         return four
 
     def report(self, path: str | Path) -> Path:
-        """Write the answers on the records, and on their specimen, as one self-contained HTML file; return its path.
+        """Write a report with the answers on all records as one self-contained HTML file, and return its path.
 
         Raises InputError if the file cannot be written.
         """
@@ -223,7 +230,7 @@ class Comparison(Result):
         return save_bytes(path, page.encode())
 
     def _table(self) -> Table:
-        """Return damping ratios, or the decay rates of an envelope, against amplitude.
+        """Return the table that is printed: damping ratios, or the decay rates of an envelope, against amplitude.
 
         The caption is the sentence of the verdict, and the notes are its remarks.
         """
@@ -254,41 +261,43 @@ def compare(
 
     A comparison on a record of 5,000 samples takes about 5 s, or 1 to 2 s with `sample=False`; longer for records with
     many cycles. The first run of an installation takes 10 to 20 s longer, because the equations of motion are compiled.
-    Of the options, only `repeats`, `name`, `damping` and `seed` apply to envelopes (from `read_envelope`).
+    For envelopes (from `read_envelope`), only the options `repeats`, `name`, `damping` and `seed` are allowed.
 
     Parameters
     ----------
     signals
-        One record; or, with `repeats`, several records of one specimen. These share one damping, and its size in each
-        record differs by a factor, whose spread is inferred.
+        One record; or, with `repeats`, several records of one specimen (the object that was recorded). The kind of
+        damping is assumed to be the same in all records. Its size differs between records by a factor, whose spread is
+        inferred.
     repeats
-        Whether the records are repeats of one specimen.
+        Whether the records are of one specimen. If False, only one record is allowed.
     name
         Name of the specimen.
     deviation
-        "auto" or "law": laws may hold approximately; "none": they hold exactly.
+        "auto" or "law": the damping and restoring laws may hold approximately, and deviations from them are inferred.
+        "none": they hold exactly.
     noise
         A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, from which
         the most probable one is chosen. Gaussian noise, if it is among them, is replaced only by a model whose log
         evidence is clearly larger (at least 5 nats), and never by correlated noise.
     damping, restoring
-        Damping sums, such as "viscous+coulomb", and restoring laws to compare; by default the seven sums of viscous,
-        Coulomb and quadratic damping, and all laws that the unit of the record allows. Other forms of damping are tried
-        in addition.
+        Sums of damping terms, such as "viscous+coulomb", and restoring laws to compare. By default these are the seven
+        sums of viscous, Coulomb and quadratic damping, and all laws that the unit of the record allows. Other forms of
+        damping are tried in addition.
     known
         Known values of parameters, by name, in base units: rad, m or the sensor's unit, and s.
     priors
         Priors by damping term or parameter, in base units; the other parameters have default priors.
     sensor
         Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
-        every damping ratio. It is not used if laws hold exactly.
+        every damping ratio. It is not used with the deviation "none".
     amplitudes
         Amplitudes at which to give the damping ratio, in the unit of the recorded file (in rad or m if that is a unit
         of velocity or acceleration); by default three in the range of the record. They may be outside each record's
         range by a factor of at most 1.3. For files in different units, they are in the unit of the first file.
     sample
-        Whether to replace the linear approximations of the most probable models by sampling with the full equation of
-        motion.
+        Whether to sample the most probable models with the full equation of motion. If False, the answer is from linear
+        approximations of the motion.
     seed
         Seed of all random numbers.
 

@@ -1,4 +1,4 @@
-"""Compute the answer on an envelope, and the verdict on several envelopes of one specimen."""
+"""Compute the answer on an envelope (amplitude against time), and the verdict on several envelopes of one specimen."""
 
 from collections.abc import Sequence
 
@@ -20,9 +20,9 @@ from bayesdamp.verdict.parts import Grade
 from bayesdamp.verdict.types import Verdict
 
 STORED_READINGS = 4000
-"""Approximate number of readings that are stored for the figure of a record."""
+"""Approximate number of an envelope's readings (levels against time) that are stored for its figure."""
 LIKELIHOOD = "likelihood/"
-"""Prefix of the names of stored arrays: those of the likelihoods of decay rates."""
+"""Prefix of the names of the stored arrays that contain likelihoods of decay rates."""
 
 
 def analyse(
@@ -31,7 +31,7 @@ def analyse(
     seed: int = 0,
     sums: Sequence[tuple[str, ...]] = SUMS,
 ) -> EnvelopeAnswer:
-    """Return the damping of an envelope with its uncertainty.
+    """Find the free decay in an envelope, and return its damping with its uncertainty.
 
     If the envelope does not contain a free decay, the verdict has the grade "no_free_decay".
 
@@ -72,7 +72,7 @@ def answer_envelope(
     seed: int,
     repeated: bool,
 ) -> Answer:
-    """Return the answer on an envelope, with the arrays of its figure.
+    """Compute the answer on an envelope, with the arrays of its figure.
 
     Parameters
     ----------
@@ -86,13 +86,14 @@ def answer_envelope(
     seed
         Seed of the draws from which intervals are computed.
     repeated
-        Whether the record is one of several of a specimen. The answer then contains the likelihood of each sum.
+        Whether the record is one of several records of a specimen. The answer then contains, for each damping sum, the
+        likelihood of the decay rates.
 
     Returns
     -------
     Answer
-        Its arrays are `t` in s and `level` in dB (thinned to about `STORED_READINGS`), the fields `curve/...` of
-        `inference.envelope.decay.Curve` if there is a decay, and the likelihoods.
+        Its arrays are `t` in s and `level` in dB (about `STORED_READINGS` of them); if there is a decay, the fields of
+        `inference.envelope.decay.Curve` as `curve/...`; and the arrays of the likelihoods.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Run one estimator on a record, and refine its estimate by a trajectory fit."""
+"""Run one damping estimator on a record, and refine its estimate by a least-squares fit of the trajectory."""
 
 from __future__ import annotations
 
@@ -30,10 +30,11 @@ class Estimate(Result):
         The record, the model, and the name of the estimator.
     initial, refined
         The estimator's own estimate from the record, and the result of the least-squares trajectory fit that starts
-        from it. Each has values and stderr (standard errors) by parameter, in the units of `units`, for the parameters
-        that were computed; details; evaluations of the method's objective; seconds (its computing time); and outcome.
+        from it. Each has the fields values and stderr (standard errors), by parameter, in the units `units`; details;
+        evaluations (number of evaluations of the method's objective); seconds (computing time); and outcome. values and
+        stderr contain only the parameters that were computed.
     units
-        Unit of each parameter that a stage computed, by name.
+        Unit of each parameter that one of the two stages computed, by name.
     """
 
     signal: Signal
@@ -86,7 +87,7 @@ def estimate(
     options: Mapping[str, object] | None = None,
     seed: int = 0,
 ) -> Estimate:
-    """Run one estimator on a record, and a trajectory fit that starts from its estimate.
+    """Run one damping estimator on a record, and a least-squares trajectory fit that starts from its estimate.
 
     Parameters
     ----------

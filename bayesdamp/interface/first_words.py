@@ -1,4 +1,4 @@
-"""Describe a record before any model is fitted: its frequency and damping, or why it is no free decay."""
+"""Describe a record before any model is fitted: its frequency and damping, or why it is not a free decay."""
 
 from dataclasses import replace
 
@@ -17,12 +17,12 @@ from bayesdamp.verdict.words import sentence
 
 
 def first_words(signal: Signal, unit: str = "") -> LawFreeDamping:
-    """Return frequency and damping of a free decay at three amplitudes, without assuming a damping law.
+    """Measure frequency and damping of a free decay at three amplitudes, without assuming a damping law.
 
-    The amplitudes are that in the first window of the fit (the largest), the geometric mean of first and last, and that
-    in the last window (the smallest). The field `sentence` describes the result, with the mean frequency and its 95 %
-    interval; its amplitudes are in `unit`, such as "deg", if this is a unit of the signal's displacement. Raises
-    Refusal if the record does not oscillate or has too few cycles.
+    Sinusoids are fitted in short windows. The three amplitudes are that of the first window (the largest), that of the
+    last window (the smallest), and the geometric mean of both. The field `sentence` of the result describes it, with
+    the mean frequency and its 95 % interval. The amplitudes in this sentence are in `unit`, such as "deg", if this is a
+    unit of the signal's displacement. Raises Refusal if the record does not oscillate or has too few cycles.
 
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=10.0, samples=400, noise_sd=0.003)
@@ -55,7 +55,10 @@ def first_words(signal: Signal, unit: str = "") -> LawFreeDamping:
 
 
 def change_in_words(at: LawFreeDamping) -> str:
-    """Say how the damping ratio changes with the amplitude, from its values at three falling amplitudes."""
+    """Return a clause on how the damping ratio changes with the amplitude, from its values at three falling amplitudes.
+
+    A change counts only if it is larger than three standard errors and 10 % of the middle damping ratio.
+    """
     steps = []
     for i, j in ((0, 1), (0, 2), (1, 2)):
         step, clear = at.ratio[i] - at.ratio[j], 3 * np.hypot(at.ratio_sd[i], at.ratio_sd[j])
@@ -76,10 +79,10 @@ VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 @once_per_record
 def _other_motion(signal: Signal, no_law_fits: bool) -> OtherMotion | None:
-    """Return the motion of a signal that is not a free decay of one oscillator; None if it may be one.
+    """Return the kind of motion of a signal that is not a free decay of one oscillator, such as beats or growth.
 
-    Also None if it has no period. `no_law_fits`: whether no law of one oscillator fits the record; then smaller and
-    closer second oscillations are found.
+    Return None if the signal may be a free decay, or if it has no period. `no_law_fits`: whether no law of one
+    oscillator fits the record. If True, also smaller second oscillations, and those with a closer frequency, are found.
     """
     try:
         period = features(signal).period
@@ -89,20 +92,21 @@ def _other_motion(signal: Signal, no_law_fits: bool) -> OtherMotion | None:
 
 
 def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
-    """Return the verdict on a signal that is not the free decay of one oscillator; None if it may be one.
+    """Return the verdict on a signal that is not the free decay of one oscillator; None if it may be such a decay.
 
-    A search looks for other motions, such as a second oscillation or growth. The signal may be a free decay if none is
-    found, or if its `size` is below `thresholds.OTHER_MOTION`: for example, the amplitude of a second oscillation
-    relative to the first, or the factor of growth minus 1 (see `OtherMotion`). The limit is
-    `thresholds.SMALL_OTHER_MOTION` if no law fits and two oscillations explain the record to its noise.
+    The signal is searched for other motions, such as a second oscillation or growth. It may be a free decay if none is
+    found, or if the motion that is found has a `size` below `thresholds.OTHER_MOTION`. The size is, for example, the
+    amplitude of a second oscillation relative to the first, or the factor of growth minus 1 (see `OtherMotion`). The
+    limit is `thresholds.SMALL_OTHER_MOTION` if no law fits and two oscillations explain the record to its noise.
 
     Parameters
     ----------
     signal
         The signal.
     no_law_fits
-        Whether no law of one oscillator fits the record; then smaller and closer second oscillations count, and those
-        at a multiple of the frequency, which may also be harmonics of a nonlinear oscillator.
+        Whether no law of one oscillator fits the record. If True, three kinds of second oscillations count in addition:
+        smaller ones, those with a closer frequency, and those at a multiple of the first frequency (which may also be
+        harmonics of a nonlinear oscillator).
     """
     other = _other_motion(signal, no_law_fits)
     if other is None:
@@ -140,8 +144,8 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
 def remark_on(signal: Signal) -> str:
     """Return a remark on the frequency and the relative size of a second oscillation; empty if there is none.
 
-    It does not compare the size with a limit: call it if `no_free_decay` returned None, so that the oscillation is too
-    small to change the verdict.
+    The size is the amplitude relative to that of the first oscillation. It is not compared with a limit. Call this
+    function only if `no_free_decay` returned None: the second oscillation is then too small to change the verdict.
     """
     other = _other_motion(signal, False)
     if other is None or len(other.modes.frequencies) < 2:

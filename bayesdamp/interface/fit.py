@@ -53,12 +53,13 @@ NO_RATIO_TABLE = (
 """Reason why a fit has no table of damping ratios."""
 _EMPTY = np.empty(0)
 BAND_DRAWS = 200
-"""Number of draws for the standard deviation of a prediction (with deviations from the laws: at least). Its relative
-standard error is then 1/√(2·200) = 5 %."""
+"""Number of posterior draws from which the standard deviation of a predicted motion is computed; at least this many if
+the model allows deviations from its laws. The relative error of this standard deviation is then 1/√(2·200) = 5 %."""
 PRECISION = 1e-6
-"""Precision of a predicted motion, as a fraction of the record's range (conventional)."""
+"""Numerical precision of a predicted motion, as a fraction of the record's range, its largest minus its smallest value
+(conventional)."""
 PRINTED_TIMES = 8
-"""Largest number of times in a printed prediction."""
+"""Largest number of times for which a printed `Prediction` shows the motion."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,8 +98,9 @@ class Prediction(Result):
 class StoredFit:
     """The content of a file that stores a fit.
 
-    noise: the chosen noise model. outcome, notes, priors, known: as in `Fit`. mode: the result if laws hold exactly,
-    else None. law: the result if laws may hold approximately, else None. Both are None if nothing was fitted.
+    noise: the chosen noise model. outcome, notes, priors, known: as in `Fit`. mode: the result if the model assumes
+    exact laws, else None. law: the result if the model allows deviations from its laws, else None. Both are None if
+    nothing was fitted.
     """
 
     signal: Signal
@@ -116,11 +118,11 @@ class StoredFit:
 class Fit(Result, Storable):
     """The best fit of a model to a record.
 
-    If the fit assumes exact laws, it is the posterior mode in coordinates z in which the prior of each parameter is
-    N(0, 1).
+    If the model assumes exact laws (`model.deviation` is "none"), the values are the posterior mode in coordinates z in
+    which the prior of each parameter is N(0, 1).
 
-    If laws may hold approximately (model.deviation), values are posterior medians and sd are total standard deviations.
-    Both are from an approximation that is linear about the best motion, with deviations integrated out.
+    If the model allows deviations from its laws, the values are posterior medians, and sd are total standard
+    deviations. Both are from an approximation that is linear about the best motion, with deviations integrated out.
 
     Attributes
     ----------
@@ -131,33 +133,34 @@ class Fit(Result, Storable):
     values, units
         Values of the inferred parameters in natural units, and their units, by name; empty if nothing was fitted.
     sd, intervals
-        Standard deviation of each parameter and its 95 % interval (low, high), by name. Under exact laws they are from
-        the normal approximation of the posterior in z, otherwise from draws of the linear approximation.
+        Standard deviation of each parameter and its 95 % interval (low, high), by name. If the model assumes exact
+        laws, they are from the normal approximation of the posterior in z, otherwise from draws of the linear
+        approximation.
     known
         Values of the parameters that were not inferred, by name.
     fitted, residuals
         Trajectory, and record minus trajectory, in `signal.y_unit`, each of shape (n,); empty if nothing was fitted. If
-        laws may hold approximately, the trajectory includes the deviations of the best motion; it is NaN at samples
-        that are not used (after the amplitude has fallen below 5 % of its first value).
+        the model allows deviations, the trajectory includes those of the best motion. It is then NaN at samples that
+        are not used (after the amplitude has fallen below 5 % of its first value).
     log_posterior
-        Log prior plus log likelihood of the values in nats, as a density in natural units, not normalised; NaN if laws
-        may hold approximately.
+        Log prior plus log likelihood of the values in nats, as a density in natural units, not normalised; NaN if the
+        model allows deviations.
     outcome
         "ok", or a sentence that says why there is no fit.
     notes
-        Sentences on the choice of the noise model and of the width of friction.
+        Sentences on the choice of the noise model and of the width ε of Coulomb friction.
     mode
-        The posterior mode, from which samplers start; None if nothing was fitted, or if laws may hold approximately.
+        The posterior mode, from which samplers start; None if nothing was fitted, or if the model allows deviations.
     sd_noise, sd_law
-        If laws may hold approximately: the part of the standard deviation that is due to the noise, and the rest, by
-        name (the two add in quadrature); otherwise empty.
+        If the model allows deviations: the part of the standard deviation that is due to the noise, and the part that
+        is due to the deviations, by name (the two add in quadrature). Otherwise empty.
     deviation, frequency_deviation
-        If laws may hold approximately: median and 95 % interval of the energy-weighted mean over the record of |g − ḡ|
-        and of |h − h̄|, where g is the log deviation of the damping, and h the relative deviation of the frequency,
-        from its law, with means ḡ and h̄. Otherwise None.
+        If the model allows deviations: median and 95 % interval of the energy-weighted mean over the record of |g − ḡ|
+        and of |h − h̄|. g is the log deviation of the damping from its law, h is the relative deviation of the
+        frequency, and ḡ and h̄ are their means. Otherwise None.
     law
-        If laws may hold approximately: the fit with deviations, linearised about the best motion, from which samplers
-        start instead of `mode`; otherwise None.
+        If the model allows deviations: the fit, linearised about the best motion, from which samplers start instead of
+        `mode`. Otherwise None.
     """
 
     _STORED = StoredFit
@@ -189,14 +192,18 @@ class Fit(Result, Storable):
 
     @property
     def target(self) -> Target | None:
-        """The posterior from whose mode samplers start; None if there is no fit, or if laws may hold approximately."""
+        """The posterior from whose mode samplers start.
+
+        None if nothing was fitted, or if the model allows deviations from its laws.
+        """
         return None if self.mode is None else self.mode.likelihood.target
 
     @property
     def engine(self) -> tuple[Target, Mode]:
-        """The posterior that samplers use, and its mode; deviations, if allowed, are integrated out.
+        """The posterior that samplers and evidence methods use, and its mode.
 
-        Raises Refusal with the outcome if there is no fit.
+        If the model allows deviations from its laws, they are integrated out. Raises Refusal with the outcome if there
+        is no fit.
         """
         mode = self.mode if self.law is None else self.law.mode
         if mode is None:
@@ -232,7 +239,7 @@ class Fit(Result, Storable):
         InputError
             If an amplitude is above 1.3 times the largest, or below 1/1.3 of the smallest, in the record.
         Refusal
-            If there is no fit, or if the fit takes the laws as exact; then use `sample(fit).derived`.
+            If there is no fit, or if the model assumes exact laws; then use `sample(fit).derived`.
         """
         return tabulate_ratios(self, amplitudes)
 
@@ -243,8 +250,8 @@ class Fit(Result, Storable):
         ----------
         t
             Times in s from the first sample: a number, or an array of any shape and order. They may be within the
-            record, after it, or before it (negative). If laws may hold approximately, they must be within the part of
-            the record that was fitted, because the deviations are not known elsewhere.
+            record, after it, or before it (negative). If the model allows deviations from its laws, they must be within
+            the part of the record that was fitted, because the deviations are not known elsewhere.
         quantity
             "angle", "velocity" or "acceleration"; by default the recorded quantity.
 
@@ -276,8 +283,9 @@ class Fit(Result, Storable):
     def summary(self) -> pd.DataFrame:
         """Return a table with a row for each inferred parameter: value, sd, 95 % interval, unit and prior.
 
-        The columns are value, sd, low, high, unit and prior; the index has the names. If laws may hold approximately,
-        the table also has the parts of the sd, sd_noise and sd_law. Without a fit it has no rows.
+        The columns are value, sd, low, high, unit and prior; the index contains the names. If the model allows
+        deviations from its laws, the columns sd_noise and sd_law contain the parts of the sd that are due to the noise
+        and to the deviations. Without a fit the table has no rows.
         """
         parts = {"sd_noise": self.sd_noise, "sd_law": self.sd_law} if self.law is not None else {}
         low, high = ({n: ends[i] for n, ends in self.intervals.items()} for i in (0, 1))
@@ -304,7 +312,8 @@ class Fit(Result, Storable):
         Raises
         ------
         InputError
-            If `ax` contains another number of axes, or if the fit is extrapolated although laws may hold approximately.
+            If `ax` contains another number of axes, or if the fit is extrapolated although the model allows deviations
+            from its laws.
         Refusal
             If there is no fit.
         """
@@ -378,9 +387,9 @@ class Fit(Result, Storable):
 
     @classmethod
     def at_mode(cls, signal: types.Signal, model: Model, mode: Mode, notes: tuple[str, ...] = ()) -> Self:
-        """Return the fit for a posterior mode, for laws that hold exactly.
+        """Create the fit of a model that assumes exact laws, from its posterior mode on a record.
 
-        `notes` are sentences on the choice of the noise model and of the width of friction.
+        `notes` are sentences on the choice of the noise model and of the width ε of Coulomb friction.
         """
         target, left = mode.likelihood.target, mode.likelihood.residual(mode.z)
         density = Density.at(signal, model, mode)
@@ -403,7 +412,10 @@ class Fit(Result, Storable):
 
     @classmethod
     def at_law(cls, signal: types.Signal, model: Model, law: Single) -> Self:
-        """Return the fit for a best motion, for laws that may hold approximately."""
+        """Create the fit of a model that allows deviations from its laws.
+
+        `law` is the model on this record, linearised about its posterior mode.
+        """
         quantities = law.quantities()
         times = signal.t - signal.t[0]
         used = times <= law.knots[-1]
@@ -436,8 +448,9 @@ def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None
     whole record. The search for the posterior mode starts from this fit and from `start`. If the model has several
     noise models, the one with the highest evidence under this model is chosen.
 
-    If laws may hold approximately (model.deviation), `start` cannot be given. The noise model, and the width of
-    friction if it is not known, are then chosen as in `compare`, with viscous, Coulomb and quadratic damping together.
+    If the model allows deviations from its laws (`model.deviation`), `start` cannot be given. The noise model, and the
+    width ε of Coulomb friction if it is not known, are then chosen as in `compare`, with viscous, Coulomb and quadratic
+    damping together.
 
     Parameters
     ----------
@@ -446,7 +459,8 @@ def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None
     model
         The model.
     start
-        A further starting point: parameter values in natural units by name, such as those of an estimate.
+        A further starting point: parameter values by name, in base units (rad, m or the sensor's, and s), such as those
+        of an `Estimate`.
 
     Returns
     -------
@@ -484,11 +498,12 @@ def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None
 def tabulate_ratios(
     fit: Fit, amplitudes: Sequence[float] | None = None, u: Vector | None = None
 ) -> pd.DataFrame:
-    """Return the table of `Fit.damping_ratio` from draws of parameters and deviations.
+    """Return a table of equivalent damping ratios at several amplitudes, with the columns of `Fit.damping_ratio`.
 
-    `amplitudes` are in the unit of the recorded file; by default three in the range of the record. `u`, (n, K), has n
-    draws of parameters (as scores) and deviations, as in `Posterior.u` with the chains joined; by default draws of the
-    linear approximation are used. Raises Refusal if there is no fit, or if it assumes exact laws.
+    `amplitudes` are in the unit of the recorded file; by default three in the range of the record. `u`, (n, K),
+    contains n draws of the parameters (as standard normal scores) and of the deviations from the laws, as `Posterior.u`
+    with the chains joined. By default, draws from the linear approximation of the fit are used. Raises Refusal if there
+    is no fit, or if it assumes exact laws.
     """
     if fit.law is None:
         raise Refusal(NO_RATIO_TABLE if fit.outcome == OK else fit.outcome)
@@ -505,11 +520,11 @@ def tabulate_ratios(
 def predict_exact(
     target: Target, mode: Mode, signal: Signal, times: Vector, wanted: str
 ) -> tuple[Vector, Vector]:
-    """Predict the motion of the best fit and its standard deviation, for a fit that assumes exact laws.
+    """Predict the motion of the best fit and its standard deviation, for a model that assumes exact laws.
 
     times: (m,), in s from the first sample, within the record, after it, or before it. wanted: the quantity to predict,
-    "angle", "velocity" or "acceleration". The standard deviation does not include the noise. Both are (m,), in the base
-    unit of the quantity.
+    "angle", "velocity" or "acceleration". The standard deviation does not include the noise. Both results are (m,), in
+    the base unit of the quantity.
     """
     derivatives = QUANTITIES.index(wanted) - QUANTITIES.index(signal.quantity)
     precision = PRECISION * float(np.ptp(signal.y)) * features(signal).frequency ** derivatives
@@ -532,11 +547,11 @@ def predict_exact(
 
 
 def predict_approximate(law: Single, times: Vector, wanted: str) -> tuple[Vector, Vector]:
-    """Predict the motion of the best fit and its standard deviation, for a fit with deviations from the laws.
+    """Predict the motion of the best fit and its standard deviation, for a model that allows deviations from its laws.
 
     times: (m,), in s from the first sample. wanted: the quantity to predict, "angle", "velocity" or "acceleration".
-    The standard deviation does not include the noise. Both are (m,), in the base unit of the quantity.
-    Raises InputError if a time is outside the part of the record that was fitted.
+    The standard deviation does not include the noise. Both results are (m,), in the base unit of the quantity. Raises
+    InputError if a time is outside the part of the record that was fitted.
     """
     end = float(law.knots[-1])
     if not times.size:

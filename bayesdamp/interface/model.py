@@ -49,19 +49,19 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 PRECISION = 1e-3
-"""Tolerance of the solver, as a fraction of the fit's tolerance. Measured on viscous, Coulomb, quadratic and Duffing
-motions: within three standard deviations of the best fit, the log likelihood then agrees within 1e-3 nats with that of
-SciPy's solver at a tolerance of 1e-11. With the fit's own tolerance the error was up to 0.006 nats, or up to 0.1 if the
-width of friction is inferred."""
+"""Tolerance of the ODE solver in a `Density`, as a fraction of the tolerance of a fit. Measured on viscous, Coulomb,
+quadratic and Duffing motions: within three standard deviations of the best fit, the log likelihood then agrees within
+1e-3 nats with that of SciPy's solver at a tolerance of 1e-11. With a fit's tolerance the error was up to 0.006 nats, or
+up to 0.1 nats if the width ε of Coulomb friction is inferred."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Density(ResultView):
     """The posterior density of a model on a record.
 
-    Its methods take a vector x of the parameters in natural units, in the order of `names`. The solver's step sizes are
-    chosen at the best fit. Within three standard deviations of it the error of the log likelihood is at most 1e-3 nats;
-    farther away it is a small fraction of the difference from the maximum.
+    Its methods take a vector x of the inferred parameters in the units `units`, in the order of `names`. The step sizes
+    of the ODE solver are chosen at the best fit. Within three standard deviations of it, the numerical error of the log
+    likelihood is at most 1e-3 nats; farther away it is a small fraction of the difference from the maximum.
 
     Attributes
     ----------
@@ -93,9 +93,9 @@ class Density(ResultView):
 
     @classmethod
     def at(cls, signal: types.Signal, model: Result, mode: Mode) -> Self:
-        """Return the posterior density of a model on a signal whose posterior mode was found before.
+        """Return the posterior density of a model on a signal, from a posterior mode that was found before.
 
-        The density uses the step sizes of the solver that were chosen at this mode.
+        The density uses the step sizes of the ODE solver that were chosen at this mode.
         """
         target = mode.likelihood.target
         values = {n: float(v) for n, v in target.values(mode.z).items()}
@@ -159,7 +159,7 @@ class Density(ResultView):
         return np.array([self.log_posterior(x) for x in many])
 
     def gradient(self, x: ArrayLike) -> Vector:
-        """Return the gradient of the log posterior in natural units at x, (d,); zeros if the log posterior is −∞."""
+        """Return the gradient of the log posterior with respect to x at x, (d,); zeros if the log posterior is −∞."""
         x = self._vector(x)
         value, slopes = self._slopes(x) if np.isfinite(self.log_prior(x)) else (-np.inf, x)
         if not np.isfinite(value):
@@ -167,17 +167,18 @@ class Density(ResultView):
         return slopes + joint_slope(list(self.priors.values()), x, self.target.scales)
 
     def numpyro(self, prefix: str = "") -> Callable[..., dict[str, Any]]:
-        """Return a NumPyro model function of this posterior, with parameters in natural units.
+        """Return this posterior as a NumPyro model function, with parameters in the units `units`.
 
-        Without arguments, the model samples every parameter under its prior. It samples whitened standard normal
-        scores (site `whitened`), and each parameter is a deterministic site with its name. A parameter that is passed
-        by name, such as model(zeta=zeta), has that value instead. The caller may sample this value, under another prior
-        or in a hierarchy over several records. The model returns all parameters by name.
+        Without arguments, the model samples every parameter under its prior. For this it samples nearly uncorrelated
+        variables (site `whitened`) and computes the parameters from them; each parameter is a deterministic site with
+        its name. A parameter that is passed by name, such as model(zeta=zeta), has that value instead. The caller may
+        sample this value, under another prior or in a hierarchy over several records. The model returns all parameters
+        by name.
 
         Parameters
         ----------
         prefix
-            Prefix of the names of its sites, so that one model can contain several records.
+            Prefix of the names of the model's sites, so that one NumPyro model can contain several records.
         """
         from bayesdamp.interface.numpyro_model import numpyro_model
 
@@ -191,7 +192,7 @@ class Density(ResultView):
         return replace(likelihood, tolerance=PRECISION * likelihood.tolerance)
 
     def _slopes(self, x: Vector) -> tuple[float, Vector]:
-        """Return the log likelihood at x, (d,), and its gradient in natural units, (d,)."""
+        """Return the log likelihood in nats at x, (d,), and its gradient with respect to x, (d,)."""
         return self._likelihood.slopes_of(self._parameters(x))
 
     def _parameters(self, x: Vector) -> dict[str, float]:
@@ -215,16 +216,20 @@ class Density(ResultView):
 
 
 def units_of(names: Iterable[str], restoring: str, signal: types.Signal) -> dict[str, str]:
-    """Return the base unit of each parameter, such as "1/s", for a record and a restoring law, by its name."""
+    """Return the unit of each parameter, such as "1/s", by its name, in terms of the record's base unit and s.
+
+    It depends on the restoring law, and on the unit and the quantity of the record.
+    """
     return {n: parameter_unit(n, restoring, signal.unit, signal.quantity) for n in names}
 
 
 NOT_INFERRED = (*NOISE, EPSILON)
-"""Parameters that are not inferred if laws may hold approximately; they are known, or estimated once for the record."""
+"""Names of the parameters of the noise, and of the width ε of Coulomb friction. If a model allows deviations from its
+laws, they are not inferred: they are known, or estimated once for the record."""
 NO_POSTERIOR = (
     "the record has no noise, so there is no posterior; use the unfiltered record, or simulate with noise_sd"
 )
-"""Message of the Refusal of a record without noise."""
+"""Message of the `Refusal` that is raised for a record without noise."""
 Starts = list[Mapping[str, float]]
 """Starting points of a search: parameter values by name."""
 
@@ -243,19 +248,20 @@ class Model(Result):
         A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, of which
         the evidence chooses one for the record.
     priors
-        Priors by damping term or parameter name, in base units (rad, m or the sensor's, and s); parameters without one
-        have the default. If a name is both a damping term and a parameter of the restoring law, such as "cubic" under
-        "duffing", it means the parameter; use "mu_3" for the coefficient of the term.
+        Priors by damping term or parameter name, in base units (rad, m or the sensor's, and s); other parameters have
+        default priors. If a name is both a damping term and a parameter of the restoring law, such as "cubic" with the
+        law "duffing", it means the parameter of the law; use "mu_3" for the coefficient of the damping term.
     known
         Values of parameters that are not inferred, by name, in base units. Damping coefficients are always inferred.
         epsilon, the velocity within which Coulomb friction changes its sign, may also be given for a model without
         friction, which ignores it.
     deviation
-        "none": laws hold exactly; "law" or "auto": they may hold approximately, with deviations that are inferred. The
-        noise variance is then known, or set to the residual variance after fitting parameters and deviations.
+        "none": the damping and restoring laws hold exactly. "law" or "auto": they may hold approximately, and
+        deviations from them are inferred. The noise variance is then known, or set to the residual variance after
+        fitting parameters and deviations.
     sensor
         Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
-        every damping ratio. It is used only if laws may hold approximately.
+        every damping ratio. It is not used with the deviation "none".
     amplitude, frequency
         Amplitude and frequency to which default priors are scaled, in the base unit of the displacement (rad, m or the
         sensor's) and in rad/s. By default they follow from the known parameters if these suffice, or else from the
@@ -322,7 +328,7 @@ class Model(Result):
 
     @property
     def approximate(self) -> bool:
-        """Whether laws may hold approximately, with deviations that are inferred."""
+        """Whether the damping and restoring laws may hold approximately; deviations from them are then inferred."""
         return self.deviation != "none"
 
     @property
@@ -345,10 +351,10 @@ class Model(Result):
         return {names[name]: prior for name, prior in self.priors.items()}
 
     def bind(self, signal: types.Signal) -> Density:
-        """Return the posterior density on a record, as functions of the parameters in natural units.
+        """Fit the model to a record, and return its posterior density as functions of the parameters.
 
-        The model is fitted first, and the solver's step sizes are chosen at the best fit. If laws may hold
-        approximately, deviations are integrated out.
+        The step sizes of the ODE solver are chosen at the best fit. If the model allows deviations from its laws, they
+        are integrated out.
 
         Parameters
         ----------
@@ -386,7 +392,7 @@ Model.__init__ = checked_call(Model.__init__, "Model")
 class Case:
     """A record and a model, with the features of the record to which default priors are scaled.
 
-    Its methods `target` and `mode` assume that laws hold exactly.
+    Its methods `target` and `mode` assume exact laws of damping and restoring force.
 
     Attributes
     ----------
@@ -407,17 +413,17 @@ class Case:
 
     @classmethod
     def of(cls, signal: types.Signal, model: Model) -> Case:
-        """Return the case of a record and a model.
+        """Create the case of a record and a model, and compute the record's features.
 
-        Raises Refusal if the record shows no oscillation, and InputError if the known parameters allow none about its
-        midline.
+        Raises Refusal if the record shows no oscillation, and InputError if an oscillator with the known parameters
+        cannot oscillate about the record's midline.
         """
         own = features(signal)
         return cls(signal, model, own, reference_of(model.system, own))
 
     @classmethod
     def with_noise(cls, signal: types.Signal, model: Model) -> Case:
-        """Return the case of a record and a model, as `of`, but also raise Refusal if the record has no noise."""
+        """Create the case of a record and a model as `of` does, but also raise Refusal if the record has no noise."""
         case = cls.of(signal, model)
         if not has_noise(signal, case.features):
             raise Refusal(NO_POSTERIOR)
@@ -425,7 +431,7 @@ class Case:
 
     @property
     def problem(self) -> Problem:
-        """The damping terms and the system, in the form that estimators use."""
+        """The damping terms, the restoring law, known values and priors, in the form that estimators use."""
         return Problem(self.model.terms, self.model.system)
 
     def target(self, noise: str, epsilon: float | None = None) -> Target:
@@ -461,13 +467,13 @@ class Case:
         Parameters
         ----------
         noises
-            Names of the noise models, of which the evidence chooses one. Those without a parameter that the user
-            specified are left out.
+            Names of the noise models; the one with the highest evidence is chosen. If the user gave a value or a prior
+            of a noise parameter, models without this parameter are left out.
         epsilon
             ε in rad/s (m/s for a translation), if it was chosen before for this record; else None. It is chosen here if
             it is neither known nor inferred.
         starts
-            Further starting points.
+            Further starting points: parameter values by name.
 
         Returns
         -------
@@ -479,7 +485,8 @@ class Case:
         Raises
         ------
         Refusal
-            If no starting point leads to a mode, if there is none, or if the record is not suited to the noise models.
+            If the least-squares fit fails and there are no further starting points, if no starting point leads to a
+            mode, or if the record is not suited to the noise models.
         """
         model, known = self.model, self.model.system.known
         own = {n: set(NOISES.get(n).parameters) for n in noises}
@@ -506,8 +513,8 @@ class Case:
             epsilon = comparison.epsilon
             width, share = digits(epsilon, n=3), percentage(types.FRICTION_WIDTH)
             notes.append(
-                f"The width ε of friction was not given; {width} {self.signal.unit}/s is used: {share} % of the peak "
-                "velocity, unless another width is clearly more probable."
+                f"The width ε of friction was not given, so {width} {self.signal.unit}/s is used. The default is "
+                f"{share} % of the peak velocity; another width is used only if it is clearly more probable."
             )
         order = sorted(comparison.noise.weighed, key=lambda noise: -noise.log_evidence)
         if len(order) > 1:
@@ -519,7 +526,7 @@ class Case:
 
 
 def check_signal(signal: object, model: object) -> Signal:
-    """Check that a signal and a model belong together, and return the signal as a `Signal` of the interface.
+    """Check the types of a signal and a model, and return the signal as a `Signal` of the interface.
 
     Raises
     ------
@@ -537,10 +544,11 @@ def check_signal(signal: object, model: object) -> Signal:
 
 
 def fit_approximate(signal: Signal, model: Model) -> Single:
-    """Fit a model whose laws may hold approximately. Raises Refusal if the model cannot be fitted to the record.
+    """Fit a model that allows deviations of damping and restoring force from their laws.
 
     A record of many cycles is first reduced to amplitudes and phases, averaged over cycles. If this is not accurate
-    enough, a record of at most `MOST_CYCLES` cycles is fitted again without averages.
+    enough, a record of at most `MOST_CYCLES` cycles is fitted again without averages. Raises Refusal if the model
+    cannot be fitted to the record.
     """
     case = Case.with_noise(signal, model)
     fit = partial(
@@ -563,21 +571,21 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
 def fit_exact(
     signal: Signal, model: Model, start: Mapping[str, float] | None
 ) -> tuple[Mode, tuple[str, ...]]:
-    """Fit a model whose laws hold exactly.
+    """Fit a model that assumes exact laws of damping and restoring force.
 
     Parameters
     ----------
     signal, model
         The record and the model.
     start
-        A further starting point: parameter values in natural units by name; or None.
+        A further starting point: parameter values by name, in base units (rad, m or the sensor's, and s); or None.
 
     Returns
     -------
     mode
         The highest posterior mode, with the chosen noise model. The solver's step sizes are chosen at this mode.
     notes
-        Sentences on the choice of the noise model and of the width of friction.
+        Sentences on the choice of the noise model and of the width ε of Coulomb friction.
 
     Raises
     ------

@@ -22,20 +22,21 @@ def numpyro_model(
     covariance: np.ndarray,
     prefix: str,
 ) -> Model:
-    """Return a NumPyro model of parameters with these priors and this log likelihood.
+    """Return a NumPyro model with the given priors of the parameters and the given log likelihood.
 
     Parameters
     ----------
     priors
         Priors by parameter.
     value_and_slopes
-        Function of the parameters in natural units, (d,), in the order of `priors`, which returns the log likelihood in
-        nats and its gradient with respect to them, (d,).
+        Function of the parameters in their natural units, (d,), in the order of `priors`. It returns the log likelihood
+        in nats and its gradient with respect to the parameters, (d,).
     centre, covariance
-        Approximate posterior mean, (d,), and covariance, (d, d), of the parameters' standard normal scores z, with
-        which sampling is whitened. The score z of a parameter is N(0, 1) under its prior.
+        Approximate posterior mean, (d,), and covariance, (d, d), of the parameters' standard normal scores z. The score
+        of a parameter is a transformed value that is N(0, 1) under its prior. The sampler draws variables that are
+        nearly uncorrelated, and the scores are computed from them with this mean and covariance.
     prefix
-        Prefix of the names of NumPyro sites.
+        Prefix of the names of the model's sites.
 
     Returns
     -------
@@ -66,9 +67,8 @@ def numpyro_model(
     def sample(free: Sequence[str]) -> dict[str, Any]:
         """Sample the parameters named in `free` under their priors, and return them by name, in natural units.
 
-        Each becomes a deterministic site with its name.
-
-        The sampler draws whitened scores u, because it would explore a narrow, correlated posterior only slowly.
+        Each parameter becomes a deterministic site with its name. The sampler draws nearly uncorrelated variables u
+        instead of the scores z, because it would explore a narrow, correlated posterior only slowly.
         """
         at = [names.index(n) for n in free]
         factor = np.linalg.cholesky(covariance[np.ix_(at, at)])

@@ -37,18 +37,21 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 MOST_VALUES = 20_000_000
-"""Largest number of values in a group of variables along the record in `Posterior.data` (160 MB)."""
+"""Approximate largest number of values in each group of `Posterior.data` that has a value for each draw and each sample
+of the record; this is 160 MB."""
 DAMPING, FREQUENCY = "damping_deviation", "frequency_deviation"
 """Names of the variables in `Posterior.data` with the relative deviations of damping and frequency from their laws, at
 times along the record. With the suffix `_size` they name the mean size of each deviation over the record."""
 RECORD = "record"
-"""Name of the only variable in the groups along the record."""
+"""Name of the only variable in each group of `Posterior.data` whose values belong to the samples of the record: the
+observed values, the simulated values, or the log likelihoods."""
 Group = tuple[dict[str, Any], dict[str, Any]]
-"""Variables and coordinates of a group, as `xarray.Dataset` takes them."""
+"""Type of the content of a group of `Posterior.data`: its variables and its coordinates, the first two arguments of
+`xarray.Dataset`."""
 TEMPERED = "smc"
-"""Default sampler (sequential Monte Carlo with tempering) if laws may hold approximately."""
+"""Default sampler (sequential Monte Carlo with tempering) if the model allows deviations from its laws."""
 EXACT_SAMPLER = "nuts"
-"""Default sampler if the fit assumes exact laws."""
+"""Default sampler if the model assumes exact laws of damping and restoring force."""
 DEFAULT_DRAWS = 1000
 """Default number of draws of each chain (conventional)."""
 
@@ -57,8 +60,9 @@ DEFAULT_DRAWS = 1000
 class Posterior(Result, types.Posterior):
     """Draws of the posterior of a fit.
 
-    If laws may hold approximately, each chain of "smc" is an independent run, and the order of its draws has no
-    meaning. The likelihood of "nuts" and "emcee" is then that of the parameters, with deviations integrated out.
+    If the model allows deviations from its laws, each chain of the sampler "smc" is an independent run, and the order
+    of its draws has no meaning. The samplers "nuts" and "emcee" then sample the parameters only, with a likelihood in
+    which the deviations are integrated out.
 
     Attributes
     ----------
@@ -86,9 +90,9 @@ class Posterior(Result, types.Posterior):
     outcome
         "ok", or a sentence that says why the draws are unreliable or missing.
     u
-        If laws may hold approximately: (scores, g, h) of each draw, shape (chain, draw, K): the parameters as scores
-        with the prior N(0, 1), the log deviation g of the damping and the relative deviation h of the frequency at
-        each knot (the times `fit.law.knots`). Otherwise empty.
+        If the model allows deviations from its laws: all unknowns of each draw, shape (chain, draw, K). These are the
+        parameters as scores (transformed values with the prior N(0, 1)), the log deviation g of the damping, and the
+        relative deviation h of the frequency. g and h are at the times `fit.law.knots`. Otherwise empty.
     """
 
     fit: Fit = field(kw_only=True)
@@ -97,12 +101,12 @@ class Posterior(Result, types.Posterior):
 
     @property
     def log_evidence(self) -> float:
-        """The log evidence in nats; only "smc" computes it, otherwise NaN."""
+        """The log evidence of the model in nats; NaN unless the sampler is "smc", because others do not compute it."""
         return float(self.diagnostics.get("log_evidence", math.nan))  # type: ignore[arg-type]
 
     @property
     def stderr(self) -> float:
-        """Standard error of the log evidence in nats; only "smc" computes it, otherwise NaN."""
+        """Standard error of `log_evidence` in nats; NaN unless the sampler is "smc"."""
         return float(self.diagnostics.get("stderr", math.nan))  # type: ignore[arg-type]
 
     @cached_property
@@ -114,21 +118,22 @@ class Posterior(Result, types.Posterior):
         if the noise model cannot be simulated. Times are in s from the first sample, and units are attributes. With
         very many samples and draws, posterior_predictive and log_likelihood are thinned to a size of 160 MB each.
 
-        If laws may hold approximately, posterior and prior also contain the deviations at the times at which they are
-        inferred (coordinate `knot`), and their mean sizes. The groups along the record then contain the data that were
-        fitted, as in `Data`: samples, or averages of neighbouring samples if the sampling is denser than the fit needs,
-        or amplitudes, phases and midlines of blocks of cycles for a record of many cycles, scaled so that all
-        have the same noise, in the unit of the record.
+        If the model allows deviations from its laws, posterior and prior also contain the deviations at the times at
+        which they are inferred (coordinate `knot`), and their mean sizes. Observed, simulated and log likelihood values
+        then belong to the data that were fitted, as in `Data`. These are samples, or averages of neighbouring samples
+        if the sampling is denser than the fit needs. For a record of many cycles they are amplitudes, phases and
+        midlines of blocks of cycles, scaled so that all have the same noise, in the unit of the record.
         """
         return build_tree(self, MOST_VALUES)
 
     @cached_property
     def derived(self) -> xr.Dataset:
-        """Quantities that are computed from each draw, (chain, draw), with their units as attributes.
+        """Natural frequency, damping ratio, half-life and other quantities of each draw, (chain, draw).
 
-        They are natural frequency, damping ratio, half-life and others, at the reference amplitude of the priors, which
-        is the attribute `amplitude` of each. They are not finite for draws for which they do not exist. They are
-        computed without deviations from the laws; `damping_ratio` includes these. Raises Refusal without draws.
+        Units are attributes. The quantities are at the amplitude to which default priors are scaled, which is the
+        attribute `amplitude` of each. A value is not finite if the quantity does not exist for a draw. The quantities
+        do not include deviations from the damping and restoring laws; the method `damping_ratio` does. Raises Refusal
+        without draws.
         """
         import xarray as xr
 
@@ -146,9 +151,10 @@ class Posterior(Result, types.Posterior):
         )
 
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
-        """Return the table of `Fit.damping_ratio` from these draws, at amplitudes in the unit of the recorded file.
+        """Return a table of equivalent damping ratios at several amplitudes, from these draws.
 
-        Raises Refusal without draws, and if the fit assumes exact laws.
+        The columns are those of `Fit.damping_ratio`. `amplitudes` are in the unit of the recorded file; by default
+        three in the range of the record. Raises Refusal without draws, and if the fit assumes exact laws.
         """
         self._require_draws()
         u = self.u.reshape(-1, self.u.shape[-1]) if self.u.size else None
@@ -169,8 +175,8 @@ class Posterior(Result, types.Posterior):
         """Return a table with a row for each parameter and each derived quantity; empty if there are no draws.
 
         Derived quantities that do not exist for some draws are left out. The columns are mean, sd, quantiles, the
-        shortest 95 % interval, effective sample sizes, R-hat and unit; if laws may hold approximately, also the parts
-        of the sd of each parameter, as in `Fit`.
+        shortest 95 % interval, effective sample sizes, R-hat and unit. If the model allows deviations from its laws,
+        there are also the parts of each parameter's sd that are due to the noise and to the deviations, as in `Fit`.
         """
         rows = {n: {**s, "unit": self.fit.units[n]} for n, s in self.summaries.items()}
         if derived and self.names:
@@ -244,8 +250,8 @@ class Posterior(Result, types.Posterior):
 def build_tree(post: Posterior, most: int) -> xr.DataTree:
     """Return all results as a data tree for ArviZ, as `Posterior.data` explains. Raises Refusal without draws.
 
-    most: approximate largest number of values in posterior_predictive and in log_likelihood, for which draws are
-    thinned evenly; at least one draw of each chain remains.
+    most: approximate largest number of values in each of the groups posterior_predictive and log_likelihood. If there
+    would be more, these groups contain only every n-th draw, but at least one draw of each chain.
     """
     post._require_draws()
     import xarray as xr
@@ -288,7 +294,10 @@ def build_tree(post: Posterior, most: int) -> xr.DataTree:
 
 
 def _parameters(post: Posterior, draws: np.ndarray) -> Group:
-    """Return draws, (chain, draw, parameter), as variables with units, and coordinates."""
+    """Convert draws, (chain, draw, parameter), to a group: a variable for each parameter, and coordinates.
+
+    The parameters are in the order of `post.names`; their units are attributes.
+    """
     coords = {"chain": np.arange(draws.shape[0]), "draw": np.arange(draws.shape[1])}
     variables: dict[str, Any] = {
         name: (("chain", "draw"), draws[..., i], {"units": post.fit.units[name]})
@@ -298,9 +307,10 @@ def _parameters(post: Posterior, draws: np.ndarray) -> Group:
 
 
 def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
-    """Return the variables of draws whose laws may hold approximately: parameters, deviations and their sizes.
+    """Convert draws with deviations from the laws to a group: parameters, deviations and their mean sizes.
 
-    `u`, (chain, draw, K), contains the draws: scores of the parameters, and deviations at the knots.
+    `u`, (chain, draw, K), contains the draws: the parameters as standard normal scores, then the deviations g (log
+    damping) and h (relative frequency) at the times `law.knots`.
     """
     chains, count, total = u.shape
     flat = u.reshape(-1, total)
@@ -316,10 +326,11 @@ def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
 
 
 def _pointwise(post: Posterior, most: int) -> dict[str, Group]:
-    """Return the groups log_likelihood and posterior_predictive, whose variables are (chain, draw, time).
+    """Return the groups log_likelihood and posterior_predictive, whose variable has the shape (chain, draw, time).
 
-    Draws are thinned to about `most` values in a group. posterior_predictive is missing if the noise model cannot be
-    simulated.
+    They contain, for each draw, the log likelihood of each sample in nats, and a simulated record with noise.
+    posterior_predictive is missing if the noise model cannot be simulated. Only every n-th draw is used, if a group
+    would otherwise have more than about `most` values.
     """
     law, (chains, count, _) = post.fit.law, post.draws.shape
     n = post.fit.signal.t.size if law is None else law.comparison.data.t.size
@@ -344,10 +355,11 @@ def _pointwise(post: Posterior, most: int) -> dict[str, Group]:
 
 
 def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return log likelihoods and simulated records of m draws, (m, n) each, if the fit assumes exact laws.
+    """Compute, for draws of a fit that assumes exact laws, the log likelihood of each sample and a simulated record.
 
-    `numbers` are the indices of the draws that are used of each chain; the m draws are in the order of the chains.
-    There are no simulated records (None) if the noise model cannot be simulated.
+    `numbers` are the indices of the draws of each chain that are used. Both results have the shape (m, n) for m draws,
+    chain after chain, and n samples; the simulated records contain noise. They are None if the noise model cannot be
+    simulated.
     """
     target, mode = post.fit.engine
     noise = NOISES.get(target.noise)
@@ -367,7 +379,10 @@ def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray
 
 
 def _times(post: Posterior) -> dict[str, Any]:
-    """Return the coordinate `time`: of the record or, with deviations from the laws, of the data that were fitted."""
+    """Return the coordinate `time` in s, for the samples of the record.
+
+    If the model allows deviations from its laws, the times are those of the fitted data, which may be averages.
+    """
     law = post.fit.law
     t = post.fit.signal.t if law is None else law.comparison.data.times
     return {"time": ("time", t, {"units": "s"})}
@@ -384,19 +399,19 @@ def sample(
 ) -> Posterior:
     """Sample the posterior of a fit.
 
-    If laws may hold approximately, the default sampler is "smc" (sequential Monte Carlo). Each chain is then an
-    independent run, which moves its draws in steps from the linear approximation to the full equation of motion; it
-    needs no warmup. The other samplers use motions that are linear in the deviations. They integrate the deviations
-    out, sample the parameters, and then draw deviations for each draw. They agree with "smc" if the deviations are
-    small.
+    If the model allows deviations of damping and restoring force from their laws, the default sampler is "smc"
+    (sequential Monte Carlo). Each chain is then an independent run, which moves its draws in steps from a linear
+    approximation of the motion to the full equation of motion; it needs no warmup. The other samplers assume that the
+    motion is linear in the deviations. They integrate the deviations out, sample the parameters, and then draw
+    deviations for each draw. Their results agree with those of "smc" if the deviations are small.
 
     Parameters
     ----------
     fit
         The fit.
     sampler
-        A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if the fit assumes exact laws) or emcee.
-        If laws may hold approximately, also smc (the default).
+        A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if the model assumes exact laws) or emcee.
+        If the model allows deviations from its laws, also smc, which is then the default.
     chains, warmup
         Number of chains, 2 to 1000, and number of draws that each chain discards at its beginning, at least 10. For
         emcee the chains are its walkers, of which it may use more than requested.
@@ -436,17 +451,18 @@ def sample(
 
 
 def draw(fit: Fit, sampler: str, settings: Settings) -> tuple[types.Posterior, Array]:
-    """Sample the posterior of a fit. `sample` and the tasks of a study call this function.
+    """Sample the posterior of a fit without checking the arguments.
 
-    The arguments are checked in `sample`; `settings` has the numbers of chains and draws, and the seed.
+    `sample`, which checks them, and the tasks of a study call this function. `settings` contains the numbers of chains
+    and draws, and the seed.
 
     Returns
     -------
     posterior
         The draws in natural units with their summaries.
     u
-        Scores of the parameters and deviations at the knots of each draw, shape (chain, draw, K); empty if laws hold
-        exactly.
+        The parameters as standard normal scores, and the deviations from the laws, of each draw, shape (chain, draw,
+        K), as in `Posterior.u`; empty if the model assumes exact laws.
 
     Raises
     ------
@@ -464,10 +480,10 @@ def draw(fit: Fit, sampler: str, settings: Settings) -> tuple[types.Posterior, A
 
 
 EXACT_METHOD, LINEAR, LAPLACE = "bridge", "linear", "laplace"
-"""`EXACT_METHOD` is the default evidence method for a fit that assumes exact laws. If laws may hold approximately,
-"linear" and "laplace" are two names of the same method, the linear approximation."""
+"""Names of evidence methods. `EXACT_METHOD` is the default for a model that assumes exact laws. If a model allows
+deviations from its laws, "linear" and "laplace" are two names of the same method, the linear approximation."""
 FROM_DRAWS = "nuts"
-"""The only sampler whose draws an evidence method can use; the draws of other samplers are thinned or weighted."""
+"""The only sampler whose draws an evidence method (bridge) can use; draws of other samplers are thinned or weighted."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -492,9 +508,9 @@ class Evidence(Result, types.Evidence):
     noise: str = ""
 
     def summary(self) -> pd.DataFrame:
-        """Return a table with one row, whose columns are the fields of this class; log_evidence and stderr in nats.
+        """Return a table with one row, whose columns are the fields of this class; log_evidence and stderr are in nats.
 
-        Concatenate the rows of several models to compare them.
+        To compare several models, concatenate their tables.
         """
         return data_frame([vars(self)])
 
@@ -505,23 +521,24 @@ class Evidence(Result, types.Evidence):
 
 
 def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 0) -> Evidence:
-    """Compute the evidence of the model of a fit or a posterior.
+    """Compute the evidence (marginal likelihood) of a model on a record, from its fit or its posterior.
 
-    If laws may hold approximately, the default is "smc" (sequential Monte Carlo), which uses the full equation of
-    motion. A posterior by "smc" already contains this evidence. "linear" (or laplace) uses motions that are linear
-    about the best motion; it needs no sampling, and has no standard error. importance, bridge and nested use motions
-    that are linear in the deviations only, and integrate these out. The noise variance is estimated under the model's
-    restoring law. Therefore compare the evidence of models with different restoring laws only if the noise is known;
-    otherwise use `compare`.
+    If the model allows deviations of damping and restoring force from their laws, the default method is "smc"
+    (sequential Monte Carlo), which uses the full equation of motion. A posterior that "smc" sampled already contains
+    this evidence. The method "linear" (or "laplace") linearises the motion about the best fit; it needs no sampling,
+    and has no standard error. "importance", "bridge" and "nested" linearise the motion in the deviations only, and
+    integrate these out. The noise variance is estimated under the model's restoring law. Therefore compare the evidence
+    of models with different restoring laws only if the noise is known; otherwise use `compare`.
 
     Parameters
     ----------
     source
-        A fit or a posterior. Only bridge and smc need draws: bridge uses those of a posterior by NUTS, smc those of a
-        posterior by smc, and without these they make their own.
+        A fit or a posterior. Only the methods bridge and smc need draws: bridge uses those of the sampler "nuts", smc
+        those of the sampler "smc". If `source` does not contain such draws, they are sampled here.
     method
-        A name in `bayesdamp.inference.evidence.EVIDENCES`: bridge (the default if the fit assumes exact laws),
-        importance, nested or laplace. If laws may hold approximately, also smc (the default) or linear.
+        A name in `bayesdamp.inference.evidence.EVIDENCES`: bridge (the default if the model assumes exact laws),
+        importance, nested or laplace. If the model allows deviations from its laws, also smc (then the default) or
+        linear.
     seed
         Seed of all random numbers.
 
@@ -582,7 +599,9 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
 def run_evidence_method(
     fit: Fit, method: str, seed: int, draws: Array | None = None, outcome: str = OK
 ) -> types.Evidence:
-    """Compute the evidence of a fit by one method. `evidence` and the tasks of a study call this function.
+    """Compute the evidence of a fitted model by one method in `EVIDENCES`.
+
+    `evidence` and the tasks of a study call this function.
 
     Parameters
     ----------
@@ -593,15 +612,15 @@ def run_evidence_method(
     seed
         Seed of all random numbers.
     draws
-        Draws of "nuts" in natural units, shape (chain, draw, parameter), for methods that need draws (bridge); if None,
-        these make their own.
+        Draws of the sampler "nuts" in natural units, shape (chain, draw, parameter), for methods that need draws
+        (bridge). If None, such a method samples its own draws.
     outcome
-        Outcome of the sampler that made these draws.
+        Outcome of the sampler with these draws: "ok", or a sentence that says why they are unreliable.
 
     Raises
     ------
     Refusal
-        If there is no fit, or the method cannot work on it.
+        If nothing was fitted, or the method cannot be applied to this fit.
     """
     plugin, (target, mode) = EVIDENCES.get(method), fit.engine
     given = Draws.of(target, draws, outcome) if plugin.needs_draws and draws is not None else None

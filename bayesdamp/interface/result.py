@@ -58,8 +58,8 @@ class Result(ResultView):
     def save(self, path: str | Path) -> Path:
         """Save the result in a file and return its path. An interrupted save leaves no incomplete file.
 
-        An existing file is replaced. The name can have any ending but .json, which `bayesdamp.load` takes for a
-        verdict.
+        An existing file is replaced. The name can have any ending except .json, because `bayesdamp.load` reads files
+        with this ending as verdicts.
 
         Raises
         ------
@@ -136,7 +136,7 @@ def _read(path: str | Path) -> Any:
 
 
 def frame_table(frame: pd.DataFrame, caption: str, notes: Sequence[str] = ()) -> Table:
-    """Return a data frame as a table to print: its index, then its columns; numbers have up to five digits.
+    """Convert a data frame to a table for printing: its index, then its columns; floats have up to five digits.
 
     `caption` is the text above the table, and `notes` are sentences below it.
     """

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 LEAST_SAMPLES = 10
-"""Smallest number of samples of a signal."""
+"""Smallest number of samples that the function `signal` accepts."""
 _EMPTY = np.empty(0)
 Column = str | int
 """A column of a file, by its name or its number from 1."""
@@ -134,9 +134,10 @@ class Signal(Result, types.Signal):
 
     @classmethod
     def of(cls, signal: types.Signal, **more: Any) -> Self:
-        """Convert a signal to one that can be plotted, printed and saved; one of this class is returned as it is.
+        """Convert a plain signal to this class, which can be plotted, printed and saved.
 
-        `more`: further fields, such as whole_t and whole_y.
+        A signal that is already of this class is returned unchanged. `more`: values of further fields, such as whole_t
+        and whole_y.
         """
         if isinstance(signal, cls):
             return signal
@@ -263,7 +264,7 @@ def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> S
     InputError
         If the record does not contain two periods of an oscillation, or cannot be used for another reason.
     """
-    raw = decimate(unwrap(raw, unit, quantity))  # `clean` finds nothing left to do
+    raw = decimate(unwrap(raw, unit, quantity))  # done here, because `raw` is also used after `clean`
     decay = clean(raw, name=name, unit=unit, quantity=quantity, **window)
     whole, _ = clock_times(raw, window["clock"], name)
     return Signal.of(decay, whole_t=whole, whole_y=raw.y * UNITS[unit].factor - decay.provenance.offset)
@@ -271,7 +272,7 @@ def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> S
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Record(Result):
-    """The content of a file before cleaning. Two records are equal only if they are the same object.
+    """The runs of a measured file before cleaning. Two records are equal only if they are the same object.
 
     Attributes
     ----------
@@ -357,7 +358,10 @@ class Record(Result):
         return cut(self.raw[run - 1], name or own, self.unit, self.quantity, **window)
 
     def signals(self) -> tuple[Signal, ...]:
-        """Return the free decay of each run, as `signal` does with its defaults. Raises InputError if one has none."""
+        """Return the free decay of each run, as the method `signal` with its default arguments.
+
+        Raises InputError if a run does not contain two periods of an oscillation.
+        """
         return tuple(self.signal(run) for run in self.runs)
 
     def _table(self) -> Table:
@@ -389,8 +393,8 @@ def read(
     path
         The file.
     time, value
-        Columns of times and values, by name or by number from 1 (in MATLAB and .npz files a path with dots). They can
-        be left out if only one choice is possible.
+        Columns of times and values, by name or by number from 1; in MATLAB and .npz files by a path with dots, such as
+        "run.phi". They can be left out if only one choice is possible.
     rate
         Sampling rate in Hz, for a file without times.
     unit, quantity

@@ -1,4 +1,4 @@
-"""Simulate a record from a damping, a restoring law, and their parameters."""
+"""Simulate a record from damping terms, a restoring law, and values of their parameters."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,8 +21,8 @@ START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
 """Default values of simulated records: displacement and velocity at the start (rad, rad/s), and the velocity within
 which Coulomb friction changes its sign (0: the sign function)."""
 AT_REST = {"rest_angle": 0.0, "spring_angle": 0.0}
-"""Default values of the parameters that shift the equilibrium of the oscillator: with these it is at 0, unless gravity
-shifts it."""
+"""Default values of the two angles that shift the equilibrium of the oscillator. With these values the equilibrium is
+at 0, unless gravity shifts it."""
 
 
 def simulate(
@@ -42,9 +42,9 @@ def simulate(
     name: str = "simulated",
     **parameters: float,
 ) -> Signal:
-    """Simulate a record of an oscillator with noise. The signal does not contain the true parameters.
+    """Simulate a record of an oscillator with noise.
 
-    Use `trajectory` for a motion without noise.
+    The signal does not contain the true parameters. Use `trajectory` for a motion without noise.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def simulate(
         "outliers": float(outliers), "gaps": gaps, "quantum": float(quantum), "quantity": quantity, "unit": unit,
     }  # fmt: skip
     entry = {"name": "simulated", "simulate": options, "system": {"restoring": restoring}}
-    try:  # validated as a study's own simulation
+    try:  # check the options as those of a simulation in a study file
         source = resolve_signal(entry, {}, Path(), "").source
     except StudyError as error:
         key = error.where.removeprefix("simulate").removeprefix(".")
@@ -130,7 +130,7 @@ def simulate(
 def simulate_source(
     source: Simulation, restoring: str, truth: Mapping[str, float], name: str, rng: np.random.Generator
 ) -> types.Signal:
-    """Return a record that is simulated from the settings in a study.
+    """Simulate a record from the settings in a study file.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def simulate_source(
     Raises
     ------
     InputError
-        If the motion escapes.
+        If the motion grows without bound.
     """
     return simulate_signal(
         Oscillator(source.damping, restoring),

@@ -1,4 +1,4 @@
-"""Decide on a verdict: a pure function of the findings of a model comparison."""
+"""Decide on a verdict, the answer on a record, from the numbers (findings) of a model comparison."""
 
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -45,17 +45,19 @@ def decide(
 ) -> Verdict:
     """Decide on the verdict on one record.
 
-    A damping is named without reservation (`decided`) if its probability is at least `thresholds.DECIDED`, if it is
-    also the most probable one under exact laws, if the grade is not `DEVIATES`, and if no twin of its terms (a term
-    with the same loss at every amplitude) is possible. The grade is `DEVIATES` too if a law-free damping ratio
-    contradicts that of the best law. With this grade no law is named, and the verdict gives the law-free ratios and
-    frequency, if they exist, instead of those of the law. With another grade it gives the law-free frequency only if
-    this contradicts that of the best restoring law, has the narrower interval at the same amplitude, or is the only
-    one. The natural frequency is left out if law-free values replace or contradict it, or if it is not determined
-    (`thresholds.UNDETERMINED`).
+    A law-free value is measured without assuming a damping law or a restoring law. It contradicts the value of a law if
+    they differ by more than a threshold and their 95 % intervals do not overlap.
 
-    A law-free value is one that is measured without assuming a damping law or a restoring law. It contradicts the value
-    of a law if they differ by more than a threshold and their 95 % intervals do not overlap.
+    A damping is named without reservation (`decided`) if all of these conditions are met: its probability is at least
+    `thresholds.DECIDED`; it is also the most probable damping under exact laws; the grade is not `DEVIATES`; and no
+    twin of its terms (a term with the same energy loss at every amplitude) is possible.
+
+    The grade is that of `grade_of`, or `DEVIATES` if a law-free damping ratio contradicts the ratio of the best law.
+    With the grade `DEVIATES`, no law is named, and the verdict contains the law-free ratios and frequency, if they
+    exist, instead of those of the law. With another grade, it contains the law-free frequency in three cases: if it
+    contradicts that of the best restoring law, if it has the narrower interval at the same amplitude, or if the law
+    gives none. The natural frequency is left out if law-free values replace or contradict it, or if it is not
+    determined (`thresholds.UNDETERMINED`).
 
     Parameters
     ----------
@@ -68,23 +70,24 @@ def decide(
     quantity
         The recorded quantity, as in `Verdict`.
     measured
-        Whether the record is a measurement; if laws may also hold approximately, probabilities are then at most
+        Whether the record is a measurement. If it is, and `approximate` is True, probabilities are at most
         `thresholds.CAP`.
     approximate
-        Whether laws may hold approximately.
+        Whether the damping and restoring laws may hold approximately. If False, the grade is `EXACT`, unless the
+        law-free damping contradicts the law.
     window
         The part of the record that was used.
     notes
         Sentences on the record, for the remarks.
     averages
-        How amplitudes and phases replaced the full motion, for a record of very many cycles; else None.
+        The averaging over cycles, if it was used because the record has very many cycles; else None.
     law_free
         Damping ratios and frequency that are measured without a law, at or near the amplitudes of the findings' ratios.
 
     Returns
     -------
     Verdict
-        The verdict. `units.in_unit` writes its sentence again where the record has another unit.
+        The verdict, with amplitudes in `unit`. `units.in_unit` converts it to the unit of the record's file.
     """
     cap = thresholds.CAP if measured and approximate else 1.0
     damping = {name: min(p, cap) for name, p in findings.damping.items()}
@@ -114,7 +117,7 @@ def decide(
             narrower = own.high - own.low < by_law.high - by_law.low
     grade = grade_of(findings) if approximate else Grade.EXACT
     grade = Grade.DEVIATES if contradicted else grade
-    instead = law_free is not None and grade is Grade.DEVIATES  # whether no value of a law is given
+    instead = law_free is not None and grade is Grade.DEVIATES  # law-free values replace those of the law
     natural = None if instead or off else interval_of(findings.frequency, "Hz")
     if natural is not None and natural.high - natural.low > thresholds.UNDETERMINED * natural.value:
         natural = None
@@ -126,7 +129,7 @@ def decide(
         grade is not Grade.DEVIATES and findings.damping[first] >= thresholds.DECIDED and same and not twins
     )
     shares = [Share(t, q.value, q.low, q.high, findings.term[t]) for t, q in findings.energy.items()]
-    # The parameters of the best damping and restoring law, without those of start and noise.
+    # The parameters of the best damping and restoring law, but not those of the start of the motion and of the noise.
     law, terms = findings.best.restoring, [TERMS.get(t) for t in findings.best.damping]
     further = (name for t in terms for name in (t.parameter, *(p.name for p in t.inferred)))
     parameters = {*LAWS.get(law).parameters, *further}
@@ -166,7 +169,7 @@ def decide(
         quantity=quantity,
         over_law=_over_law(findings, unit),
     )
-    if instead:  # the energy of each term follows from the law
+    if instead:  # without a law, the energy of each term is not known
         verdict = replace(verdict, energy=(), other_forms=())
     if contradicted:
         verdict = replace(verdict, exponent=None, coefficients=())
@@ -177,7 +180,10 @@ def decide(
 
 
 def _with_intervals(law_free: LawFreeDamping, unit: str) -> tuple[tuple[DampingRatio, ...], FrequencyAt]:
-    """Return the measured damping ratios, and the frequency at the last of their amplitudes, with 95 % intervals."""
+    """Return damping ratios, and the frequency at the last of their amplitudes, with 95 % intervals.
+
+    They are measured without assuming a law (`law_free`). unit: unit of the amplitudes.
+    """
     columns = np.column_stack((law_free.amplitude, law_free.ratio, law_free.ratio_sd)).tolist()
     ratios = tuple(
         DampingRatio(a, unit, r, sd, 0.0, r - NORMAL_95 * sd, r + NORMAL_95 * sd) for a, r, sd in columns
@@ -202,18 +208,18 @@ def possible_twins(findings: Findings, damping: str) -> tuple[tuple[str, str, fl
 
 
 def twin_pairs(terms: Iterable[str], others: Container[str]) -> list[tuple[str, str]]:
-    """Return all pairs (term, twin) of a term in `terms` and a twin of it in `others`.
+    """Return all pairs (term, twin) in which the term is in `terms` and its twin is in `others`.
 
-    A twin of a term is a term with the same energy loss at every amplitude.
+    A twin of a damping term is another term with the same energy loss at every amplitude.
     """
     return [(term, twin) for term in terms for twin in twins_of(term) if twin in others]
 
 
 def rivals_of(sums: Mapping[str, float], others: Mapping[str, float]) -> tuple[Rival, ...]:
-    """Return all damping sums but the first, and all other forms of damping, as rivals, the most probable first.
+    """Return all dampings except the one that the verdict names, with their probabilities, the most probable first.
 
-    sums: probabilities of the compared sums, by name, the named one first. others: probabilities of other forms of
-    damping, by name.
+    sums: probabilities of the compared damping sums, by name; the first is the named one. others: probabilities of
+    forms of damping outside these sums, by name.
     """
     rivals = [Rival(n, p) for n, p in [*list(sums.items())[1:], *others.items()]]
     return tuple(sorted(rivals, key=lambda r: -r.probability))
@@ -222,10 +228,10 @@ def rivals_of(sums: Mapping[str, float], others: Mapping[str, float]) -> tuple[R
 def grade_of(findings: Findings) -> Grade:
     """Return the grade of how well the laws of damping and restoring force hold.
 
-    It is `DEVIATES` if the median of the deviation from the damping law is above `thresholds.DEVIATES`, the 2.5 %
-    quantile of that from the restoring law above `RESTORING_DEVIATES`, or the unexplained residual above `UNEXPLAINED`;
-    else `EXACT` if the 97.5 % quantile of the deviation from the damping law is at most `thresholds.EXACT`; else
-    `APPROXIMATE`. All these numbers are fractions.
+    It is `DEVIATES` in three cases: if the median of the deviation from the damping law is above `thresholds.DEVIATES`,
+    if the 2.5 % quantile of the deviation from the restoring law is above `RESTORING_DEVIATES`, or if the unexplained
+    residual is above `UNEXPLAINED`. Otherwise it is `EXACT` if the 97.5 % quantile of the deviation from the damping
+    law is at most `thresholds.EXACT`, and else `APPROXIMATE`. All these numbers are fractions.
     """
     if (
         findings.deviation.value > thresholds.DEVIATES
@@ -237,25 +243,27 @@ def grade_of(findings: Findings) -> Grade:
 
 
 def _contradicts(law: Interval | FrequencyAt, own: DampingRatio | FrequencyAt, least: float) -> bool:
-    """Return whether a law contradicts a value that is measured without a law at the same amplitude, `own`.
+    """Return whether the value of a law, `law`, contradicts the value that is measured without a law, `own`.
 
-    It does if the two values differ by more than the fraction `least` of the measured one, and if the law's interval
-    does not overlap the measured interval after this is widened by the factor `WIDER`. A nan contradicts nothing.
+    Both are at the same amplitude. They contradict each other if they differ by more than the fraction `least` of the
+    measured value, and if their 95 % intervals do not overlap after the measured interval is widened by the factor
+    `thresholds.WIDER`. The result is False for NaN.
     """
     low, high = (own.value + thresholds.WIDER * (end - own.value) for end in (own.low, own.high))
     return abs(law.value - own.value) > least * abs(own.value) and (law.low > high or law.high < low)
 
 
 def interval_of(q: Quantity, unit: str = "") -> Interval:
-    """Convert a quantity (median and 95 % interval) to an `Interval` in `unit`; no number is changed."""
+    """Convert a `Quantity` (median and 95 % interval) to an `Interval` with this unit; the numbers are not changed."""
     return Interval(q.value, q.low, q.high, unit)
 
 
 def _over_law(findings: Findings, unit: str) -> OverLaw | None:
-    """Return the ratio of the damping to its law at the amplitude where it surely deviates most; None if nowhere.
+    """Return the damping divided by that of its law, at the amplitude where it surely deviates most from its law.
 
-    It surely deviates where the 95 % interval (low, high) of the ratio is above 1 + D or below 1/(1 + D), with D =
-    `thresholds.DEVIATES`, and most where max(low, 1/high) is largest. The amplitudes are those of the findings' ratios.
+    It surely deviates if the 95 % interval (low, high) of this ratio is above 1 + D or below 1/(1 + D), with D =
+    `thresholds.DEVIATES`; the result is None if this is so at no amplitude. It deviates most where max(low, 1/high) is
+    largest. The amplitudes are those of `findings.ratios`.
     """
     off = [
         (max(q.low, 1 / q.high), r.amplitude, q)

@@ -1,4 +1,4 @@
-"""Decide on the verdict on an envelope, and on several envelopes of one specimen."""
+"""Decide on the verdict on an envelope (amplitude against time), and on several envelopes of one specimen."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -52,7 +52,8 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import at_middle, named, sentence, with_interval
 
 FALL_FRACTIONS = (0.15, 0.5, 0.85)
-"""Fractions of the decay's fall in dB, from its start, at which rates and Q are given (conventional)."""
+"""Places in the decay of an envelope at which decay rates and Q are given: fractions of its total decrease in dB, from
+its start (conventional)."""
 Kind = TypeVar("Kind", bound=AtAmplitude)
 
 
@@ -60,9 +61,9 @@ Kind = TypeVar("Kind", bound=AtAmplitude)
 class EnvelopeAnswer:
     """The answer on an envelope: verdict, curve and likelihoods.
 
-    curve: the decay with its fit; None where nothing decays. likelihoods: for a joint fit of several records, the
-    likelihood of the terms' decay rates, by name of the damping sum; only for sums whose terms have no parameters
-    besides their coefficients.
+    curve: the decay with its fit; None if there is no decay. likelihoods: for a joint fit of several records, the
+    likelihood of the decay rates of a sum's terms, by name of the damping sum. Sums whose terms have parameters besides
+    their coefficients, such as an exponent, are left out.
     """
 
     verdict: Verdict
@@ -73,11 +74,12 @@ class EnvelopeAnswer:
 def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     """Compare damping sums on a decay, and return the verdict, the decay with its fit, and likelihoods of the rates.
 
-    The grade is `EXACT` if the probability that a law holds exactly is at least `thresholds.LIKELY_EXACT`; else
-    `APPROXIMATE` if the 97.5 % quantile of the deviation (a fraction) is at most `thresholds.DEVIATES`; else
-    `DEVIATES`. It is `DEVIATES` too, and the rates are then drawn from a single power of the amplitude as well, if this
-    describes the decay much better (`thresholds.POWER_LAW`). A damping is named without reservation under the
-    conditions of `decide`, where twins are sums whose decays the record cannot distinguish (`indistinguishable`).
+    The grade is `EXACT` if the probability that a damping law holds exactly is at least `thresholds.LIKELY_EXACT`. Else
+    it is `APPROXIMATE` if the 97.5 % quantile of the deviation from the law (a fraction) is at most
+    `thresholds.DEVIATES`, and otherwise `DEVIATES`. If a single power of the amplitude describes the decay much better
+    than all sums (`thresholds.POWER_LAW`), the grade is `DEVIATES`, and the rates are drawn from this power law too. A
+    damping is named without reservation under the conditions of `decide`; twins are here sums whose decays the record
+    cannot distinguish (`indistinguishable`).
 
     Parameters
     ----------
@@ -86,7 +88,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     sums
         Damping sums to compare, prepared for this decay (see `inference.envelope.decay.free_decay`).
     seed
-        Seed of the draws.
+        Seed of the random draws.
     """
     b = decay.blocks
     ranking = rank_sums(sums, compare_sums(b, sums))
@@ -94,13 +96,13 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     rng = np.random.default_rng([seed, b.t.size])
     top, bottom = b.ends
     amplitudes = np.array([top + share * (bottom - top) for share in FALL_FRACTIONS])
-    # Relative error of every rate by the sensor, which leaves no trace in the record.
+    # Relative error of every rate because of the sensor; the record itself does not show it.
     sensor = float(np.hypot(SENSOR, DRIFT / (0.5 * decay.fall))) if decay.record.logarithmic else SENSOR
 
     def draw_twice(
         candidates: Sequence[EnvelopeCandidate], terms: Sequence[str]
     ) -> tuple[RateDraws, RateDraws]:
-        """Draw decay rates twice: first with deviations from the laws and the sensor's error, then with neither."""
+        """Draw decay rates twice: with deviations from the laws and the sensor's error, and without both."""
         whole = draw_rates(b, candidates, terms, amplitudes, rng, sensor)
         return whole, draw_rates(b, candidates, terms, amplitudes, rng, sensor=0.0, exact=True)
 
@@ -127,9 +129,9 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     energies = zip(ranking.by_term.items(), map(quantity, by_laws[0].energy.T), strict=True)
 
     def at(kind: type[Kind], of: Callable[[np.ndarray], np.ndarray]) -> tuple[Kind, ...]:
-        """Return a function of the decay rate, such as Q, with its interval at each of the `amplitudes`.
+        """Return a quantity that depends on the decay rate, such as Q, with its 95 % interval at each amplitude.
 
-        of: the function of draws of the rates. kind: class of the results.
+        of: function that computes the quantity from draws of the rates in 1/s. kind: class of the results.
         """
         values = []
         for x, draws, exact in zip(amplitudes, of(whole.at).T, of(plain.at).T, strict=True):
@@ -171,10 +173,11 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
 
 
 def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> MeasuredNumber:
-    """Return the median of draws (n,) of a number, its 95 % interval, and the parts of its standard deviation.
+    """Compute from draws (n,) of a number its median, its 95 % interval, and the parts of its standard deviation.
 
-    plain: draws (m,) that vary by the noise of the readings alone; their standard deviation, but at most that of
-    `draws`, is `sd_noise`. sd_law is √(sd² − sd_noise²) with the sd of `draws`. unit: unit of the draws and the result.
+    plain: draws (m,) of the number that vary because of the noise of the readings only. Their standard deviation, but
+    at most that of `draws`, is `sd_noise`. The other part is sd_law = √(sd² − sd_noise²), with the standard deviation
+    sd of `draws`. unit: unit of the draws and the result.
     """
     q = quantity(draws, min(float(np.std(plain)), float(np.std(draws))))
     return MeasuredNumber(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
@@ -183,11 +186,11 @@ def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Measure
 def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple[Coefficient, ...]:
     """Return the coefficients and further parameters of the terms in the most probable damping sum.
 
-    Each is averaged over all sums that contain the term. For a record in dB, whose amplitudes have no scale, the
-    coefficients are in units of the amplitude at the start. If the frequency is not known, the result has the decay
-    rate at the start in place of the coefficient of a term that is not a power of the amplitude, and only those further
-    parameters whose unit contains no time. draws: draws of the rates with deviations from the laws and the sensor's
-    error, and draws with neither.
+    Each is averaged over all sums that contain the term. For a record in dB, whose amplitudes have no absolute scale,
+    the coefficients are in units of the amplitude at the start. If the frequency is not known, two rules apply: for a
+    term that is not a power of the amplitude, the decay rate at the start replaces the coefficient; and further
+    parameters whose unit contains a time are left out. draws: first draws of the rates with deviations from the laws
+    and the sensor's error, then draws without both.
     """
     record, best, omega = decay.record, ranking.best, decay.blocks.frequency
     amplitude = float(np.exp(-best.start if record.logarithmic else decay.reference))
@@ -196,16 +199,16 @@ def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple
         unit = "A_start" if record.logarithmic else f"√{record.unit}"
     scale = Scale(amplitude * float(np.exp(best.start)), omega or 1.0)
     own_unit = unit
-    if best.scale.amplitude != 1.0:  # the record has a scale of its own
+    if best.scale.amplitude != 1.0:  # the record's amplitudes have an absolute scale
         scale = Scale(best.scale.amplitude, scale.frequency)
         own_unit = "rad" if unit in ("rad", "mrad", "deg") else "m"
     sums = {s.name: s for s in ranking.sums}
     results: list[Coefficient] = []
 
     def add(name: str, unit: str, values: Callable[[RateDraws], np.ndarray]) -> None:
-        """Add a parameter, which `values` computes from draws of the rates.
+        """Append a parameter to the results; `values` computes it from draws of the rates.
 
-        If there are no draws under exact laws, all draws are used in their place.
+        If there are no draws under exact laws, the draws with deviations are used in their place.
         """
         whole, exact = map(values, draws)
         results.append(Coefficient(name, *astuple(estimate_of(whole, exact if exact.size else whole, unit))))
@@ -219,7 +222,8 @@ def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple
                 lambda d, term=term: coefficient_from_rate(term, d.rates[term], amplitude, omega)[1],
             )
             continue
-        scores, factors = {}, {}  # of the term, by number of the candidate
+        # By index of the candidate: scores of the term's parameters, and the term's coefficient per decay rate.
+        scores, factors = {}, {}
         for k, c in enumerate(ranking.candidates):
             if term in c.terms:
                 at, sum_ = c.terms.index(term), sums[c.name]
@@ -230,7 +234,10 @@ def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple
                 factors[k] = float(np.exp(log_factor))
 
         def each(d: RateDraws, values: Mapping[int, float]) -> np.ndarray:
-            """Return the value of the candidate of each draw; leave out candidates that are not in `values`."""
+            """Return for each draw the value of its candidate; draws whose candidate has no value are left out.
+
+            values: the values, by index of the candidate.
+            """
             return np.array([values[k] for k in d.candidate.tolist() if k in values])
 
         kind = best.each[place]
@@ -244,7 +251,7 @@ def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple
 
 
 def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    """Return the remarks on an envelope's verdict.
+    """Return the sentences with remarks on an envelope's verdict.
 
     twins: pairs of names of damping sums that the record cannot distinguish.
     """
@@ -297,19 +304,20 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
 
 
 def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[DampingLikelihood, ...]]:
-    """Return, for each damping sum that all records with a decay have, one likelihood for each of these records.
+    """Return the likelihoods of the records of a specimen, for each damping sum that was compared on all of them.
 
-    The result is empty if no record has a decay.
+    The result contains, by name of the sum, one likelihood for each record with a decay. It is empty if no record has a
+    decay.
 
     The likelihood of a record is a function of the scores of the sum's terms. The score of a term is its damping ratio
-    at a reference amplitude, divided by `SCORE_RATIO`. The reference amplitude is common to the records: the geometric
-    mean of theirs. If the frequency of any record is not known, the score is the term's decay rate times the geometric
-    mean of the records' durations, times a constant.
+    at a reference amplitude, divided by `SCORE_RATIO`. The reference amplitude is the geometric mean of the records'
+    own reference amplitudes. If the frequency of any record is not known, the score is the term's decay rate times the
+    geometric mean of the records' durations, times a constant.
 
     Raises
     ------
     InputError
-        Where the records have different units.
+        If the records have different units.
     """
     records = [a.likelihoods for a in answers if a.likelihoods]
     if not records:
@@ -347,7 +355,7 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
     Raises
     ------
     InputError
-        Where the records have different units.
+        If the records have different units.
     """
     by_sum = shared_likelihoods(answers)
     if not by_sum or len(next(iter(by_sum.values()))) < 2:
@@ -380,9 +388,10 @@ def at_common_amplitudes(
     Returns
     -------
     list of tuple
-        For each amplitude, the largest first: the amplitude in the records' unit, ln of the records' numbers there and
-        its standard deviation, (n,) each. Empty if the records have no amplitudes in common. The amplitudes are the
-        ends and the middle of the common range (the geometric middle, but the arithmetic one for levels in dB).
+        For each amplitude, the largest first: the amplitude in the records' unit, ln of the records' numbers there,
+        (n,), and the standard deviation of this logarithm, (n,). Empty if the records have no amplitudes in common. The
+        amplitudes are both ends and the middle of the common range (the geometric mean of the ends; for levels in dB
+        the arithmetic mean).
     """
     level = records[0][0].unit.startswith("dB")
     curves = []
@@ -394,7 +403,8 @@ def at_common_amplitudes(
     low, high = max(a[0] for a, _, _ in curves), min(a[-1] for a, _, _ in curves)
     results = []
     for at in (high, 0.5 * (low + high), low) if low < high else ():
-        # The parabola through the three values: a power law is a straight line, and sums of terms hardly bend it.
+        # Interpolate by the parabola through the three values: a power law is a straight line in these coordinates, and
+        # a sum of terms is nearly straight.
         x = np.array([np.polyfit(a - at, y, 2)[-1] for a, y, _ in curves])
         sd = np.array([np.interp(at, a, sd) for a, _, sd in curves])
         results.append((float(at if level else np.exp(at)), x, sd))
@@ -404,11 +414,11 @@ def at_common_amplitudes(
 def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     """Return the verdict on a specimen from the answers on its envelopes; None if fewer than two of them have a decay.
 
-    ln Q is pooled over the records, whose values may differ by a normal random effect, or ln of the decay rate if the
-    frequency of a record is unknown. If the damping is not viscous with a probability of at least `thresholds.DECIDED`,
-    Q depends on the amplitude: it is then pooled at three amplitudes that all records have in common, and
-    `quality_factor` or `rate` is that at the middle one. Without common amplitudes, the mean Q of the records are
-    pooled, and a remark says so.
+    The common Q is the mean of ln Q over the records, which may differ by a normal random effect (`pool_records`). If
+    the frequency of a record is unknown, the decay rate is used instead of Q. Unless the damping is viscous with a
+    probability of at least `thresholds.DECIDED`, Q is assumed to depend on the amplitude. The common Q is then computed
+    at three amplitudes that all records have in common, and `quality_factor` or `rate` is that at the middle one. If
+    there are no common amplitudes, it is computed from the mean Q of each record, and a remark says so.
 
     Parameters
     ----------
@@ -420,7 +430,7 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     Raises
     ------
     InputError
-        Where the records have different units.
+        If the records have different units.
     """
     own = [a.verdict for a in answers if a.verdict.rate is not None]
     quality = all(v.quality_factor is not None for v in own)
@@ -435,7 +445,7 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     unit, at = values[0].unit, own[0].decay_rate[0].unit if rates else ""
 
     def pooled(x: np.ndarray, sd: np.ndarray, unit: str) -> MeasuredNumber:
-        """Return the mean of a number over the records from its logarithms and their standard deviations."""
+        """Return the mean over the records of a number in `unit`, from its logarithms x (n,) and their sds (n,)."""
         p = pool_records(x, sd)
         value, alone = float(np.exp(p.mean)), min(float(np.sum(sd**-2.0) ** -0.5), p.sd)
         low, high = np.exp([p.mean - NORMAL_95 * p.sd, p.mean + NORMAL_95 * p.sd]).tolist()
@@ -469,8 +479,8 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     )
     if varies and not rates:
         texts = (
-            f"The records have no amplitude in common, so the common {what} is an average of the records' means over "
-            "their own falls, which differ if the damping depends on the amplitude.",
+            f"The records have no amplitude in common, so the common {what} is an average of the mean {what} of each "
+            "record. These means are at different amplitudes, and differ if the damping depends on the amplitude.",
             *texts,
         )
     return replace(verdict, remarks=texts, sentence=sentence(verdict))

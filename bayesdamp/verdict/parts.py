@@ -16,10 +16,11 @@ those with different ones do not."""
 class Grade(StrEnum):
     """How well a law of damping describes the record, the best first; or why no law was compared.
 
-    EXACT: no deviation from the law is larger than a small limit. APPROXIMATE: the damping deviates from its law by
-    more than that, but the law is still the answer. DEVIATES: the deviation, or what the law leaves unexplained, is so
-    large that no law is named as the answer. NO_FREE_DECAY: the record is not the free decay of one oscillator.
-    NOT_WEIGHED: no model could be fitted. `decide.grade_of`, and for an envelope `envelope.answer`, state the limits.
+    EXACT: the damping follows its law within a small limit (for an envelope: the law probably holds exactly).
+    APPROXIMATE: the deviation from the law may be larger, but the law is still the answer. DEVIATES: the deviation, or
+    the unexplained residual, is so large that no law is named as the answer. NO_FREE_DECAY: the record is not the free
+    decay of one oscillator. NOT_WEIGHED: no model could be fitted. `decide.grade_of`, and for an envelope
+    `envelope.answer`, state the limits.
     """
 
     EXACT = "exact"
@@ -41,7 +42,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class IntervalAt:
-    """A value at an amplitude of the record, with the ends `low` and `high` of its 95 % interval.
+    """A value at an amplitude, with the ends `low` and `high` of its 95 % interval.
 
     unit: unit of the amplitude, not of the value.
     """
@@ -58,14 +59,15 @@ class FrequencyAt(IntervalAt):
 
 
 class OverLaw(IntervalAt):
-    """The inferred damping divided by the damping that its law alone gives, without the deviation, at an amplitude."""
+    """The damping divided by the damping of its law without the inferred deviation, at an amplitude."""
 
 
 @dataclass(frozen=True)
 class MeasuredNumber:
     """A number with its total 95 % interval, from `low` to `high`, and its unit.
 
-    sd_noise, sd_law: the parts of its standard deviation from noise and from deviations of the law; NaN if unknown.
+    sd_noise, sd_law: the parts of its standard deviation that are due to noise and to deviations of the damping from
+    its law; NaN if unknown.
     """
 
     value: float
@@ -78,10 +80,10 @@ class MeasuredNumber:
 
 @dataclass(frozen=True)
 class AtAmplitude:
-    """A number at an amplitude of the record, with its total 95 % interval, from `low` to `high`.
+    """A number at an amplitude, with its total 95 % interval, from `low` to `high`.
 
-    unit: unit of the amplitude, not of the number. sd_noise, sd_law: the parts of the number's standard deviation from
-    noise and from deviations of the law; NaN if unknown.
+    unit: unit of the amplitude, not of the number. sd_noise, sd_law: the parts of the number's standard deviation that
+    are due to noise and to deviations of the damping from its law; NaN if unknown.
     """
 
     amplitude: float
@@ -99,10 +101,10 @@ class DampingRatio(AtAmplitude):
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A parameter of the most probable damping sum or restoring law, with its total 95 % interval, from low to high.
+    """A parameter of the most probable damping or restoring law, with its total 95 % interval, from low to high.
 
-    sd_noise, sd_law: the parts of its standard deviation from noise and from deviations of the law. unit: unit of all
-    these numbers.
+    sd_noise, sd_law: the parts of its standard deviation that are due to noise and to deviations of the damping from
+    its law; NaN if unknown. unit: unit of all these numbers.
     """
 
     name: str
@@ -116,9 +118,9 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Rival:
-    """A damping other than the one named first, with its probability.
+    """A possible damping other than the one that the verdict names, with its probability.
 
-    It is another damping sum, or a form of damping outside the compared sums.
+    It is another of the compared sums of damping terms, or a form of damping outside these sums.
     """
 
     damping: str
@@ -127,9 +129,9 @@ class Rival:
 
 @dataclass(frozen=True)
 class Share:
-    """A term's fraction of the dissipated energy, from 0 to 1, with its 95 % interval.
+    """The fraction of the dissipated energy that one damping term dissipates, from 0 to 1, with its 95 % interval.
 
-    probability: that the damping contains the term.
+    probability: probability that the damping contains this term.
     """
 
     term: str
@@ -141,9 +143,10 @@ class Share:
 
 @dataclass(frozen=True)
 class Bound:
-    """The 95 % upper limit `share_below` (0 to 1) of the energy fraction that an absent damping may dissipate.
+    """A 95 % upper limit for a damping that is not in the verdict's damping sum.
 
-    form: a term that is not in the named damping sum, or "any other form".
+    share_below: the limit of the fraction of the dissipated energy that this damping may account for, from 0 to 1.
+    form: the damping term, or "any other form".
     """
 
     form: str
@@ -152,11 +155,11 @@ class Bound:
 
 @dataclass(frozen=True)
 class UsedWindow:
-    """The part of the record that was used, from `start` to `stop` in s on the file's own clock, and why.
+    """The part of the record that was used, from `start` to `stop`, in s on the file's own clock.
 
     why: for an envelope, clauses on how start and stop were chosen, separated by "; "; otherwise "". cycles: number of
-    cycles; NaN where the frequency is not known. floor_db: mean level of the noise floor after an envelope's decay, in
-    dB of the recorded power; NaN where there is none.
+    cycles; NaN if the frequency is not known. floor_db: mean level of the noise floor after an envelope's decay, in dB
+    of the recorded power; NaN if no floor was found.
     """
 
     start: float
@@ -168,10 +171,11 @@ class UsedWindow:
 
 @dataclass(frozen=True)
 class Averages:
-    """The averaging by which amplitudes and phases replaced the full motion, in a record of very many cycles.
+    """Information on the averaging over cycles, by which a record of very many cycles is fitted.
 
-    cycles: number of cycles in the record. error_sd: largest shift of a parameter by the averaging, in posterior
-    standard deviations.
+    Amplitudes and phases that are averaged over blocks of cycles are then fitted instead of the full motion. cycles:
+    number of cycles in the record. error_sd: largest shift of a parameter by the averaging, in posterior standard
+    deviations.
     """
 
     cycles: float
@@ -182,9 +186,9 @@ class Averages:
 class Oscillation:
     """One of the damped sinusoids in a record that is not a free decay of one oscillator.
 
-    frequency: in Hz. damping_ratio: a fraction, with its 95 % interval low to high; negative where the sinusoid grows,
-    NaN if the motion is `EXCITED`. first, last: displacement amplitudes at the ends of the record, in `unit`; the least
-    and the largest one if the motion is `EXCITED`.
+    frequency: in Hz. damping_ratio: a fraction, with its 95 % interval from low to high; negative if the sinusoid
+    grows. first, last: displacement amplitudes at the start and the end of the record, in `unit`. If the motion is
+    `MotionKind.EXCITED`, the damping ratio is NaN, and first and last are the smallest and the largest amplitude.
     """
 
     frequency: float
@@ -213,10 +217,10 @@ class MotionKind(StrEnum):
 
 
 def quality_of(r: DampingRatio) -> str:
-    """Return Q = 1/(2 × damping ratio) as text with its 95 % interval.
+    """Return the quality factor Q = 1/(2 × damping ratio) as text with its 95 % interval.
 
-    The text has only the value and the lower limit where the interval of the damping ratio includes 0. Return a dash
-    where the damping ratio itself is not positive.
+    If the interval of the damping ratio includes 0, the text contains only the value and the lower limit. If the
+    damping ratio itself is not positive, the text is a dash.
     """
     if not r.value > 0:
         return fmt.NONE
@@ -228,7 +232,8 @@ def quality_of(r: DampingRatio) -> str:
 def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool = False) -> Table:
     """Return a table of damping ratios in per cent and of Q, with 95 % intervals, against amplitude.
 
-    `parts`: whether to add the parts of the ratios' standard deviations that are due to noise and to the law.
+    `parts`: whether to add two columns with the parts of each standard deviation, those due to noise and those due to
+    deviations of the damping from its law.
     """
     columns: dict[str, Callable[[DampingRatio], str]] = {
         "amplitude": lambda r: f"{fmt.digits(r.amplitude, n=3)} {r.unit}",
@@ -242,9 +247,10 @@ def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool 
 
 
 def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) -> Table:
-    """Return a table of an envelope's decay rates in 1/s, and of Q, with 95 % intervals, against amplitude.
+    """Return a table of an envelope's decay rates in 1/s, and of its quality factor Q, against amplitude.
 
-    `qualities`: Q at the amplitudes of `rates`, or empty if it is not known.
+    `rates`: the decay rates with their 95 % intervals. `qualities`: Q at the same amplitudes, or empty if it is not
+    known; the table then has no column for Q.
     """
     columns: dict[str, Callable[[int], str]] = {
         "amplitude": lambda i: f"{fmt.digits(rates[i].amplitude)} {rates[i].unit}",
@@ -257,7 +263,10 @@ def decay_table(rates: Sequence[AtAmplitude], qualities: Sequence[AtAmplitude]) 
 
 
 def number(value: MeasuredNumber | Interval | AtAmplitude | None) -> str:
-    """Return a number with its 95 % interval as text without unit; a power of ten if large, a dash for None."""
+    """Return a number with its 95 % interval as text without unit; a dash for None.
+
+    Very large or small numbers are written with a power of ten.
+    """
     return fmt.NONE if value is None else fmt.with_interval(value.value, value.low, value.high)
 
 

@@ -1,4 +1,4 @@
-"""Decide on the verdict on a specimen from the answers on its records, and compare two verdicts on one record."""
+"""Decide on the verdict on a specimen (one object in several records), and compare two verdicts on one record."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -24,12 +24,13 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import named, sentence, twin_remark
 
 SPREAD_VALUES = 400
-"""Number of grid values of the standard deviation between records over which `pool_records` integrates."""
+"""Number of values of the standard deviation between records in the numerical integration of `pool_records`."""
 PRIOR_SCATTERS = 2.0
 """The standard deviation between records has a half-Cauchy prior. Its scale is this factor times the standard deviation
 of the records' values, or times their median standard error if that is larger (weakly informative; Gelman 2006)."""
 RATIO_DRAWS = 20_000
-"""Number of draws of a damping ratio: an end of a 95 % interval is then accurate to 2 % of its width."""
+"""Number of draws of a specimen's damping ratio; the ends of the 95 % interval are then accurate to 2 % of its
+width."""
 Curve = Mapping[str, np.ndarray]
 """Type of a damping curve: arrays by name, such as `amplitude` and `ratio`, which have one element for each point."""
 
@@ -54,15 +55,16 @@ class PooledMean:
 
 
 def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
-    """Return mean and spread of values of records that differ by a normal random effect.
+    """Infer the mean of a number over several records, and the spread between them, from the records' values.
 
-    The spread, the standard deviation of this effect, has a half-Cauchy prior (with the scale by `PRIOR_SCATTERS`), and
-    the mean has a flat prior. For a single value the spread is 0.
+    The true values of the records differ by a normal random effect, whose standard deviation is the spread. The spread
+    has a half-Cauchy prior (for its scale, see `PRIOR_SCATTERS`), and the mean has a flat prior. For a single record
+    the spread is 0.
 
     Parameters
     ----------
     values, sds
-        Values of the records and their standard deviations, (n,) each.
+        Values of the records and their standard errors, (n,) each, in the unit of the number.
     """
     values, sds = np.asarray(values, float), np.maximum(np.asarray(sds, float), 1e-12 * np.abs(values).max())
     if values.size == 1:
@@ -88,7 +90,10 @@ def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
     outside = float(np.min(means - 9 * width)), float(np.max(means + 9 * width))
 
     def excess(x: float, q: float) -> float:
-        """Return the distribution function of one more value, a mixture of normal distributions, at x, minus q."""
+        """Return the cumulative probability minus q at x, for the value of one more record.
+
+        Its distribution is a mixture of normal distributions.
+        """
         return float(weight @ scipy.special.ndtr((x - means) / width)) - q
 
     ends = (scipy.optimize.brentq(excess, *outside, (q,), xtol=1e-12 * sd) for q in (0.025, 0.975))
@@ -99,9 +104,9 @@ def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
 class RecordAnswer:
     """The answer on one record: its verdict, its comparison of dampings, and its damping curve.
 
-    curve: arrays `amplitude` (in the base unit), `ratio` (a fraction), `low` and `high` (95 % interval); where laws may
-    hold approximately also `over` and `over_sd`, mean and standard deviation of log(damping ratio / that without
-    deviations).
+    curve: arrays `amplitude` (in the base unit), `ratio` (damping ratio, a fraction), `low` and `high` (ends of its
+    95 % interval). If the laws may hold approximately, also `over` and `over_sd`: mean and standard deviation of
+    ln(damping ratio / damping ratio without deviations from the law).
     """
 
     verdict: Verdict
@@ -117,7 +122,9 @@ def specimen(
     seed: int = 0,
     amplitudes: Sequence[float] | None = None,
 ) -> Verdict:
-    """Return the verdict on a specimen: one damping for all records, times a factor for each with an inferred spread.
+    """Return the verdict on a specimen (one object that was recorded several times) from the answers on its records.
+
+    All records have the same damping, times a factor for each record, whose spread is inferred.
 
     Parameters
     ----------
@@ -126,20 +133,21 @@ def specimen(
     records
         Answers on its records.
     priors
-        Given priors of the damping coefficients, by parameter; the others have default priors.
+        Specified priors of the damping coefficients, by parameter; the others have default priors.
     sensor
-        Relative error of the sensor's linearity (sd; 0.002 by default); all records have the same error, so it does not
-        average out.
+        Relative linearity error of the sensor (sd; 0.002 by default). It is the same in all records, so that a mean
+        over the records does not reduce it.
     seed
-        Seed of the draws.
+        Seed of the random draws.
     amplitudes
         Amplitudes, in the base unit (rad, m or the sensor's), at which to give the damping ratio; by default those that
-        `choose_amplitudes` returns. Beyond the range of all records the ratio is extrapolated, and a remark says so.
+        `choose_amplitudes` returns. At an amplitude outside the ranges of all records the ratio is extrapolated, and a
+        remark says so.
 
     Raises
     ------
     ValueError
-        Where there is no record.
+        If there is no record.
     """
     if not records:
         raise ValueError("a specimen needs at least one record with a verdict")
@@ -205,11 +213,13 @@ def common_verdict(
 ) -> Verdict:
     """Return a specimen's verdict with the fields that do not depend on the kind of its records (motions or envelopes).
 
-    One damping is named without reservation (`decided`) if its probability, the grade and possible twins allow it, as
-    in `decide`; a twin is possible if it is possible in each record. The grade is the worst one of all records, the
-    deviation is the one with the largest upper limit, and the unexplained residual is the largest one. The energy
-    fractions and the noise are medians over the records, the ends of the energy intervals the least and the largest
-    ones.
+    One damping is named without reservation (`decided`) if its probability is at least `thresholds.DECIDED`, the grade
+    is not `DEVIATES`, and no twin of its terms is possible. A twin is another term with the same energy loss at every
+    amplitude; it is possible if no record excludes it.
+
+    The grade is the worst grade of all records. The deviation is the one with the largest upper limit, and the
+    unexplained residual is the largest one. The energy fractions and the noise are medians over the records. The
+    interval of an energy fraction extends from the smallest lower end to the largest upper end of all records.
 
     Parameters
     ----------
@@ -218,7 +228,7 @@ def common_verdict(
     own
         The verdicts on its records.
     damping
-        Probability of each sum for all records, the most probable first.
+        Probability of each compared damping sum from all records together, by name, the most probable first.
     others
         Probabilities of forms of damping outside the compared sums, by name.
     """
@@ -232,7 +242,7 @@ def common_verdict(
         shares.append(Share(term, middle, min(s.low for s in each), max(s.high for s in each), present))
     terms = first.split("+")
     compared = {t for name in damping for t in name.split("+")} - set(terms)
-    # Upper limits of the energy fractions in each record, of its terms and of other forms.
+    # For each record, upper limits of the energy fractions of its terms and of other forms of damping.
     each = [{b.form: b.share_below for b in v.other_forms} | {s.term: s.high for s in v.energy} for v in own]
     limits = {pair: min(e.get(pair[1], 0.0) for e in each) for pair in twin_pairs(terms, compared)}
     twins = {pair: limit for pair, limit in limits.items() if limit >= thresholds.TWIN}
@@ -269,8 +279,9 @@ def specimen_probabilities(
 ) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
     """Return the probabilities of damping sums, of restoring laws and of other forms, for all records together.
 
-    Other forms are forms of damping outside the compared sums (the rivals). Each dictionary is by name; of sums and
-    laws the most probable is first. The probability of a law is summed over all dampings, the rivals included.
+    Other forms are forms of damping outside the compared sums. Each result is a dictionary by name. In those of the
+    sums and of the laws, the most probable one is first. The probability of a restoring law is summed over all
+    dampings, including other forms.
     """
     others = comparison.others()
     every = {candidate_name(*model): p for model, p in comparison.probability.items()}
@@ -281,8 +292,8 @@ def specimen_probabilities(
 def coefficients_of(comparison: SpecimenComparison, damping: str, unit: str) -> tuple[Coefficient, ...]:
     """Return the parameters of a damping sum that all records of a specimen have in common.
 
-    They are from the joint posterior under the most probable restoring law; none if no law has one. unit: base unit of
-    the records.
+    They are from the joint posterior of all records with the restoring law that is most probable with this sum. The
+    result is empty if there is no joint posterior. unit: base unit of the records.
     """
     models = [m for m in comparison.repeats if m[0] == damping]
     if not models:
@@ -299,11 +310,12 @@ def coefficients_of(comparison: SpecimenComparison, damping: str, unit: str) -> 
 
 
 def pool_coefficients(specimens: Sequence[Verdict]) -> list[tuple[Coefficient, PooledMean]]:
-    """Return the mean and spread of each damping coefficient over all specimens, in the order of the first one.
+    """Return the mean and spread of each damping coefficient over several specimens.
 
-    The list is empty if there are fewer than two specimens, if their dampings or restoring laws differ or were not
-    named, or if a specimen lacks a coefficient or has it in another unit. Coefficients of envelopes are not pooled,
-    because each is relative to the amplitude at the start of its own envelope.
+    Each result is the coefficient of the first specimen with the `PooledMean` over all specimens. The list is empty if
+    there are fewer than two specimens, if their dampings or restoring laws differ or are not known, or if a specimen
+    lacks a coefficient or has it in another unit. It is also empty for envelopes, because their coefficients may be
+    relative to the amplitude at the start of each envelope.
     """
     models = {(v.damping, v.restoring, v.quantity == "envelope") for v in specimens}
     if (
@@ -324,7 +336,7 @@ def pool_coefficients(specimens: Sequence[Verdict]) -> list[tuple[Coefficient, P
 
 
 def spread_remark(v: Verdict) -> tuple[str, ...]:
-    """Return the remark on the spread between records; none where the spread is not inferred."""
+    """Return the remark on how much the damping differs between records; an empty tuple if this was not inferred."""
     if v.spread is None:
         return ()
     value, low, high = (percentage(x) for x in (v.spread.value, v.spread.low, v.spread.high))
@@ -336,13 +348,14 @@ def spread_remark(v: Verdict) -> tuple[str, ...]:
 def choose_amplitudes(ranges: Sequence[tuple[float, float]]) -> list[float]:
     """Return up to three falling amplitudes at which to give the damping ratio of a specimen.
 
-    They are at 0.1, 0.5 and 0.9 of the logarithm of the range that all records share, from its upper end. If they share
-    none, the geometric middles of the records' own ranges are used: the largest, the median and the smallest of these.
+    They are at 10, 50 and 90 % of the way from the upper to the lower end of the range that all records have in common,
+    on a logarithmic scale. If the records have no range in common, the geometric mean of the ends of each record's
+    range is computed; the result is the largest, the median and the smallest of these means.
 
     Parameters
     ----------
     ranges
-        The least and the largest amplitude of each record, all in one unit, which the result also has.
+        The smallest and the largest amplitude of each record. All are in the same unit, as the result.
     """
     low, high = max(r[0] for r in ranges), min(r[1] for r in ranges)
     if low < high:
@@ -359,12 +372,12 @@ def _ratios(
     sensor: float,
     seed: int,
 ) -> tuple[tuple[DampingRatio, ...], tuple[DampingRatio, ...]]:
-    """Return the damping ratios of the specimen and of one more record, at the amplitudes in `reaching`, in `unit`.
+    """Return the damping ratios of the specimen, and those that one more record would have, at several amplitudes.
 
-    The damping ratio by the law is drawn from the joint posterior; the deviation from the law is pooled over the
-    records. At each amplitude, the values of `reaching` are the indices of the records that reach it, and only these
-    records are used, or all records if none reaches it. The relative error `sensor` of the sensor is added only if laws
-    may hold approximately.
+    `reaching` maps each amplitude, in `unit`, to the indices of the records whose range contains it. Only these records
+    are used at this amplitude, or all records if there are none. The damping ratio without deviations from the law is
+    drawn from the joint posterior. The deviation is the mean over the records (`pool_records`). The relative error
+    `sensor` of the sensor is added only if the laws may hold approximately.
     """
     approximate = all("over" in r.curve for r in records)
     specimen_rows, following_rows = [], []
@@ -395,11 +408,11 @@ def _ratios(
 
 @dataclass(frozen=True)
 class Agreement:
-    """Agreement of a second verdict with the first.
+    """How well a second verdict on a record agrees with the first.
 
     same: whether both verdicts name the same damping terms without reservation, or neither verdict names a damping
-    without reservation. moved: largest change of a damping ratio at one amplitude, in total standard deviations of the
-    first verdict; 0 if either verdict has no damping ratios.
+    without reservation. moved: largest difference between the damping ratios of both at an amplitude, in total standard
+    deviations of the first verdict; 0 if either verdict has no damping ratios.
     """
 
     same: bool
@@ -407,7 +420,7 @@ class Agreement:
 
     @property
     def confirms(self) -> bool:
-        """Return whether the damping is the same and every ratio moved by less than `AGREEMENT_SDS` (half an sd)."""
+        """Return whether the damping is the same and every ratio differs by less than `AGREEMENT_SDS` (0.5 sd)."""
         return self.same and self.moved < AGREEMENT_SDS
 
 
@@ -415,8 +428,8 @@ class Agreement:
 class RatioAgreement:
     """How well another computation of a damping ratio agrees with the verdict, at one amplitude.
 
-    amplitude: in the unit of the verdict. moved: change of the value, in total standard deviations of the verdict.
-    wider: width of the other 95 % interval divided by that of the verdict.
+    amplitude: in the unit of the verdict. moved: difference between the two values, in total standard deviations of the
+    verdict. wider: width of the other computation's 95 % interval divided by the width of the verdict's.
     """
 
     amplitude: float
@@ -425,14 +438,15 @@ class RatioAgreement:
 
     @property
     def confirms(self) -> bool:
-        """Return whether the value moved by less than `AGREEMENT_SDS` and the widths agree within `WIDTHS_AGREE`."""
+        """Return whether `moved` is below `AGREEMENT_SDS`, and `wider` and 1/`wider` are below `WIDTHS_AGREE`."""
         return self.moved < AGREEMENT_SDS and 1 / WIDTHS_AGREE < self.wider < WIDTHS_AGREE
 
 
 def _compare(first: Verdict, ratios: Sequence[tuple[float, float, float]]) -> list[RatioAgreement]:
-    """Return the agreement of each damping ratio of a verdict with another, given as (value, low, high).
+    """Compare each damping ratio of a verdict with the ratio from another computation, at the same amplitude.
 
-    Both are in the order of the verdict's amplitudes; if there are fewer others, the remaining ratios are left out.
+    `ratios` contains (value, low, high), with the ends of the 95 % interval, in the order of the verdict's amplitudes.
+    If it is shorter, the last amplitudes are not compared.
     """
     comparisons = []
     for r, (value, low, high) in zip(first.damping_ratio, ratios, strict=False):
@@ -464,9 +478,10 @@ def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]
 
 
 def agreement(first: Verdict, second: Verdict) -> Agreement:
-    """Compare a second verdict on a record with the first; dampings are the same if they have the same terms.
+    """Compare a second verdict on a record with the first: the damping that they name, and their damping ratios.
 
-    The damping ratios of both verdicts must be at the same amplitudes, in the same order.
+    The order of the terms in a damping sum does not matter. The damping ratios of both verdicts must be at the same
+    amplitudes, in the same order.
     """
     dampings = {frozenset(v.damping.split("+")) if v.decided else frozenset() for v in (first, second)}
     comparisons = _compare(first, [(r.value, r.low, r.high) for r in second.damping_ratio])

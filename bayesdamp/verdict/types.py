@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 VERDICT_JSON, VERDICT_TABLE = "verdict.json", "verdicts.csv"
 """Names of the files of a run that contain its verdicts."""
 _PARTS = {"": "value", "_low": "low", "_high": "high", "_sd_noise": "sd_noise", "_sd_law": "sd_law"}
-"""Suffixes of the columns in verdicts.csv of a number with an interval, and the attributes with their values."""
+"""Attribute of a number with an interval, by the suffix of the column in verdicts.csv that contains it."""
 _RATIOS = 3
 """Number of damping ratios of a verdict in verdicts.csv; further ones are left out."""
 
@@ -74,7 +74,7 @@ def _cells(name: str, value: Any) -> dict[str, object]:
 
 @dataclass(frozen=True, repr=False)
 class Verdict(CheckedMethods):
-    """The answer on one record, or on several of one specimen; it prints as its sentence.
+    """The answer on one record, or on several records of one specimen (the recorded object); it prints as its sentence.
 
     The file `verdict.json` contains a list of verdicts. An unknown number is NaN or None.
 
@@ -83,63 +83,66 @@ class Verdict(CheckedMethods):
     record, records
         Name of the record or specimen, and the number of records.
     grade
-        How well the laws hold, or why none was compared (see `Grade`).
+        How well the damping and restoring laws hold, or why none was compared (see `Grade`).
     decided
         Whether one damping is named without reservation.
     damping, probability, rivals
-        The most probable damping sum, its terms joined by + ("" if none was compared); its probability; and all other
-        dampings that were compared, which include forms outside the compared sums and may be more probable.
+        The most probable of the compared sums of damping terms, with its terms joined by + ("" if none was compared);
+        its probability; and all other dampings with their probabilities. The rivals include forms of damping outside
+        the compared sums, which may be more probable.
     restoring, restoring_probability
         Name and probability of the most probable restoring law; "" and NaN for an envelope.
     frequency
-        Natural frequency of small oscillations in Hz, by the restoring law; None where the record does not determine
-        it. For an envelope: the frequency of its oscillation, if it was stated.
+        Natural frequency of small oscillations in Hz, from the restoring law; None if the record does not determine
+        it. For an envelope: the frequency of its oscillation, if it was specified.
     frequency_at
         Frequency in Hz at the last of the amplitudes of `damping_ratio`.
     exponent
-        Power of the velocity with which the damping force grows, if it is a single power, with its 95 % interval.
+        Exponent p of the damping force fitted as one power |v|^p of the velocity, with its 95 % interval.
     damping_ratio
         Equivalent viscous damping ratios (fractions) at amplitudes of the record, usually three, the largest first.
     energy, other_forms
         Each term's share of the dissipated energy, and upper limits for absent forms, as fractions.
     deviation, restoring_deviation
         Energy-weighted mean of the relative deviation from the damping law, and from the restoring law, as fractions
-        with 95 % intervals; None if laws were assumed to hold exactly. For an envelope: the root mean square over the
-        decay.
+        with 95 % intervals; None if laws were assumed to hold exactly. For an envelope, `deviation` is the root mean
+        square over the decay.
     over_law
-        The damping divided by the damping of its law, at the amplitude where it surely deviates most; None if there is
-        no amplitude where it surely deviates by more than `thresholds.DEVIATES`.
+        The damping divided by the damping of its law, at the amplitude where the 95 % interval of this ratio is
+        furthest from 1. It is given only if the whole interval is above 1 + D or below 1/(1 + D), with D =
+        `thresholds.DEVIATES`; otherwise None.
     unexplained_pct, noise_pct
         Rms of the unexplained residual, and of the noise of a sample, in % of the first amplitude.
     midline_drift_pct
         Drift of the midline (signed) over the record in % of the first amplitude; 0 where it is not significant.
     law_free, contradicted
-        Whether damping_ratio and frequency_at are measured without a law, because no law is the answer; and whether
-        that is because the best law contradicts them.
+        Whether damping_ratio and frequency_at are measured without assuming a law, because no law is the answer; and
+        whether no law is the answer because the best damping law contradicts the measured damping ratios.
     coefficients
         Parameters of the damping that is named and of the restoring law, in base units (rad, m or the sensor's, and s).
         For a specimen, only those of the damping.
     motion, modes
-        For a record that is not a free decay of one oscillator: what it is, and its oscillations, the largest first.
+        For a record that is not a free decay of one oscillator: the kind of motion, and its oscillations, the largest
+        first.
     window, averages
-        The part of the record that was used; and the averaging, where very many cycles were averaged.
+        The part of the record that was used; and the averaging over cycles, if the record has very many cycles.
     quantity
         The recorded quantity: angle (or displacement), velocity, acceleration, or envelope.
     rate, quality_factor
-        For an envelope: the mean rate of decay of the amplitude in 1/s by the law over the first half of the fall in
-        dB, and its Q if the frequency is known.
+        For an envelope: the mean rate of decay of the amplitude in 1/s, over the first half of the decrease in dB,
+        according to the damping law; and the quality factor Q with this rate, if the frequency is known.
     decay_rate, quality_factor_at
-        For an envelope: rate and Q at the amplitudes of damping_ratio, the largest first. For several envelopes whose
-        damping is not viscous: at three amplitudes that all have in common; rate and quality_factor are those at the
-        middle one.
+        For an envelope: decay rate and Q at the amplitudes of damping_ratio, the largest first. For several envelopes
+        whose damping is not viscous: at three amplitudes that all of them have in common; rate and quality_factor are
+        then those at the middle amplitude.
     probability_exact, power_law
-        For an envelope: the probability that the law holds exactly, and the log Bayes factor (nats) of one power of the
-        amplitude against the sums.
+        For an envelope: the probability that the damping law holds exactly; and the log Bayes factor (nats) of a single
+        power of the amplitude against all compared sums of damping terms.
     spread
         For several records: the relative standard deviation of the damping between them, as a fraction.
     next_record, next_value
-        For several records: the damping ratios that one more record would have, with 95 % intervals; for envelopes its
-        quality factor, or else its rate.
+        For several records: predictions for one more record, with 95 % intervals. next_record: its damping ratios.
+        next_value: for envelopes, its quality factor, or its decay rate if the frequency is not known.
     remarks, sentence
         Reservations, the largest first; and the answer in one sentence.
     """
@@ -191,15 +194,15 @@ class Verdict(CheckedMethods):
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """Return the probabilities of all compared dampings and other forms, by name; the named damping is first."""
+        """Return the probabilities of all damping sums and other forms of damping, by name; the named sum is first."""
         return {self.damping: self.probability, **{r.damping: r.probability for r in self.rivals}}
 
     def summary(self) -> pd.DataFrame:
-        """Return one row with the columns of verdicts.csv."""
+        """Return the verdict as a table with one row and the columns of verdicts.csv."""
         return data_frame([self.row()])
 
     def row(self) -> dict[str, object]:
-        """Return the row of verdicts.csv by column, without the columns of fields that are None.
+        """Return the cells of this verdict's row in verdicts.csv, by column, without those of fields that are None.
 
         `columns()` lists the columns. Amplitudes are in this verdict's own unit.
         """
@@ -215,12 +218,12 @@ class Verdict(CheckedMethods):
         return ratios_table(self.damping_ratio, self.sentence).__html__()
 
     def to_dict(self) -> dict[str, object]:
-        """Return the fields as JSON values by name, and the version of the schema; nan and infinities are None."""
+        """Return the fields as JSON values by name, and the version of the schema; NaN and infinity become None."""
         return _plain({"schema": VERDICT_SCHEMA, **split(self)})  # type: ignore[return-value]
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any]) -> Self:
-        """Return the verdict from the result of `to_dict`; None in the place of a number becomes NaN."""
+        """Restore a verdict from the dictionary that `to_dict` returned; None in place of a number becomes NaN."""
         return join(cls, {name: value for name, value in given.items() if name != "schema"})
 
     def to_json(self) -> str:
@@ -233,13 +236,13 @@ class Verdict(CheckedMethods):
         Raises
         ------
         InputError
-            Where the file cannot be written.
+            If the file cannot be written.
         """
         return save_bytes(path, f"{self.to_json()}\n".encode())
 
     @classmethod
     def load(cls, path: str | Path, record: str | None = None) -> Verdict:
-        """Read a verdict that `save` wrote, or one of those in a run's verdict.json.
+        """Read a verdict from a file that `save` wrote, or one of the verdicts in the verdict.json of a run.
 
         Parameters
         ----------
@@ -251,7 +254,7 @@ class Verdict(CheckedMethods):
         Raises
         ------
         InputError
-            Where the file contains no verdict, or several and `record` does not name one of them.
+            If the file contains no verdict, or several verdicts of which `record` does not select exactly one.
         """
         try:
             verdicts = load_verdicts(Path(path))
@@ -281,7 +284,8 @@ _FULL = Verdict(
     energy=tuple(Share(term, NAN, NAN, NAN, NAN) for term in ("viscous", "coulomb", "quadratic")),
     deviation=_INTERVAL, spread=_INTERVAL, window=UsedWindow(NAN, NAN, NAN, ""),
 )  # fmt: skip
-"""A verdict that has a value in every column of verdicts.csv; other terms have columns only where they occur."""
+"""A verdict without an answer that has a value in every column of verdicts.csv, from which `columns` gets their names.
+Terms other than viscous, Coulomb and quadratic damping have a column only if they occur in a run."""
 
 
 def columns() -> tuple[str, ...]:
@@ -293,7 +297,7 @@ def columns() -> tuple[str, ...]:
 
 
 def _plain(value: object) -> object:
-    """Return JSON values with None in place of numbers that are not finite, at any depth."""
+    """Return a copy of a JSON value in which NaN and infinite numbers, at any depth, are replaced by None."""
     if isinstance(value, dict):
         return {k: _plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -309,11 +313,11 @@ def load_verdicts(path: Path) -> list[Verdict]:
     Raises
     ------
     OSError
-        Where the file cannot be read.
+        If the file cannot be read.
     AttributeError, KeyError, TypeError, ValueError
-        Where the file does not contain verdicts.
+        If the file does not contain verdicts.
     InputError
-        Where another version of the package wrote the file.
+        If another version of the package wrote the file.
     """
     content = json.loads(path.read_text(encoding="utf-8"))
     verdicts = content if isinstance(content, list) else [content]

@@ -11,13 +11,14 @@ from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.words import sentence
 
 LENGTH_ARRAYS = ("record", "fit", "residual", "amplitude", "free/amplitude")
-"""Names of the arrays whose unit is that of the displacement or of the recorded quantity."""
+"""Names of the arrays of a figure whose unit is that of the displacement or of the recorded quantity."""
 ENERGY_ARRAYS = ("work/", "free/lost")
-"""Beginnings of the names of the arrays whose unit is the square of the displacement's unit per s²."""
+"""Beginnings of the names of the arrays of a figure that contain energies, in the square of the displacement's unit per
+s²."""
 
 
 def in_unit(v: Verdict, unit: Unit) -> Verdict:
-    """Return the verdict with amplitudes in a record's own unit, and write its sentence again with these.
+    """Return the verdict with its amplitudes, also those in its sentence, converted to the unit of the record's file.
 
     Coefficients stay in the units of the equation of motion (rad or m, and s). The verdict is returned unchanged if it
     has no amplitudes, if its amplitudes are not in the base unit, or if `unit` is the base unit.
@@ -41,10 +42,10 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
 
 
 def picture_in_unit(arrays: Mapping[str, np.ndarray], unit: Unit) -> dict[str, np.ndarray]:
-    """Convert the arrays of `inference.deviation.findings.picture` from the base unit, and return all of them.
+    """Return the arrays of a figure, converted from the base unit (rad or m) to the unit of the record's file.
 
-    Displacements are then in the unit of displacement of `unit`, and energies in its square per s². Other arrays, such
-    as damping ratios, are not changed.
+    The arrays are those of `inference.deviation.findings.picture`. Displacements are then in the unit of displacement
+    of `unit`, and energies in its square per s². Other arrays, such as damping ratios, are not changed.
     """
     scale = unit.displacement.scale
 

@@ -16,11 +16,12 @@ if TYPE_CHECKING:
     from bayesdamp.inference.deviation.findings import Findings
 
 UNDETECTED_DEVIATION = 1e-3
-"""If the deviation from a law (a fraction) is smaller than this, the sentence gives only its upper limit."""
+"""If the median deviation from a law (a fraction) is smaller than this, the sentence gives only its upper limit."""
 WHOLE_ENERGY = 0.995
-"""A term with at least this fraction of the energy dissipates "all of it" in the sentence on the energy."""
+"""The sentence on the energy says that a term dissipates "all of it" if its fraction of the energy is at least this."""
 LEAST_BOUND = 0.1
-"""Smallest upper limit in percent: a smaller one is written as this, not as 0."""
+"""Smallest upper limit of an energy fraction, in per cent, that the sentence states. A smaller limit is replaced by
+this, so that it is not rounded to 0."""
 ASYMMETRY = 1.25
 """An interval is written with ± if its longer side is at most this many times the shorter one."""
 
@@ -36,7 +37,10 @@ def sentence(v: Verdict) -> str:
 
 
 def _answer(v: Verdict) -> str:
-    """Return the sentence: the damping, its size, the frequency, and how well the law holds."""
+    """Return the sentence on the damping, its size, the frequency, and how well the damping law holds.
+
+    If the record is not a free decay, the sentence describes its motion instead.
+    """
     if v.motion is not None:
         text = describe_motion(v, v.motion)
         steady = v.motion is MotionKind.STEADY
@@ -96,7 +100,10 @@ def _percentages(i: Interval) -> str:
 
 
 def at_middle(v: Verdict) -> str:
-    """Return the amplitude of the Q or decay rate of several envelopes, such as " at 0.3 V"; "" if it has none."""
+    """Return the amplitude at which Q or the decay rate of several envelopes is given, such as " at 0.3 V".
+
+    The text is empty for a single envelope, and if the number does not belong to an amplitude.
+    """
     if v.records == 1 or not v.decay_rate:
         return ""
     middle = v.decay_rate[len(v.decay_rate) // 2]
@@ -104,11 +111,11 @@ def at_middle(v: Verdict) -> str:
 
 
 def _size(v: Verdict) -> str:
-    """Return the size of the damping in words: for an envelope Q or else the decay rate, with 95 % intervals.
+    """Return the size of the damping in words, with 95 % intervals.
 
-    For another record, the text has the damping ratios at the first and at the last amplitude at which they are finite,
-    or only the first if these amplitudes are equal to two digits; if they are finite at no amplitude, it says that the
-    size is not determined.
+    For an envelope, the text contains Q, or the decay rate if Q is not known. For another record, it contains the
+    damping ratios at the first and the last amplitude at which they are finite, or only the first if both amplitudes
+    are equal to two digits. If they are finite at no amplitude, it says that the size is not determined.
     """
     if v.quality_factor is not None:
         size = with_interval(v.quality_factor.value, v.quality_factor.low, v.quality_factor.high)
@@ -125,7 +132,10 @@ def _size(v: Verdict) -> str:
 
 
 def frequency_remark(v: Verdict, by_law: FrequencyAt) -> str:
-    """Return the remark that the frequency by the restoring law, `by_law`, contradicts the measured one."""
+    """Return the remark that the frequency from the best restoring law contradicts the measured frequency.
+
+    `by_law`: the frequency from the restoring law at an amplitude of the record.
+    """
     value = plus_minus(Interval(by_law.value, by_law.low, by_law.high, "Hz"))
     return (
         f"The best restoring law, {_in_words(v.restoring)}, gives {value} at {digits(by_law.amplitude, n=2)} "
@@ -135,9 +145,10 @@ def frequency_remark(v: Verdict, by_law: FrequencyAt) -> str:
 
 
 def _frequency(v: Verdict) -> str:
-    """Return a clause with the natural frequency, beginning with a comma; "" for an envelope or without it.
+    """Return a clause with the natural frequency, beginning with a comma; "" for an envelope or if none is known.
 
-    Where it is an extrapolation, the clause gives first the frequency at an amplitude of the record.
+    If the natural frequency is not known, or only an extrapolation, the clause begins with the frequency at an
+    amplitude of the record.
     """
     at = v.frequency_at
     if v.quantity == "envelope":
@@ -153,15 +164,15 @@ def _frequency(v: Verdict) -> str:
 def is_extrapolated(natural: Interval, at: FrequencyAt) -> bool:
     """Return whether the natural frequency is only an extrapolation to small oscillations.
 
-    It is if half its 95 % interval, or its difference from the frequency `at` an amplitude of the record, is more than
-    the fraction `thresholds.EXTRAPOLATED` of the natural frequency.
+    This is the case if half its 95 % interval, or its difference from the frequency `at` (at an amplitude of the
+    record), is more than the fraction `thresholds.EXTRAPOLATED` of the natural frequency.
     """
     off = max(abs(natural.value - at.value), 0.5 * (natural.high - natural.low))
     return off > thresholds.EXTRAPOLATED * natural.value
 
 
 def describe_motion(v: Verdict, motion: MotionKind) -> str:
-    """Return in words which kind of motion the record is, if not a free decay of one oscillator.
+    """Return a text on the kind of motion in a record that is not a free decay of one oscillator.
 
     The text contains the frequencies, amplitudes and damping ratios in `v.modes` with their units, without a full stop.
     """
@@ -228,9 +239,9 @@ def is_specified(i: Interval) -> bool:
 
 
 def plus_minus(i: Interval) -> str:
-    """Return text such as `3.4643 ± 0.0006 Hz`, where ± is half the 95 % interval.
+    """Return a number with its 95 % interval as text, such as `3.4643 ± 0.0006 Hz`, where ± is half the interval.
 
-    An asymmetric interval is in brackets; a specified value is followed by "(specified)" instead.
+    An asymmetric interval is in brackets. A value that was specified and not inferred is followed by "(specified)".
     """
     up, down = i.high - i.value, i.value - i.low
     half, unit = 0.5 * (up + down), f" {i.unit}" if i.unit else ""
@@ -242,9 +253,10 @@ def plus_minus(i: Interval) -> str:
 
 
 def energy_sentences(v: Verdict) -> tuple[str, ...]:
-    """Return the sentences on the energy of each term and on the 95 % upper limits for other damping terms.
+    """Return up to two sentences: on the energy that each term dissipates, and on limits for other damping terms.
 
-    There are at most two; none if the verdict has no energies, such as one without a law.
+    The limits are 95 % upper limits of the fraction of the energy. There are no sentences if the verdict contains no
+    energies, for example because no damping law is the answer.
     """
     texts, stated = [], [s for s in v.energy if s.high >= 0.005]
     for s in stated:
@@ -298,7 +310,10 @@ def deviation_limit(deviation: Interval) -> str:
 
 
 def _law_quality(v: Verdict) -> str:
-    """Return the clause on how well the law holds, beginning with a semicolon; "" without a deviation."""
+    """Return the clause on how well the damping law holds, beginning with a semicolon.
+
+    The text is empty if no deviation from the law was inferred.
+    """
     if v.deviation is None:
         return ""
     d, limit = v.deviation, deviation_limit(v.deviation)
@@ -317,14 +332,15 @@ def _law_quality(v: Verdict) -> str:
 
 
 def power_in_words(e: Interval, damping: str = "") -> str:
-    """Return text such as `grows as v^(1.02 ± 0.03), which is viscous`.
+    """Return a text on the exponent of a power law of the damping force.
 
-    e: exponent of the velocity with its 95 % interval. damping: damping sum that the verdict names, "" for none.
+    An example is `grows as v^(1.02 ± 0.03), which is viscous`. e: exponent of the velocity v with its 95 % interval.
+    damping: damping sum that the verdict names, "" for none.
 
-    The text names Coulomb, viscous or quadratic damping (exponents 0, 1, 2) only if half the interval is at most
-    `thresholds.EXPONENT_NAMED`, and the interval, widened by `thresholds.EXPONENT_MARGIN` at both ends, contains just
-    one of these exponents. If `damping` is another sum, the text only says that the exponent is near that one, because
-    friction and drag together may grow like viscous damping.
+    The text names Coulomb, viscous or quadratic damping (exponents 0, 1, 2) under two conditions: half the interval is
+    at most `thresholds.EXPONENT_NAMED`, and the interval, widened by `thresholds.EXPONENT_MARGIN` at both ends,
+    contains just one of these exponents. If `damping` is another sum, the text only says that the exponent is near that
+    of the damping with this exponent, because friction and drag together may grow like viscous damping.
     """
     shown = plus_minus(e)
     grows = f"grows as v^({shown})" if "±" in shown else f"grows as v^{shown}"
@@ -341,11 +357,10 @@ def power_in_words(e: Interval, damping: str = "") -> str:
 
 
 def twin_remark(term: str, twin: str, share: float, records: int = 1) -> str:
-    """Return the remark that a twin of a term may dissipate up to the fraction `share` (0 to 1) of the energy.
+    """Return the remark that records cannot distinguish a damping term from its twin.
 
-    A twin is a term with the same energy loss at every amplitude.
-
-    records: number of records of the verdict.
+    A twin is another term with the same energy loss at every amplitude. share: the fraction of the energy, from 0 to 1,
+    that the twin may dissipate at most. records: number of records of the verdict.
     """
     what = "The record" if records == 1 else "No record"
     can = "cannot distinguish" if records == 1 else "can distinguish"
@@ -356,7 +371,7 @@ def twin_remark(term: str, twin: str, share: float, records: int = 1) -> str:
 
 
 def parameter_in_words(name: str) -> str:
-    """Return a parameter in words, such as `the coefficient of viscous damping` (zeta) or `the rest angle`."""
+    """Return the name of a parameter in words, such as `the coefficient of viscous damping` for zeta."""
     term = next((t for t in TERMS.names() if TERMS.get(t).parameter == name), None)
     return f"the {_in_words(name)}" if term is None else f"the coefficient of {words_of(term)} damping"
 
@@ -382,11 +397,13 @@ def remarks(
     findings
         The numbers from which it was decided.
     same
-        Whether exact laws have the same most probable damping; if not, a remark says so.
+        Whether the same damping is the most probable one if the laws are assumed to hold exactly. If False, a remark
+        says so, unless the grade is `DEVIATES`.
     notes
         Sentences on the record, which are added to the remarks.
     twins
-        As `decide.possible_twins` returns them.
+        Terms of the damping whose twin (a term with the same energy loss at every amplitude) cannot be excluded, as
+        `decide.possible_twins` returns them.
     """
     weighted = [(0.0, note) for note in notes]
     if not v.contradicted:

@@ -67,7 +67,7 @@ def test_a_wrong_option_is_refused_in_one_line_and_nothing_is_written(tmp_path, 
     for options, message in (
         (["--frequency", "-3"], "must be positive, in Hz"),
         (["--repeats"], "there is one record"),
-        ([str(bad), "--repeats"], "there is one usable record; bad.txt: line "),
+        ([str(bad), "--repeats"], "only one record is usable, but several are needed; bad.txt: line "),
         (["--noise", "white"], "--noise: does not apply to envelope"),
         (["--sensor", "0.1", "--deviation", "none"], "--sensor: does not apply with --deviation none"),
         (["--sensor", "0.002"], "--sensor: does not apply to envelope"),  # the default, but stated

@@ -36,7 +36,7 @@ def claims(
         raise InputError(f"--paper {paper}: {what}; give the folder of bayesdamp study paper")
     for folder in noise or ():
         if not error_series(RunFolder(folder)):
-            what = "has no errors for a series of noise levels, sampling rates or lengths (as studies/noise*.toml has)"
+            what = "contains no errors of estimators at several noise levels, sampling rates or lengths of the record"
             raise InputError(f"--noise {folder}: {what}; give the folder of bayesdamp study noise")
     write_bytes(out, page_of_verdicts(CLAIMS, runs).encode(errors="replace"))
     typer.echo(out)

@@ -81,7 +81,7 @@ def compare(
         o.option(
             RUNNING,
             "Also check the answer by MCMC chains (NUTS) and bridge sampling, which takes minutes. Both assume that "
-            "the laws hold exactly, or with --deviation law only as closely as the answer assumes.",
+            "the laws hold exactly; with --deviation law, they allow deviations from the laws.",
             "--exact",
         ),
     ] = False,
@@ -147,7 +147,7 @@ def compare(
         failed = chosen.failed
         signals = r.study_signals(chosen.records, options)
     if repeats and failed and len(signals) == 1:
-        raise InputError(f"--repeats: there is one usable record; {failed[0]}")
+        raise InputError(f"--repeats: only one record is usable, but several are needed; {failed[0]}")
     # A single record is computed by the threads of this process; more processes would not make it faster.
     alone = len(signals) <= (MOST_ENVELOPES_HERE if envelopes else 1) and not exact and scheduler is None
     study = comparison(
@@ -182,10 +182,10 @@ def compare(
 
 
 def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileRecord]:
-    """Return copies of the records, each with its free decay (`signal`), read as the run of the study will read it.
+    """Return copies of the records with their free decays (`signal`), as the run of the study will read them.
 
-    `records` are the records of the study's signals, in the same order. A record that already has a `signal` keeps it.
-    A record whose free decay cannot be read stays without one; the run then reports the error.
+    `records` are the records of the study's signals, in the same order. A record that already has a `signal` is not
+    changed. A record whose free decay cannot be read is returned without one; the run will report the error.
     """
     read = []
     for record, spec in zip(records, study.signals, strict=True):

@@ -71,7 +71,8 @@ def answer() -> str:
 
 
 CHECKS: tuple[Callable[[], str], ...] = (machine, cache, kernels, answer)
-"""The checks. Each returns what was found, or raises an exception, an InputError if the user can do something."""
+"""The checks of the installation, in their order. Each returns a text with its result if the check passes. Otherwise it
+raises an exception: an InputError for an expected failure, whose message is shown without the name of its class."""
 
 
 def doctor() -> int:

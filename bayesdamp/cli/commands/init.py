@@ -38,7 +38,8 @@ _TABLES: dict[str, tuple[type[StudySection], str]] = {
         "How damping models are compared, and when nested sampling is used as well.",
     ),
 }
-"""Class and description of the tables that are written after the signals, by name."""
+"""Tables of a study file that are written after its signals, by name: the class that defines the keys of the table, and
+a comment for the file."""
 
 
 def study_text(records: Sequence[RecordOptions], out: Path) -> str:
@@ -74,7 +75,7 @@ def _line(section: type[StudySection], key: str, value: object) -> str:
 
 
 def to_toml(value: object) -> str:
-    """Return a value (text, number, bool, list or mapping of these) as it is written in a TOML file, on one line."""
+    """Convert a value (text, number, bool, list or mapping of these) to the text for a TOML file, on one line."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

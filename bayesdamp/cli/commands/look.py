@@ -37,11 +37,11 @@ terminal; the others are left out."""
 NARROWEST_PLOT = 10
 """Smallest width of a plot in characters, used if the terminal is narrower."""
 MOST_GAPS = 4
-"""Largest number of gaps in a record that are listed one by one; of more, only the number is given."""
+"""Largest number of gaps in a record that are listed one by one; for the others, only their number is given."""
 PLOT_ROWS = 10
-"""Height of a plot in characters."""
+"""Height in lines of the plot of a record in the terminal."""
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
-"""Bits of the Unicode braille patterns, by row and column of the dot."""
+"""Bit of each dot in the code of a Unicode braille character, by row and column of the dot."""
 
 
 @with_reading_options
@@ -102,7 +102,7 @@ class RecordView:
     reading
         Its columns, unit, quantity, clock and number of samples, in words.
     lines
-        Sentences on how it was cleaned.
+        Sentences on how the record was cleaned and on its free decay.
     t, y
         Times in s and values in the unit of the file, (n,), of the whole record.
     window
@@ -135,9 +135,9 @@ def columns_table(contents: Contents) -> Table:
 
 
 def view_motion(record: FileRecord) -> RecordView:
-    """Return the information on the record of an oscillation.
+    """Collect what `bayesdamp look` shows about the record of an oscillation.
 
-    If it has no free decay, a line gives the reason, and the window is None.
+    If the record has no free decay, a line gives the reason, and the window is None.
     """
     raw, signal = record.raw, record.signal
     t = raw.t if raw.t is not None else np.arange(raw.y.size) / (raw.rate or 1.0)
@@ -156,7 +156,7 @@ def view_motion(record: FileRecord) -> RecordView:
     else:
         assert about.stop is not None  # cleaning states it
         window = about.start, about.stop
-        gaps = holes(signal.t, coarse_period(signal.t, signal.y)[0])  # the record's rate does not show these
+        gaps = holes(signal.t, coarse_period(signal.t, signal.y)[0])  # the sampling rate does not show gaps
         listed = ", ".join(f"{b - a:.3g} s from {about.start + a:.4g} s on" for a, b in gaps[:MOST_GAPS])
         more = f" and {len(gaps) - MOST_GAPS} more" if len(gaps) > MOST_GAPS else ""
         lines += [f"No samples for {listed}{more}; the fit bridges the gap."] if listed else []
@@ -164,9 +164,9 @@ def view_motion(record: FileRecord) -> RecordView:
 
 
 def view_envelope(path: Path, ends: tuple[float | str, float | str], **options: Any) -> RecordView:
-    """Return the information on the record of an envelope.
+    """Read an envelope (amplitude against time), and collect what `bayesdamp look` shows about it.
 
-    If it has no free decay, a line gives the reason, and the window is None.
+    If the record has no free decay, a line gives the reason, and the window is None.
 
     Parameters
     ----------
@@ -204,11 +204,11 @@ def view_envelope(path: Path, ends: tuple[float | str, float | str], **options: 
 
 
 def braille_rows(t: np.ndarray, y: np.ndarray, columns: int, rows: int) -> list[str]:
-    """Return the curve y (n,) against t (n,) as texts of braille characters, the top row first.
+    """Draw the curve y (n,) against t (n,) with braille characters, and return the rows of text, the top row first.
 
-    `columns` and `rows` are the numbers of characters; t is ascending. Each character has two columns and four rows of
-    dots. Each column of dots covers the range of all values in it, extended until it touches the last value of the
-    nearest earlier column that has values. All values are finite.
+    `columns` and `rows` are the numbers of characters. All values are finite, and t is ascending. Each character has
+    two columns and four rows of dots. In each column of dots, the dots from the smallest to the largest value are set.
+    They are extended up or down until they touch the last value of the nearest earlier column with values.
     """
     wide, high = 2 * columns, 4 * rows
     span, low, size = float(t[-1] - t[0]), float(y.min()), float(np.ptp(y))

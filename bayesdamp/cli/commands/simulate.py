@@ -32,9 +32,10 @@ noise."""
 
 
 def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
-    """Parse texts such as `a=1,b=2` to numbers by name; `option` names them in errors.
+    """Parse texts such as `a=1,b=2`, the values of a command-line option, to numbers by name.
 
-    Empty parts are ignored. Raises InputError for other texts, and for a repeated name; names are not checked.
+    `option` is the name of the option, for errors. Empty parts are ignored, and names are not checked. Raises
+    InputError for other texts, and for a repeated name.
     """
     values: dict[str, float] = {}
     for part in ",".join(texts).split(","):
@@ -54,13 +55,13 @@ def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
 
 
 def restoring_defaults(restoring: str) -> dict[str, float]:
-    """Return the default parameters of a restoring law (see `RESTORING_DEFAULTS`); {} for an unknown law."""
+    """Return the default parameters of a restoring law (see `RESTORING_DEFAULTS`), by name; {} for an unknown law."""
     needed = LAWS.get(restoring).parameters if restoring in LAWS.names() else ()
     return {name: RESTORING_DEFAULTS[name] for name in needed if name in RESTORING_DEFAULTS}
 
 
 def defaults_used(damping: Mapping[str, float], other: Mapping[str, float], restoring: str) -> str:
-    """Return the nonzero defaults that were used for a simulation, as text in the form of command-line options.
+    """Return the default values, other than 0, that a simulation used, as text in the form of command-line options.
 
     An example is `--damping viscous=0.1 --set stiffness=40,theta0=0.3`. The text is empty if no default was used.
 
@@ -98,7 +99,7 @@ def simulate_with_defaults(
     noise_sd: float | None = None,
     **options: Any,
 ) -> tuple[Signal, float]:
-    """Simulate a record with the options of the command. Return it, and the sd of its noise in rad.
+    """Simulate a record with the options of the command; return it and the standard deviation of its noise in rad.
 
     If no damping is given, `DAMPING_DEFAULTS` are used. Other missing values come from `RESTORING_DEFAULTS`, or else
     are the defaults of `bayesdamp.simulate`.
@@ -135,7 +136,10 @@ def simulate_with_defaults(
 
 
 def as_csv(signal: Signal) -> str:
-    """Return the record as CSV with the columns `t (s)` and `angle (rad)`; a line before them marks it as simulated."""
+    """Return a record as the text of a CSV file, with the columns `t (s)` and `angle (rad)`.
+
+    A comment line before the header marks the record as simulated.
+    """
     rows = (f"{float(t)!r},{float(y)!r}" for t, y in zip(signal.t, signal.y, strict=True))
     return FIRST_LINE + "\n".join(["t (s),angle (rad)", *rows]) + "\n"
 
