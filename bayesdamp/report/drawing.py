@@ -128,8 +128,8 @@ def fix_margins(
         place = ax.get_subplotspec()
         assert place is not None
         rows, columns = place.get_gridspec().get_geometry()
-        wide = (width - RIGHT_MARGIN) / columns  # of a column, with the space at its left
-        high = (height - top - bottom + down) / rows  # of a row, with the space below it
+        wide = (width - RIGHT_MARGIN) / columns  # width of a column with the space at its left
+        high = (height - top - bottom + down) / rows  # height of a row with the space below it
         first, last = place.colspan.start, place.colspan.stop
         ax.set_position((
             (left + first * wide) / width, (bottom + (rows - place.rowspan.stop) * high) / height,

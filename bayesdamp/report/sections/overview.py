@@ -62,7 +62,7 @@ class OverviewSection(Section):
         return several and not run.study.get("published")
 
     def render(self, run: RunFolder) -> str:
-        """Return verdicts on specimens, a table of all specimens, a figure of damping curves, and a table of records."""
+        """Return verdicts on specimens, a table of all specimens, a figure of damping curves and a table of records."""
         records, verdicts = answers(run), specimens(run)
         parts: list[object] = []
         for v in verdicts:

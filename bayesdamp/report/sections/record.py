@@ -47,7 +47,7 @@ class RecordSection(SignalSection):
         task_result = run.task_result("signal", signal, repeats[0])
         about, own = run.about(signal), run.provenance(signal)
         notes = list(own.sentences)
-        if about.get("epsilon_note") and not only_answered(run):  # the answer compares several widths
+        if about.get("epsilon_note") and not only_answered(run):  # the answer compares several values of ε
             notes.append(str(about["epsilon_note"]))
         if about.get("noise"):
             notes.append(f"The answer uses the noise model {words.method(about['noise'])}.")
