@@ -235,7 +235,7 @@ def run_study(
     workers: int = 1,
     fresh: bool = False,
 ) -> Run:
-    """Compute the results of a study that its folder lacks, and write its tables and report.
+    """Compute those results of a study that are not stored in its folder yet, and write its tables and report.
 
     Parameters
     ----------

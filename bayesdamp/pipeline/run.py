@@ -59,7 +59,7 @@ def run_study(
     quiet: bool = False,
     checked: bool = False,
 ) -> int:
-    """Compute the results of a study that its folder lacks, and write tables and report.
+    """Compute those results of a study that are not stored in its folder yet, and write tables and report.
 
     Parameters
     ----------
@@ -143,9 +143,9 @@ def run_study(
 
 
 def read_records(study: Study) -> None:
-    """Read every file of a study and check its system, so that errors appear before anything is written.
+    """Read every file of a study and check its settings of the oscillator, before anything is written.
 
-    Raises InputError for the first file or system that is wrong.
+    Raises InputError for the first file, or the first setting of a signal's `system`, that is wrong.
     """
     for spec in study.signals:
         source = spec.source
