@@ -51,7 +51,7 @@ INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8C56
 DASHES = ("-", "--", "-.", ":")
 """Line styles that distinguish up to four lines in one figure."""
 LOOKS = tuple(zip(INKS, DASHES))
-"""Colours and line styles that distinguish up to four samplers or oscillations in one figure."""
+"""Pairs of a colour and a line style that distinguish up to four samplers or oscillations in one figure."""
 LETTERS_PER_INCH, MARK_LETTERS = 12.5, 7
 """Number of letters of a legend that fit in an inch; and the width, in letters, of the line and the gap that each entry
 needs besides its text (both measured)."""

@@ -45,7 +45,7 @@ MOSTLY_ONE = 1 / (1 + AGREEMENT_SDS**2)
 deviations from the mean over all models, because the difference is at most √((1 − p)/p) of them. (The standard
 deviation is that of the mixture of all models.)"""
 ANSWER_SAMPLER = "smc"
-"""The sampler of the answer itself, which therefore cannot check the answer."""
+"""Name of the sampler (sequential Monte Carlo) that computes the answer itself. Its results cannot check the answer."""
 UNLISTED_OUTCOMES = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
 """Outcomes that are not listed as failed checks: other sections of the report give their reasons."""
 

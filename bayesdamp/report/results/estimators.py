@@ -95,7 +95,7 @@ class EstimatorComparison:
 
 
 def printed_error(printed: str) -> float:
-    """Return the first number in a printed error, such as 0 for "~0"; nan if there is none."""
+    """Return the first number in a published error as it is printed, such as 0 for "~0"; nan if there is none."""
     match = re.search(r"\d+(\.\d+)?", printed)
     return float(match[0]) if match else math.nan
 
@@ -339,7 +339,9 @@ def is_significantly_better(own: Mapping[int, float], other: Mapping[int, float]
 
 
 def rank_ranges(along: ErrorSeries, stage: str, level: int) -> dict[str, tuple[int, int]]:
-    """Return the best and the worst rank of each method that the repeats allow, at one value of the factor.
+    """Return the range of ranks of each method that its errors in the repeats allow, at one value of the factor.
+
+    The result contains the best and the worst rank, by name of the method; 1 is the method with the smallest errors.
 
     Best rank: 1 + the number of methods that are significantly better. Worst rank: the number of methods minus the
     number of methods that are significantly worse. Methods without an estimate at this value are left out.

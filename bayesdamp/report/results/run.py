@@ -338,7 +338,7 @@ def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
 
 
 def models_not_pruned(run: RunFolder, signal: str, repeat: int) -> list[str]:
-    """Return the models that were not pruned, in the order of `models_by_rank`."""
+    """Return the names of the models that were not left out as far too improbable (pruned), as in `models_by_rank`."""
     ranked = rank_models(run, signal, repeat)
     rows = ranked.rows if ranked else []
     pruned = {r["model"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}

@@ -56,7 +56,7 @@ def paragraph(text: object, look: str = "") -> Markup:
 
 
 def repeat_column(repeats: Sequence[int]) -> dict[str, Callable[[Row], str]]:
-    """Return the column of a table with the number of the repeat, from 1; no column for a single repeat.
+    """Return the column of a table with the number of the repeat, from 1; {} if there is only one repeat.
 
     Repeats are simulations of one signal that differ only in their random noise. The result maps the column's header
     "repeat" to the function that writes the cell of a row.

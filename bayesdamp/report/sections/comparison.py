@@ -21,7 +21,7 @@ TIMES = (
     "Computing time of each method for all signals of the table of errors together, including the compilation of its "
     "code if that was necessary, and the published time if the study states it."
 )
-"""Captions of the tables."""
+"""`ERRORS` and `TIMES` are the captions of the two tables of this section."""
 
 
 class ComparisonSection(Section):

@@ -1,4 +1,4 @@
-"""Show the answers on all records together: specimens, damping curves, and a table."""
+"""Show all records together: verdicts on specimens (objects with several records), damping curves, and a table."""
 
 from collections.abc import Callable
 from dataclasses import replace
