@@ -1,4 +1,4 @@
-"""Compute the answer on one record: the evidence of every damping model, the verdict and its numbers."""
+"""Compute the answer on one record: the evidence of every damping model, and the verdict with its numbers."""
 
 from collections.abc import Mapping
 
@@ -19,22 +19,24 @@ from bayesdamp.types import OK, Refusal, Status, following
 from bayesdamp.verdict.parts import Grade
 
 ANSWER, SAMPLED_ANSWER = "answer", "sampled"
-"""Kinds of the two tasks that answer a record: by linear approximations of every model; and after that, with the
-posteriors of the most probable models sampled."""
+"""Names of two kinds of tasks. Both compute the answer on a record, which is the comparison of damping models with its
+verdict: `ANSWER` from linear approximations of every model; `SAMPLED_ANSWER`, after it, also from draws of the
+posteriors of the most probable models."""
 _COMPARISONS: dict[str, dict[str, ModelComparison]] = {}
-"""Cache of the model comparison in the last answer of this process, by the key of that answer. The sampled answer on
-the same record starts from this comparison instead of computing it again."""
+"""Cache of the last model comparison by linear approximations in this process, by the key of its task. The task
+`SAMPLED_ANSWER` on the same record starts from this comparison instead of computing it again."""
 
 
 def _terms_of(study: Study, spec: SignalSpec) -> tuple[str, ...]:
-    """Return the damping terms of all sums that the study compares on a signal."""
+    """Return the names of the terms in the damping sums that the study compares on a signal, each once."""
     return tuple(dict.fromkeys(t for model in study.dampings(spec) for t in parse_model(model)))
 
 
 def answer_key(record: StudyRecord, kind: str = ANSWER) -> str:
-    """Return the key of the task `answer/SIGNAL/REPEAT` or `sampled/SIGNAL/REPEAT`.
+    """Return the key (hash of all inputs) of the task `answer/SIGNAL/REPEAT` or `sampled/SIGNAL/REPEAT`.
 
-    It depends on the record, the settings of the comparison, and the source of damping terms, laws and noise models.
+    It depends on the record, on the settings of the model comparison, and on the source code of the comparison, the
+    damping terms, the restoring laws and the noise models. kind: `ANSWER` or `SAMPLED_ANSWER`.
     """
     study, spec = record.study, record.spec
 
@@ -57,12 +59,17 @@ def answer_key(record: StudyRecord, kind: str = ANSWER) -> str:
 
 
 def compute_answer(record: StudyRecord, kind: str) -> Product:
-    """Compute the answer on a record. If no candidate can be fitted, its outcome is the verdict's sentence.
+    """Compute the answer on a record: compare its damping models, and form the verdict.
 
-    The content is an `AnswerContent`. kind: `ANSWER`, by linear approximations, or `SAMPLED_ANSWER`, which starts from
-    the comparison of the first answer if this process has computed it. Raises Refusal if the outcome of the record is
-    not OK (it shows no oscillation, for example), if it has no noise, or if a damping term has no kernel (its force as
-    a function that can be compiled for the ODE solver).
+    The content of the result is an `AnswerContent`. If no model can be fitted, the outcome is the verdict's sentence,
+    which gives the reason; otherwise it is OK.
+
+    kind: `ANSWER`, by linear approximations; or `SAMPLED_ANSWER`, which starts from the comparison of `ANSWER` if this
+    process has computed it just before.
+
+    Raises Refusal in three cases: the outcome of the record is not OK (for example, it shows no oscillation), the
+    record has no noise, or a damping term has no kernel (its force as a function that can be compiled for the ODE
+    solver).
     """
     study, spec, result = record.study, record.spec, record.result
     if result.outcome != OK:
@@ -71,15 +78,15 @@ def compute_answer(record: StudyRecord, kind: str) -> Product:
         raise Refusal(NOT_APPLICABLE)
     missing = [t for t in _terms_of(study, spec) if TERMS.get(t).kernel is DampingTerm.kernel]
     if missing:
-        what = f"the damping {', '.join(missing)} has no `kernel`, the force in a form that can be compiled"
-        raise Refusal(f"not compared: {what}; add it to the plug-in of the term")
+        what = f"damping {', '.join(missing)} has no `kernel` (a force function that can be compiled)"
+        raise Refusal(f"not compared: {what}; add one to the plug-in of the term")
 
     def known(law: str) -> Mapping[str, float]:
         system = record.system(law)
         is_given = "epsilon" in spec.under(law).known
         return {k: v for k, v in system.known.items() if is_given or k != "epsilon"}
 
-    # The sampled answer starts from the fits of the first answer.
+    # The sampled answer starts from the model comparison of the first answer.
     first = answer_key(record)
     if first not in _COMPARISONS:
         _COMPARISONS.clear()
@@ -108,7 +115,7 @@ def compute_answer(record: StudyRecord, kind: str) -> Product:
 
 
 def stored_answer(record: StudyRecord) -> Answer | None:
-    """Return the answer on a record that is stored, from sampling or else by linear approximations of each model.
+    """Return the stored answer on a record: from sampling, or if there is none, from linear approximations.
 
     None if neither of the two is stored with the outcome OK.
     """
@@ -120,9 +127,10 @@ def stored_answer(record: StudyRecord) -> Answer | None:
 
 
 def stored_fit(record: StudyRecord, damping: str, restoring: str) -> FitState:
-    """Return the fit of a candidate, with deviations from its laws, that the first answer on a record has stored.
+    """Return the fit of one model, allowing deviations from its laws, that the task `ANSWER` on a record has stored.
 
-    Raises Refusal if the answer has no content, or no such fit.
+    damping, restoring: the damping sum and the restoring law of the model. Raises Refusal if the task stored no values,
+    or not this fit.
     """
     result = record.store.read(f"{ANSWER}/{record.name}")
     content = AnswerContent.maybe(result)
@@ -137,14 +145,15 @@ def stored_fit(record: StudyRecord, damping: str, restoring: str) -> FitState:
 
 
 def rank_candidates(record: StudyRecord, nats: float | None) -> list[tuple[str, str]]:
-    """Return the candidates, (damping, restoring), of the first answer on a record, by their log evidence, best first.
+    """Rank the candidates (models) that the task `ANSWER` compared on a record by log evidence, the largest first.
 
-    Those at least `nats` below the largest one are left out, unless `nats` is None. If the study's samplers allow
-    deviations from the laws, and any candidate has an evidence with deviations, these evidences are used, otherwise
-    those under exact laws. Candidates without this evidence are left out. The candidate with the largest log evidence
-    with deviations is always returned.
+    Returns pairs (damping sum, restoring law). The list is empty if there is no answer, or if no candidate could be
+    fitted.
 
-    The list is empty if there is no answer, or no candidate could be fitted.
+    - The log evidence allows deviations from the laws if the study's samplers allow them and any candidate has such an
+      evidence. Otherwise it assumes exact laws. Candidates without this evidence are left out.
+    - Candidates whose log evidence is at least `nats` below the largest one are left out, unless `nats` is None.
+    - The candidate with the largest log evidence that allows deviations is always in the list.
     """
     content = AnswerContent.maybe(record.find(ANSWER))
     usable = [r for r in content.candidates if r.outcome == OK] if content else []

@@ -1,4 +1,4 @@
-"""Read the envelopes of a study and compute the answers on them."""
+"""Read the envelopes (recorded amplitudes or levels) of a study, and compare damping models on them."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -17,14 +17,15 @@ from bayesdamp.store.results import sha256
 from bayesdamp.types import InputError, Refusal
 
 CACHED_ENVELOPES = 2000
-"""Number of envelopes that are cached in memory; each takes about 100 kB."""
+"""Largest number of envelopes that are cached in memory; each needs about 100 kB."""
 
 
 def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, EnvelopeWindow | None]:
-    """Read an envelope and return it, named `name`, with the window of the decay that the study states.
+    """Read an envelope from its file, and return it with the window (the part with the decay) that the study states.
 
-    The window is None if the study states neither start nor stop. Raises InputError if the file cannot be read, or the
-    stated window contains no decay.
+    The envelope gets the name `name`. If the study states only the start or only the stop, the other end is searched
+    for; if it states neither, the window is None. Raises InputError if the file cannot be read, if the window contains
+    too few readings, or if the search finds no decay.
     """
     record = _read(source, source.path.stat().st_mtime_ns)
     first, last = (None if isinstance(end, str) else end for end in (source.start, source.stop))
@@ -37,10 +38,10 @@ def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Envelo
 
 @lru_cache(maxsize=CACHED_ENVELOPES)
 def _read(source: Recording, changed: int) -> EnvelopeRecord:
-    """Read the envelope in a file.
+    """Read the envelope in a file, or take it from the cache, because a run reads each file twice.
 
-    `changed`, the time at which the file was last modified, is only a key of the cache: the file is read again if it
-    has changed. A run reads each file twice.
+    `changed` is the time at which the file was last modified. It is only a key of the cache, so that a file that has
+    changed is read again.
     """
     del changed
     return read_envelope(
@@ -54,14 +55,14 @@ def _read(source: Recording, changed: int) -> EnvelopeRecord:
 
 
 def _sums(study: Study, spec: SignalSpec) -> Sums:
-    """Return the damping sums that are compared on a signal, each as the names of its terms."""
+    """Return the damping sums that the study compares on a signal, each as a tuple of the names of its terms."""
     return tuple(parse_model(name) for name in study.dampings(spec))
 
 
 def check_recording(study: Study, spec: SignalSpec) -> None:
-    """Check that an envelope can be read and that its damping sums can be compared on it.
+    """Check that an envelope can be read, and that the study's damping sums can be compared on it.
 
-    Raises InputError if not.
+    Raises InputError if one of these is not possible.
     """
     assert isinstance(spec.source, Recording)
     record, _ = read_recording(spec.source, spec.name)
@@ -71,10 +72,10 @@ def check_recording(study: Study, spec: SignalSpec) -> None:
 
 
 def envelope_key(record: StudyRecord) -> str:
-    """Return the key of the task `answer/SIGNAL/0` of an envelope.
+    """Return the key (hash of all inputs) of the task `answer/SIGNAL/0` of an envelope.
 
-    It depends on the content of the file, the settings of signal and study, and the source of damping terms and
-    readers.
+    It depends on the content of the file, on the settings of the signal and the study, and on the source code of the
+    comparison, the damping terms and the readers.
     """
     study, spec, source = record.study, record.spec, record.spec.source
     assert isinstance(source, Recording)
@@ -90,10 +91,10 @@ def envelope_key(record: StudyRecord) -> str:
 
 
 def compute_envelope(study: Study, spec: SignalSpec) -> Product:
-    """Return the answer on an envelope, with its arrays.
+    """Compute the answer on an envelope: compare its damping models, and form the verdict.
 
-    The decay is searched unless the study states its start or stop. Raises InputError if the file cannot be read, or if
-    the stated window contains no decay.
+    The part of the record with the decay is searched for, unless the study states its start or stop. Raises InputError
+    for the reasons that `read_recording` states.
     """
     assert isinstance(spec.source, Recording)
     record, window = read_recording(spec.source, spec.name)

@@ -1,4 +1,8 @@
-"""List the jobs of a study with their tasks, order them in stages, and choose which candidates are left out."""
+"""List the jobs of a study with their tasks, order the jobs in stages, and leave out improbable models.
+
+A task is one computation with a stored result. A job is a list of tasks that one process computes (see `run`). A
+candidate is a model: a damping sum under a restoring law.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -23,12 +27,16 @@ NOT_SAMPLED = Status.NOT_SAMPLED.because("its evidence is not among the highest,
 
 
 def choose_candidates(record: StudyRecord) -> tuple[Sequence[str], Sequence[str]]:
-    """Return the names of the candidates of a record that are evaluated, and of those that are also sampled.
+    """Choose the candidates (models) of a record to evaluate, and those of them to sample; return both lists of names.
 
-    The log evidences of the first answer decide. A candidate is evaluated if it is less than `models.prune` below the
-    largest (see `rank_candidates`); the best `posterior.best` of these are sampled. If the study sets neither limit, or
-    the record has no answer, all candidates are evaluated and sampled. If a limit is set and the outcome of the record
-    is not OK, no candidate is evaluated or sampled.
+    The log evidences in the answer on the record decide, with two settings of the study:
+
+    - A candidate is evaluated if its log evidence is less than `models.prune` (in nats) below the largest one
+      (see `rank_candidates`).
+    - The `posterior.best` candidates with the largest log evidences are also sampled.
+
+    If the study sets neither limit, or if the record has no answer, all candidates are evaluated and sampled. If a
+    limit is set and the outcome of the record is not OK, none is.
     """
     study, names = record.study, record.study.compare(record.spec)
     prune, best = study.models.prune, study.posterior.best
@@ -44,10 +52,10 @@ def choose_candidates(record: StudyRecord) -> tuple[Sequence[str], Sequence[str]
 
 
 class Depth(StrEnum):
-    """The last step of a run.
+    """The step after which a run ends.
 
-    ANSWER: the answer by linear approximations. SAMPLED: the answer with the posteriors of the most probable models
-    sampled. WHOLE: all samplers and evidence methods that the study names.
+    ANSWER: the comparison of damping models by linear approximations. SAMPLED: in addition, sampling of the posteriors
+    of the most probable models. WHOLE: in addition, all samplers and evidence methods that the study names.
     """
 
     ANSWER = "answer"
@@ -57,14 +65,14 @@ class Depth(StrEnum):
 
 @dataclass(frozen=True)
 class Job:
-    """Tasks that one process computes one after another.
+    """A list of tasks that one process computes one after another: those of one model, or one of the whole record.
 
     signal: name of the signal.
     repeat: number of the repeat of a simulated signal, from 0.
-    model: the candidate; None if the job concerns the whole record.
-    task_group: the tasks of a job on the whole record: "read", "answer" or "sampled".
-    is_sampled: whether the tasks of a candidate include its posteriors, and the evidence that needs draws or is the
-    referee's.
+    model: name of the model (candidate); None if the job concerns the whole record.
+    task_group: which task of the whole record: "read", "answer" or "sampled"; None if the job concerns a model.
+    is_sampled: for a model, whether the job includes its posteriors, and the evidence by nested sampling and by methods
+    that need posterior draws.
     """
 
     signal: str
@@ -77,7 +85,7 @@ class Job:
 def task_names(study: Study) -> list[str]:
     """Return the names of all tasks of a study, in an order in which they could be computed.
 
-    Nothing is computed. A run may leave out some of the tasks, such as those of pruned candidates.
+    Nothing is computed. A run may leave out some of the tasks, such as those of improbable models.
     """
     use_modules(study.plugins)
     store = Store(Path("."))
@@ -85,26 +93,26 @@ def task_names(study: Study) -> list[str]:
 
 
 def is_within(job: Job, depth: Depth) -> bool:
-    """Return whether a run whose last step is `depth` includes a job."""
+    """Return whether a job belongs to a run that ends after the step `depth`."""
     return depth is Depth.WHOLE or job.task_group in ("read", ANSWER, depth)
 
 
 def count_parallel_jobs(jobs: list[Job], depth: Depth) -> int:
-    """Return how many jobs of a run can use a process of their own at the same time.
+    """Return how many jobs of a run can be computed at the same time, each in its own process.
 
-    In a whole run it is the number of candidates or the number of records, whichever is larger. Otherwise it is the
-    number of records, because one process answers a record with several threads.
+    For `Depth.WHOLE` this is the number of jobs on single models or the number of records, whichever is larger.
+    Otherwise it is the number of records, because one process uses several threads for one record.
     """
     records = len({(job.signal, job.repeat) for job in jobs})
     return max(records, sum(job.model is not None for job in jobs)) if depth is Depth.WHOLE else records
 
 
 def jobs_of(study: Study) -> list[Job]:
-    """Return all jobs of a study; the jobs that read records come first.
+    """Return all jobs of a study; the jobs that read records come first, and those on single models last.
 
-    They include the jobs of candidates that a run may leave out.
+    A run may leave out some of the jobs on single models.
     """
-    # Repeat by repeat over all signals: an interrupted run then has results for every signal.
+    # First repeat 0 of all signals, then repeat 1, and so on: an interrupted run then has results for every signal.
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
     task_groups = ("read", *((ANSWER, SAMPLED_ANSWER) if study.has_answers else ()))
@@ -119,7 +127,7 @@ def jobs_of(study: Study) -> list[Job]:
 
 
 def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]:
-    """Return the tasks of a job: by name, the key of the task and the function that computes it."""
+    """Return a dictionary of the tasks of a job: by name, the key of the task and the function that computes it."""
     spec = next(s for s in study.signals if s.name == job.signal)
     record = StudyRecord(study, spec, job.repeat, store)
     if job.model is not None:
@@ -140,7 +148,7 @@ def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]
 
 
 def _needs_sampling(name: str) -> bool:
-    """Return whether the task of a candidate with this name is computed only if the candidate is sampled."""
+    """Return whether the task with this name is computed only for models whose posterior is sampled."""
     kind, method = TaskName.of(name).kind, TaskName.of(name).method
     is_from_draws = kind == "evidence" and (method == REFEREE or EVIDENCES.get(method).needs_draws)
     return kind == "posterior" or is_from_draws
@@ -149,8 +157,8 @@ def _needs_sampling(name: str) -> bool:
 def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[list[Job]]:
     """Iterate over the stages of a run, which are lists of jobs. A stage may depend on results of earlier stages.
 
-    Each stage is listed when it is requested, from the results that are stored then: run its jobs before requesting the
-    next one. A stage can be empty.
+    The jobs of a stage depend on the results that are stored when the iterator is asked for it. So run the jobs of each
+    stage before asking for the next one. A stage can be empty.
     """
     jobs = jobs_of(study)
     # Every other task reads its record from the store.
@@ -161,10 +169,10 @@ def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[l
 
 
 def _candidate_jobs(study: Study, store: Store) -> list[Job]:
-    """Return the jobs of the candidates that are evaluated, and store why the tasks of the others are left out.
+    """Return the jobs on the candidates (models) to evaluate, and store why tasks of other candidates are left out.
 
-    The reason is stored as the result of each evidence task of a pruned candidate. It also replaces the results of an
-    earlier run that evaluated or sampled a candidate.
+    The reason is stored in place of a result in two cases: for every evidence task of a candidate that is not
+    evaluated, and for every task that is left out now but has a result from an earlier run.
     """
     jobs, stored = list[Job](), set(store.names())
     for spec, repeat in study.records:

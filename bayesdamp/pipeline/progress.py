@@ -21,11 +21,12 @@ ACTIVITIES = {
     "sampled": "checking the answer on {records} by sampling",
     CANDIDATES: "fitting, sampling and weighing {models} on {records}",
 }
-"""What the jobs of a stage do, by their `task_group`; `CANDIDATES` for those of candidates, which have none."""
+"""What the jobs of a stage do, for the user, by the `task_group` of the jobs. `CANDIDATES` is for jobs on single
+models, which have no task group."""
 
 
 def describe_stage(study: Study, jobs: list[Job]) -> str:
-    """Return a description of a stage of these jobs for the user, such as "sampling 3 damping models on 1 record"."""
+    """Return what the jobs of a stage do, in words, such as "checking the answer on 2 records by sampling"."""
     names = {job.signal for job in jobs}
     specs = [spec for spec in study.signals if spec.name in names]
     sums = {candidate_parts(job.model)[0] for job in jobs if job.model}
@@ -40,12 +41,12 @@ def describe_stage(study: Study, jobs: list[Job]) -> str:
 
 
 def _with_count(number: int, what: str) -> str:
-    """Return a number and a noun, which is in the plural unless the number is 1."""
+    """Return a number with a noun, such as "1 record" or "2 records"."""
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 class Progress:
-    """Show the steps of a run: as a bar on a terminal, otherwise as one line for each step."""
+    """Show the steps of a run to the user: as a bar on a terminal, otherwise as one line for each step."""
 
     def __init__(self, bar: Bar) -> None:
         self._bar, self._task = bar, bar.add_task("", total=None)
@@ -62,7 +63,7 @@ class Progress:
 
 
 def progress_bar(console: Console) -> Bar:
-    """Return a progress bar for one or several activities, which shows nothing if the console is not a terminal."""
+    """Return a progress bar for one or several activities. It shows nothing if the console is not a terminal."""
     # Imported here because workers, which show nothing, do not need it.
     from rich.progress import (
         BarColumn,

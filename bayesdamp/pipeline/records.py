@@ -42,19 +42,20 @@ from bayesdamp.verdict.words import describe_motion
 
 NOT_APPLICABLE = Status.NOT_APPLICABLE.because("the record has no noise, so there is no posterior")
 RAW_POINTS = 20_000
-"""A measured record of more raw samples is thinned before it is stored for its plot, to at least this number."""
+"""A measured record with at least twice as many raw samples is thinned before it is stored for its plot, but to no
+fewer samples than this."""
 CACHED_RECORDS = 8
-"""Number of records that are cached in memory."""
+"""Largest number of records that are cached in memory."""
 _SIGNALS: dict[tuple[str, str], Signal] = {}
 """Cache of the last `CACHED_RECORDS` signals, by the name and the key of the stored result."""
 _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
-"""Settings of a signal that do not affect its record, so that they are not part of the key of its task."""
+"""Settings of a signal that do not affect its record. They are not part of the key (hash) of the task that reads it."""
 
 
 def read_raw(source: Recording) -> RawRecord:
     """Read a measured record, in the unit of its file.
 
-    Raises InputError if it cannot be read, or if the file leaves open how to read it.
+    Raises InputError if the file cannot be read, or if the user must first state how to read it, such as its unit.
     """
     raw = read_record(
         source.path,
@@ -65,16 +66,16 @@ def read_raw(source: Recording) -> RawRecord:
         channel=source.channel,
         time_unit=source.time_unit,
     )
-    # As if no unit were given: "rad" may be the default.
+    # `given` is left false, because the unit "rad" in a study may be just the default.
     refuse_questions(findings(raw, source.unit, source.quantity))
     return raw
 
 
 def read_free_decay(source: Recording, name: str) -> CutSignal:
-    """Return the free decay in a measured record, named `name`, in the base unit (such as rad).
+    """Read a measured record, and return the free decay in it as a signal named `name`, in the base unit (such as rad).
 
-    Raises InputError, which names the file, if there is none. The last few records are cached until their files change,
-    because a run reads them once more before it begins.
+    Raises InputError, which names the file, if it cannot be read or contains no free decay. The last few records are
+    cached until their files change, because a run reads each record twice.
     """
     stamp: tuple[int, ...] = ()
     with suppress(OSError):
@@ -94,9 +95,10 @@ def _read_free_decay(source: Recording, name: str, stamp: tuple[int, ...]) -> Cu
 
 
 class StudyRecord:
-    """One record of a study: a repeat of a signal, with its stored result and what is known of its system.
+    """One record of a study, with its stored result: a measured signal, or one repeat of a simulated signal.
 
-    repeat: number of the repeat, from 0. name: `SIGNAL/REPEAT`, the part of a task's name that all its tasks have.
+    Repeats of a signal differ only in their random noise. repeat: number of the repeat, from 0. name: `SIGNAL/REPEAT`,
+    which is part of the names of all tasks on this record.
     """
 
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
@@ -105,10 +107,10 @@ class StudyRecord:
 
     @property
     def key(self) -> str:
-        """The key of its task `signal/NAME/REPEAT`.
+        """The key (hash of all inputs) of the task `signal/NAME/REPEAT`, which simulates or reads this record.
 
-        It depends on the signal's settings, the repeat, the content of the file, and the source of the modules that
-        simulate or read the record.
+        It depends on the study's seed, the signal's settings, the repeat, the content of the file, and the source code
+        that simulates or reads the record.
         """
 
         def compute() -> str:
@@ -125,17 +127,20 @@ class StudyRecord:
         return self.store.key(f"signal/{self.name}", (self.study, self.spec), compute)
 
     def find(self, kind: str, *, arrays: bool = True) -> TaskResult | None:
-        """Return the stored result of the record's task of this kind, such as "answer"; None if there is none."""
+        """Return the stored result of the task of this kind, such as "answer", on the record; None if there is none."""
         return self.store.find(f"{kind}/{self.name}", arrays=arrays)
 
     @cached_property
     def result(self) -> TaskResult:
-        """The stored result of its task `signal/NAME/REPEAT`. Raises KeyError if there is none."""
+        """The stored result of the task `signal/NAME/REPEAT` of this record. Raises KeyError if there is none."""
         return self.store.read(f"signal/{self.name}")
 
     @cached_property
     def signal(self) -> Signal:
-        """The signal. The last few are cached, because their features are stored with the object."""
+        """The signal: the samples of this record.
+
+        The last few signals are cached, because each object also keeps its features, so that they are computed once.
+        """
         m, arrays = self.content, self.result.arrays
         about = m.quantity, m.unit, m.name, m.step, Provenance.of(m.provenance)
         signal = Signal(arrays["t"], arrays["y"], *about)
@@ -146,29 +151,30 @@ class StudyRecord:
 
     @cached_property
     def content(self) -> RecordContent:
-        """The values of its stored result (features, provenance and so on), without the samples."""
+        """The values in the stored result of this record (features, provenance and so on), without the samples."""
         return RecordContent.of(self.result)
 
     @property
     def features(self) -> Features:
-        """The features of its signal."""
+        """The features of the signal, such as its period and amplitudes."""
         return features(self.signal)
 
     def system(self, law: str) -> System:
-        """Return what is known of the system under a restoring law.
+        """Return the known values and the priors of the oscillator's parameters under a restoring law.
 
-        If the study gives no width ε of friction, it is known too: a fixed fraction of the record's peak velocity.
+        They include ε, the velocity within which Coulomb friction changes its sign. If the study states neither its
+        value nor that it is unknown, ε is a fixed fraction of the record's peak velocity.
         """
         system, epsilon = self.spec.under(law), self.content.known.get("epsilon")
         return system if epsilon is None else replace(system, known={**system.known, "epsilon": epsilon})
 
 
 def compute_signal(record: StudyRecord) -> Product:
-    """Return the cleaned record with its features, and its samples as arrays.
+    """Read or simulate a record, clean it, and compute its features.
 
-    The content is a `RecordContent`. The arrays are `t` in s and `y` in the base unit (such as rad), and for a measured
-    record `raw_t` and `raw_y`, the whole record, thinned. If a measured record shows too little of an oscillation,
-    raise InputError; for a simulated one the outcome is the reason.
+    The content of the result is a `RecordContent`. The arrays are the samples: `t` in s and `y` in the base unit (such
+    as rad). A measured record also has `raw_t` and `raw_y`: the whole record, thinned. If the record shows no
+    oscillation or too few cycles, the outcome says so for a simulated record; for a measured one InputError is raised.
     """
     study, spec, name, arrays = record.study, record.spec, f"signal/{record.name}", {}
     source = spec.source
@@ -202,10 +208,10 @@ def compute_signal(record: StudyRecord) -> Product:
 
 
 def _add_noise(signal: Signal, share: float, seed: int) -> Signal:
-    """Add white noise to a record without noise; return a record with noise, or without oscillation, unchanged.
+    """Add white normal noise to a record that has no noise, and a warning that says so to its provenance.
 
-    The noise is normal. share: its standard deviation as a fraction of the largest amplitude. seed: of the noise. A
-    warning is added to the provenance.
+    A record that has noise, or that shows no oscillation, is returned unchanged. share: standard deviation of the noise
+    as a fraction of the largest amplitude. seed: seed of the noise.
     """
     try:
         measured = features(signal)
@@ -226,9 +232,9 @@ def _add_noise(signal: Signal, share: float, seed: int) -> Signal:
 
 
 def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> RecordContent:
-    """Return `content` with the features, the reference of the priors, a value of ε if none is given, and remarks.
+    """Complete the content of a record: features, scales of default priors, a default for ε if necessary, remarks.
 
-    Raises Refusal if the record shows no oscillation.
+    ε is the velocity within which Coulomb friction changes its sign. Raises Refusal if the record shows no oscillation.
     """
     measured = features(signal)
     reference = reference_of(spec.system, measured)
@@ -237,7 +243,8 @@ def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> Recor
         known["epsilon"] = reference.friction_width
         width, share = digits(known["epsilon"], n=3), percentage(FRICTION_WIDTH)
         note = (
-            f"The width ε of friction was not given: {share} % of the peak velocity, {width} {signal.unit}/s."
+            "The velocity ε, within which friction changes its sign, was not given; it is assumed to be "
+            f"{share} % of the peak velocity: {width} {signal.unit}/s."
         )
     remarks = list(find_anomalies(signal, measured))
     other = no_free_decay(signal) if isinstance(spec.source, Recording) else None
@@ -258,8 +265,9 @@ def _describe(spec: SignalSpec, signal: Signal, content: RecordContent) -> Recor
 def _bound(spec: SignalSpec, signal: Signal) -> dict[str, float]:
     """Return the Cramér–Rao bound of a simulated record: the smallest standard deviation of each unknown parameter.
 
-    It is by parameter, in the unit of each. Return {} for a measured record, noise that is not white and normal, no
-    noise, damping terms with further parameters, and friction that changes its sign abruptly (ε = 0).
+    The result is by name of the parameter, in the parameter's unit. It is {} in these cases: a measured record, no
+    noise, noise that is not white and normal, a damping term with parameters besides its coefficient, or friction that
+    changes its sign abruptly (ε = 0).
     """
     source = spec.source
     if not isinstance(source, Simulation) or source.noise != "gaussian":

@@ -1,4 +1,4 @@
-"""Run a study from Python, and read the results of a run: its tables, and each candidate on each record."""
+"""Run a study from Python, and read the results of a run: its tables, and those of each model on each record."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ PRINTED_CANDIDATES = 20
 class Candidate(ResultView):
     """The results of a run for one damping model on one record.
 
-    record: name of the signal. repeat: number of the repeat, from 0. damping, restoring: the damping sum and the
-    restoring law. values, sd: the inferred parameters at the posterior mode, by name and in their units, and their
-    standard deviations; empty if there is no mode. log_posterior: log posterior density (nats, not normalised) at the
-    mode, in the coordinates of the search (standard normal scores); nan if there is no mode. estimates: the estimates
-    of each stage, by estimator. posteriors: the posterior by each sampler; its log likelihoods are nan if the file of
-    its draws is missing. evidence: the log evidence by each method. outcome: "ok", also if no mode was searched, or the
-    reason why there is no mode.
+    record: name of the signal. repeat: number of the repeat, from 0. damping, restoring: the damping sum, such as
+    "viscous+coulomb", and the restoring law. values, sd: the inferred parameters at the posterior mode, by name and in
+    their units, and their standard deviations; empty if there is no mode. log_posterior: log posterior density at the
+    mode (nats, not normalised), for parameters that are transformed so that each has a standard normal prior; nan if
+    there is no mode. estimates: for each estimator, its estimates at each stage. posteriors: the posterior by each
+    sampler; its log likelihoods are nan if the file of its draws is missing. evidence: the log evidence by each method.
+    outcome: the reason why there is no mode; "ok" if there is one, or if the study needs none.
     """
 
     record: str
@@ -80,10 +80,10 @@ class Candidate(ResultView):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(ResultView):
-    """The run of a study, read from its folder.
+    """The results of a study, read from the folder of its run.
 
-    folder: folder of the run, with tables, results of tasks, figures and report.html. name: name of the study. outcome:
-    "ok", or the names of the tasks that failed.
+    folder: path of this folder, with tables, results of tasks, figures and report.html. name: name of the study.
+    outcome: "ok", or a text with the number and the names of the tasks that failed.
     """
 
     folder: Path
@@ -92,40 +92,41 @@ class Run(ResultView):
 
     @cached_property
     def estimates(self) -> pd.DataFrame:
-        """The table estimates.csv, a row for each parameter that an estimator estimated at a stage for a candidate.
+        """The table estimates.csv, with a row for each estimated parameter of a model by an estimator at a stage.
 
-        It has the value with its standard error, and for a simulated record the true value and the error in per cent.
+        A row contains the value with its standard error, and for a simulated record the true value and the error in per
+        cent. The stages are the method's own estimate and the trajectory fit that starts from it.
         """
         return self._read("estimates.csv")
 
     @cached_property
     def posteriors(self) -> pd.DataFrame:
-        """The table posteriors.csv, a row for each parameter of each posterior.
+        """The table posteriors.csv, with a row for each parameter of the posterior of a model by a sampler.
 
-        It has mean, sd, quantiles, the shortest 95 % interval and the diagnostics of the sampler.
+        A row contains mean, sd, quantiles, the shortest 95 % interval and the diagnostics of the sampler.
         """
         return self._read("posteriors.csv")
 
     @cached_property
     def evidence(self) -> pd.DataFrame:
-        """The table evidence.csv, a row for each record, candidate and method.
+        """The table evidence.csv, with a row for each record, model and method.
 
-        It has the log evidence with its standard error in nats, the log Bayes factor to the best candidate, and the
-        posterior probability.
+        A row contains the log evidence with its standard error in nats, the log Bayes factor relative to the best
+        model, and the posterior probability of the model.
         """
         return self._read("evidence.csv")
 
     @cached_property
     def fits(self) -> pd.DataFrame:
-        """The table fits.csv, a row for each record and candidate that has a fit.
+        """The table fits.csv, with a row for each record and model that has a fit.
 
-        It has the rms of the residuals, the checks of the fit, and the size of deviations from the damping law.
+        A row contains the rms of the residuals, the checks of the fit, and the size of deviations from the damping law.
         """
         return self._read("fits.csv")
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """The results for each model on each record and repeat, in the order of task names."""
+        """The results for each model on each record and repeat, sorted by the names of their tasks."""
         description = read_description(self.folder)
         store = Store(self.folder, description.get("cells"))
         results: dict[tuple[str, int, str], list[TaskResult]] = {}
@@ -157,8 +158,8 @@ class Run(ResultView):
         Raises
         ------
         InputError
-            If the run has no such record or model; the message names the nearest one. Or if this model was not run on
-            this repeat of the record under this law.
+            If the run has no record or model of this name (the message suggests a similar name), or if this model was
+            not run on this repeat of the record under this law.
         """
         for what, name, valid in (
             ("record", record, {c.record for c in self.candidates}),
@@ -234,7 +235,7 @@ def run_study(
     workers: int = 1,
     fresh: bool = False,
 ) -> Run:
-    """Compute the results of a study that its folder lacks, and write its tables and report.
+    """Compute those results of a study that are not stored in its folder yet, and write its tables and report.
 
     Parameters
     ----------
@@ -281,9 +282,10 @@ def run_study(
 
 
 def _candidate(folder: Path, key: tuple[str, int, str], results: Sequence[TaskResult], law: str) -> Candidate:
-    """Return the results of a candidate's tasks together.
+    """Combine the results of all tasks of one model on one record into a `Candidate`.
 
-    key: record, repeat and name of the candidate. law: the restoring law if this name has none.
+    key: name of the record, number of the repeat and name of the model. results: results of the tasks. law: the
+    restoring law if the name of the model contains none.
     """
     record, repeat, name = key
     damping, restoring = types.candidate_parts(name)

@@ -1,10 +1,11 @@
 """Run a study on one or several processes, and resume an interrupted run.
 
-A task is one computation whose result is stored under a name, such as `mode/bench/0/viscous`
-(`store.results.TaskName`), with a key: the hash of everything that the result depends on. A task whose result is stored
-under the same key is not computed again. A job is a list of tasks that one process computes one after another, such as
-all tasks of one damping model on one record. A stage is a list of jobs that do not depend on each other; a run goes
-through its stages in order (`jobs.stages`).
+- *task*: one computation. Its result is stored under a name, such as `mode/bench/0/viscous` (`store.results.TaskName`),
+  and with a key: the hash of everything that the result depends on. If a result with the same key is stored, the task
+  is not computed again.
+- *job*: a list of tasks that one process computes one after another, such as all tasks of one damping model on one
+  record.
+- *stage*: a list of jobs that do not depend on each other. A run computes its stages in order (`jobs.stages`).
 """
 
 from __future__ import annotations
@@ -41,9 +42,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 DONE, SOME_FAILED = 0, 3
-"""Exit statuses of a run: every task has its result, or some tasks failed."""
+"""Exit statuses of a run: `DONE` if no task failed, `SOME_FAILED` if at least one did."""
 _ONE_AT_A_TIME = threading.Lock()
-"""Lock by which a process runs one job at a time, also on a Dask worker with several threads."""
+"""Lock that lets a process run only one job at a time, also on a Dask worker with several threads."""
 
 
 def run_study(
@@ -58,7 +59,7 @@ def run_study(
     quiet: bool = False,
     checked: bool = False,
 ) -> int:
-    """Compute the results of a study that its folder lacks, and write tables and report.
+    """Compute those results of a study that are not stored in its folder yet, and write tables and report.
 
     Parameters
     ----------
@@ -78,12 +79,13 @@ def run_study(
     depth
         Last step of the run, such as `Depth.ANSWER` for the answers alone.
     on_verdict
-        Function that is called with the verdict on the first repeat of each signal, when the answers on all records are
-        computed, and again when all are sampled.
+        Function that is called with the verdict on the first repeat of each signal: once when the models have been
+        compared on all records by linear approximations, and again after sampling. If the study compares no models, it
+        is called after the records are read.
     quiet
         Whether to show failed tasks only.
     checked
-        Whether the caller has already found the free decay in every record.
+        If true, the caller has already read every record, and the records are not read again before the run begins.
 
     Returns
     -------
@@ -141,9 +143,9 @@ def run_study(
 
 
 def read_records(study: Study) -> None:
-    """Read every file of a study and check its system, so that errors appear before anything is written.
+    """Read every file of a study and check its settings of the oscillator, before anything is written.
 
-    Raises InputError for the first file or system that is wrong.
+    Raises InputError for the first file, or the first setting of a signal's `system`, that is wrong.
     """
     for spec in study.signals:
         source = spec.source
@@ -165,21 +167,22 @@ def read_records(study: Study) -> None:
 def _run_job(
     study: Study | bytes, folder: Path, job: Job, given_up: Collection[str] = (), code: str = ""
 ) -> None:
-    """Compute the tasks of a job that have no result yet.
+    """Compute the tasks of a job that have no result yet, and store their results.
 
-    The outcome of a task that fails is its error message; the other tasks are still computed. Raises InputError if the
-    code of a worker differs.
+    If a task fails, its error message is stored as the outcome, and the other tasks are still computed. Raises
+    InputError if this process runs other code than the process that started the run.
 
     Parameters
     ----------
     study
-        The study. For other processes it is pickled once for all jobs (a study of a thousand records takes 30 ms).
+        The study; or its pickled bytes, which other processes get: it is pickled only once for all jobs (pickling a
+        study of a thousand records takes 30 ms).
     folder
         Folder of the run.
     job
         The job.
     given_up
-        Names of tasks that are not tried again.
+        Names of tasks that are not computed, because they killed their process before.
     code
         Digest of the package's code in the process that started the run; "" if the job runs in that process. Keys
         depend on the code, so a worker must run the same code.
@@ -213,9 +216,10 @@ def _is_done(store: Store, name: str, key: str) -> bool:
 
 
 def _report_verdicts(study: Study, store: Store, on_verdict: Callable[[Verdict], None] | None) -> None:
-    """Call `on_verdict`, unless it is None, with the verdict on the first repeat of each signal that has one.
+    """Call `on_verdict`, unless it is None, with each verdict on the first repeat of a signal.
 
-    A study without samplers and evidence has verdicts only on measured records that are not a free decay.
+    A study without samplers and evidence methods compares no models: it has verdicts only on measured records that are
+    not a free decay.
     """
     if on_verdict is None:
         return
@@ -237,7 +241,7 @@ def _run_jobs(
     pool: Executor | None,
     advance: Callable[[], None],
 ) -> None:
-    """Run the jobs of a stage in the pool, or in this process if there is none; `advance` is called when a job ends."""
+    """Run the jobs of a stage in the pool, or in this process if `pool` is None; call `advance` when a job ends."""
     if pool is None:
         for job in jobs:
             _run_job(study, store.folder, job)
@@ -266,16 +270,16 @@ def _run_jobs(
 
 
 def _current_keys(study: Study, store: Store) -> dict[str, str]:
-    """Return the keys of the stored results of this study by task name.
+    """Return the keys of the stored results that are up to date, by task name.
 
-    Results of an earlier version of the study or of the program are left out; reasons why a candidate was left out are
-    included.
+    Results of an earlier version of the study or of the program are not included. A stored reason why a model was left
+    out counts as a result.
     """
     current = {}
     kinds = [(name, TaskName.of(name).kind) for name in store.names()]
     stored = [name for name, kind in kinds if kind not in ("signal", ANSWER, SAMPLED_ANSWER)]
     for job in jobs_of(study):
-        # Computing the keys of candidates is slow, and most runs store no results of candidates.
+        # Computing the keys of the tasks of single models is slow, and most runs have no results of such tasks.
         prefix = f"{job.signal}/{job.repeat}/{job.model}"
         if job.model is not None and not any(prefix in f"{name}/" for name in stored):
             continue

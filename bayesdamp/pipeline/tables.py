@@ -36,14 +36,15 @@ from bayesdamp.verdict.units import in_unit, picture_in_unit
 Row = dict[str, Any]
 
 SMC = "smc"
-"""Name in the tables for sequential Monte Carlo, by which the sampled answer computes posteriors (column `sampler`) and
-evidence (column `method`)."""
+"""Name of sequential Monte Carlo in the tables, in the columns `sampler` and `method`. With it the task
+`SAMPLED_ANSWER` computes posteriors and evidence of the most probable models."""
 
 
 def write_tables(study: Study, store: Store) -> None:
-    """Write all tables of a run and its run.json, with rows in the order of signals, repeats and models.
+    """Write the tables estimates.csv, posteriors.csv, evidence.csv and fits.csv, and the run.json of a run.
 
-    Files go to the store's folder. store: a store that shows only the results of this study.
+    Rows are in the order of signals, repeats and models. The files are written to the folder of `store`, which must
+    show only the results of the current study.
     """
     makers = [_estimates, _posteriors, _evidence, _fits]
     for (name, columns), rows_of in zip(TABLES.items(), makers, strict=True):
@@ -54,14 +55,19 @@ def write_tables(study: Study, store: Store) -> None:
 def write_verdicts(study: Study, store: Store) -> None:
     """Write verdict.json, verdicts.csv and damping_curves.csv; write nothing if no record has a verdict.
 
-    A verdict is on a record, or on a specimen with several records. verdict.json has an object for each verdict, in
-    rad, m or the sensor's unit. verdicts.csv has a row for each verdict, and damping_curves.csv the law-free damping
-    curve of each record, both in the unit of the record's file. If the study has several specimens, also write
-    population.csv, from the verdict on each of them; otherwise remove a file of this name.
+    A verdict is on a record, or on a specimen (a tested object with several records).
+
+    - verdict.json has an object for each verdict, in rad, m or the sensor's unit.
+    - verdicts.csv has a row for each verdict, in the unit of the record's file (in a base unit, such as rad, if the
+      records of a specimen have different units).
+    - damping_curves.csv has the damping curve of each record that is measured without assuming a damping law, in the
+      unit of the record's file.
+    - population.csv, with damping coefficients over all specimens, is written if the study has several specimens.
+      Otherwise a file of this name is removed.
     """
     (store.folder / "population.csv").unlink(missing_ok=True)
     verdicts: list[tuple[Verdict, Unit]] = []
-    curves: list[Row] = []  # the law-free damping, a row for each amplitude
+    curves: list[Row] = []  # damping measured without a law, a row for each amplitude
     for spec, repeat in study.records:
         answer = stored_answer(StudyRecord(study, spec, repeat, store))
         unit = unit_named(spec.source.unit)
@@ -92,7 +98,10 @@ def write_verdicts(study: Study, store: Store) -> None:
 
 
 def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[SignalSpec]) -> Verdict | None:
-    """Return the verdict on a specimen; None if fewer than two of its records have an answer."""
+    """Return the verdict on a specimen: a tested object with several records.
+
+    specs: the signals of the specimen. The result is None if fewer than two of its records have an answer.
+    """
     records = (StudyRecord(study, spec, repeat, store) for spec in specs for repeat in range(spec.repeats))
     answers = [a for a in map(stored_answer, records) if a is not None]
     if specs[0].is_envelope:
@@ -109,8 +118,8 @@ def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[Sig
 def _population(specimens: Sequence[Verdict | None]) -> Iterator[Row]:
     """Yield the rows of population.csv: mean and spread of each damping coefficient over the specimens.
 
-    There are none if a specimen has no verdict with a damping (None), or if the specimens do not have a common model
-    (see `pool_coefficients`).
+    specimens: the verdict on each specimen (tested object); None if it names no damping. There are no rows if one of
+    them is None, or if the specimens do not have a common model (see `pool_coefficients`).
     """
     verdicts = [v for v in specimens if v is not None]
     if len(verdicts) < len(specimens):
@@ -134,10 +143,10 @@ def _population(specimens: Sequence[Verdict | None]) -> Iterator[Row]:
 
 
 def _candidates(study: Study, store: Store) -> Iterator[tuple[StudyCandidate, Row, SampledPosterior | None]]:
-    """Iterate over all candidates on all records.
+    """Iterate over all candidates (models) on all records.
 
-    Yields the candidate, the columns that name it (signal, repeat, model, restoring), and its posterior from the
-    sampled answer (None if there is none).
+    Yields the candidate, the values of the columns that name it (signal, repeat, model, restoring), and its posterior
+    from the task `SAMPLED_ANSWER` (None if there is none).
     """
     for spec, repeat in study.records:
         record = StudyRecord(study, spec, repeat, store)
@@ -148,7 +157,7 @@ def _candidates(study: Study, store: Store) -> Iterator[tuple[StudyCandidate, Ro
 
 
 def _head(record: StudyRecord, candidate: str) -> Row:
-    """Return the columns that name a candidate on a record: signal, repeat, model and restoring."""
+    """Return the values of the columns that name a model on a record: signal, repeat, model and restoring."""
     model, restoring = record.spec.parts(candidate)
     return {"signal": record.spec.name, "repeat": record.repeat, "model": model, "restoring": restoring}
 
@@ -156,8 +165,8 @@ def _head(record: StudyRecord, candidate: str) -> Row:
 def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
     """Return the true value of a parameter of a simulated record, in the parameter's unit.
 
-    The true coefficient of a damping term that was not simulated is 0. NaN for a measured record, and for the
-    parameters of a restoring law that was not simulated.
+    The true coefficient of a damping term that was not simulated is 0. The result is NaN for a measured record, and for
+    a parameter of a restoring law other than the simulated one.
     """
     if not isinstance(spec.source, Simulation):
         return math.nan
@@ -169,7 +178,7 @@ def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
 
 
 def _sampled_posteriors(record: StudyRecord) -> dict[str, SampledPosterior]:
-    """Return the posteriors in a record's sampled answer, by the name of the candidate."""
+    """Return the posteriors that the task `SAMPLED_ANSWER` on a record has stored, by name of the model; {} if none."""
     result = record.find(SAMPLED_ANSWER, arrays=False)
     if result is None or result.outcome != OK:
         return {}
@@ -177,7 +186,7 @@ def _sampled_posteriors(record: StudyRecord) -> dict[str, SampledPosterior]:
 
 
 def _estimates(study: Study, store: Store) -> Iterator[Row]:
-    """Yield the rows of estimates.csv, which has a row without a parameter for a stage without values."""
+    """Yield the rows of estimates.csv. A stage of an estimator that gave no values has one row, without a parameter."""
     for candidate, head, _ in _candidates(study, store):
         spec, restoring = candidate.spec, candidate.restoring
         for method in study.estimators.use:
@@ -205,7 +214,7 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _posteriors(study: Study, store: Store) -> Iterator[Row]:
-    """Yield the rows of posteriors.csv: of each sampler of the study, then of the sampled answer (`SMC`)."""
+    """Yield the rows of posteriors.csv for each model: first those of the study's samplers, then those of `SMC`."""
     for candidate, head, smc in _candidates(study, store):
         spec, restoring = candidate.spec, candidate.restoring
         for sampler in study.posterior.samplers:
@@ -226,10 +235,10 @@ def _posteriors(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _evidence(study: Study, store: Store) -> Iterator[Row]:
-    """Yield the rows of evidence.csv: for each record, of each method in `evidence_by_method`, then of `SMC`.
+    """Yield the rows of evidence.csv for each record: first each method in `evidence_by_method`, then `SMC`.
 
-    `SMC` is the sequential Monte Carlo of the sampled answer, without probabilities. A method's probabilities are nan
-    if it lacks the evidence of a model that another method has.
+    `SMC` is the sequential Monte Carlo of the task `SAMPLED_ANSWER`; its rows have no probabilities. The probabilities
+    by another method are nan if it has no evidence of a model, but a different method has.
     """
     for spec, repeat in study.records:
         record = StudyRecord(study, spec, repeat, store)
@@ -242,8 +251,8 @@ def _evidence(study: Study, store: Store) -> Iterator[Row]:
             lost = [m for m, e in by_model.items() if m not in with_evidence and e.outcome != OK]
             pruned = [m for m, e in by_model.items() if status_of(e.outcome) is Status.PRUNED]
             finite = [m for m, e in by_model.items() if np.isfinite(e.log_evidence)]
-            # Probabilities need the evidence of every compared model, except those that were left out because they are
-            # far behind, and those without evidence by any method: the latter get no probability.
+            # Probabilities need the evidence of every compared model, with two exceptions: models that were pruned,
+            # whose probability is 0, and models without evidence by any method, which get no probability.
             is_complete = len(finite) + len(pruned) + len(lost) == len(models)
             shares = {**probabilities(by_model), **dict.fromkeys(pruned, 0.0)} if is_complete else {}
             yield from _evidence_rows(record, method, study.likelihood, by_model, shares)
@@ -270,10 +279,15 @@ def _evidence_rows(
     deviation
         "law" if the evidence allows deviations from the laws, else "none".
     by_model
-        The evidence of each candidate.
+        The evidence of each candidate (model), by name.
     shares
-        Posterior probabilities of the candidates, as far as they are known; the others are nan in the table. The log
-        Bayes factor in a row is relative to the candidate with the largest log evidence by this method.
+        Posterior probabilities of the candidates. A candidate that is missing here has nan in the table.
+
+    Yields
+    ------
+    Row
+        A row for each candidate. Its log Bayes factor is relative to the candidate with the largest log evidence by
+        this method.
     """
     best = max((e.log_evidence for e in by_model.values() if np.isfinite(e.log_evidence)), default=math.nan)
     for model, evidence in by_model.items():
@@ -291,7 +305,7 @@ def _evidence_rows(
 
 
 def _fits(study: Study, store: Store) -> Iterator[Row]:
-    """Yield the rows of fits.csv, for candidates with a mode or a posterior in the sampled answer."""
+    """Yield the rows of fits.csv: one for each model with a result of its task `mode`, or a posterior by `SMC`."""
     for candidate, head, smc in _candidates(study, store):
         source = candidate.spec.source
         result = store.find(f"mode/{candidate.path}", arrays=False)
@@ -316,8 +330,9 @@ def _fits(study: Study, store: Store) -> Iterator[Row]:
 def run_info(study: Study, store: Store) -> Row:
     """Return the content of the run.json of a run.
 
-    It has the settings and tables of the study, the versions and hashes of `provenance`, the duration and key of each
-    task, formulas of the laws, and, by signal, how the record was read, its features and the priors of the candidates.
+    It contains the settings of the study, the versions and hashes of `provenance`, the duration and the key of each
+    task, the formulas of the damping terms and restoring laws, and for each signal how its record was read, its
+    features and the priors of the models.
     """
     files = {s.source.file: s.source.path for s in study.signals if isinstance(s.source, Recording)}
     about: dict[str, Row] = {}
@@ -391,10 +406,10 @@ def run_info(study: Study, store: Store) -> Row:
 
 
 def _equilibrium(spec: SignalSpec, record: RecordContent) -> Row:
-    """Return a signal's `equilibrium` (rad or m) and `natural_frequency` (rad/s) from its known restoring law.
+    """Return the `equilibrium` (rad or m) and the `natural_frequency` (rad/s) of a signal's restoring law.
 
-    The frequency is that of small oscillations about the equilibrium nearest to the record's rest. Return {} if a
-    parameter of the law is not known, or if the record does not oscillate.
+    The equilibrium is the one nearest to the rest position of the record; the frequency is that of small oscillations
+    about it. Return {} if a parameter of the law is unknown, or if the record does not oscillate.
     """
     oscillator = Oscillator(("viscous",), spec.system.restoring)
     shape, known = record.features, spec.system.known

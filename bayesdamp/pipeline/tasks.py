@@ -36,16 +36,17 @@ CODE: dict[str, tuple[str, ...]] = {
     "evidence": (*_CANDIDATE, "bayesdamp.pipeline.candidates.evidence"),
     "calibration": ("bayesdamp.calibrate.ranks", "bayesdamp.calibrate.recovery"),
 }  # fmt: skip
-"""Modules that compute each kind of task; their source, with all that they import, is part of the task's key. Plug-ins
-are not imported but looked up by name: their source is added to the key separately."""
+"""Names of the modules that compute each kind of task. Their source code, with the modules that they import, is part of
+the key of the task. Plug-ins are not imported but looked up by name, so their source is added to the key separately."""
 
 
 @dataclass(frozen=True)
 class Product:
-    """The result of a computation, which is stored as the result of a task.
+    """The result of a computation, before it is stored as the result of a task.
 
-    content: the values; None if there are none. arrays: further arrays by name. outcome: `ok`, or why there is no
-    result, or only a doubtful one. seconds: duration; if it is None, the time that the task takes is stored.
+    content: the values; None if there are none. arrays: arrays by name. outcome: `ok`, or a text that says why there is
+    no result, or why it is unreliable. seconds: duration of the computation; if None, the measured duration of the task
+    is stored.
     """
 
     content: Content | None = None
@@ -55,29 +56,30 @@ class Product:
 
 
 Make = Callable[[], Product]
-"""A function that computes the result of a task, but does not store it."""
+"""Type of a function that computes the result of a task but does not store it."""
 
 
 def digest_of(*parts: object) -> str:
-    """Return the hexadecimal SHA-256 of values as JSON; other objects count by their `str`."""
+    """Return the hexadecimal SHA-256 of values, written as JSON; what JSON cannot represent is converted with `str`."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def task_key(kind: str, *parts: object) -> str:
-    """Return the key of a task: the hash of its inputs (`parts`) and of the code that computes its kind (`CODE`)."""
+    """Return the key of a task: the hash of its inputs `parts` and of the code for this kind of task (`CODE`)."""
     return digest_of(kind, code_digest(*CODE[kind]), *parts)
 
 
 def task_seed(study: Study, name: str) -> int:
-    """Return the seed of a task, from 0 to 2³² − 1, which follows from the study's seed and the task's name."""
+    """Return the random seed of a task, from 0 to 2³² − 1. It follows from the study's seed and the task's name."""
     return int(np.random.SeedSequence([study.seed, zlib.crc32(name.encode())]).generate_state(1)[0])
 
 
 def compute_and_store(store: Store, name: str, key: str, make: Make) -> None:
-    """Compute a task and store its result.
+    """Compute a task by calling `make`, and store its result.
 
-    If the computation raises Refusal, the stored outcome is its message; after any other exception it is that of
-    `outcome_of_failure`. InputError and the OSError of a full disk are raised to the caller, and nothing is stored.
+    If the computation raises Refusal, its message is stored as the outcome. After other exceptions, the outcome is the
+    text from `outcome_of_failure`. InputError and the OSError of a full disk are raised to the caller, and nothing is
+    stored.
     """
     began = time.perf_counter()
 
@@ -95,9 +97,9 @@ def compute_and_store(store: Store, name: str, key: str, make: Make) -> None:
 
 
 def outcome_of_failure(fault: Exception) -> str:
-    """Return the outcome of a task that failed: "failed: TYPE: FIRST LINE OF THE MESSAGE".
+    """Return the outcome of a task that failed with an exception: "failed: TYPE: FIRST LINE OF THE MESSAGE".
 
-    Raises the exception itself if it is an InputError, if the disk is full, or if BAYESDAMP_DEBUG is set.
+    Raises the exception again if it is an InputError, if the disk is full, or if BAYESDAMP_DEBUG is set.
     """
     if isinstance(fault, InputError) or is_disk_full(fault) or os.environ.get("BAYESDAMP_DEBUG"):
         raise fault

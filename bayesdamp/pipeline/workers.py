@@ -1,6 +1,6 @@
-"""Run jobs in several processes, on this machine or by a Dask scheduler.
+"""Run jobs (lists of tasks) in several processes, on this machine or on the workers of a Dask scheduler.
 
-If a task kills its process (for example for lack of memory), only this task is lost.
+If a task kills its process (for example, because memory runs out), only the result of this task is lost.
 """
 
 import logging
@@ -15,7 +15,7 @@ from bayesdamp.types import InputError
 
 Job = TypeVar("Job")
 MOST_TRIES = 2
-"""Number of times that a task is tried if its process is killed (conventional)."""
+"""Number of times that a task is tried if it kills its process each time (conventional)."""
 KILLED_OUTCOME = "failed: the process that computed it was killed twice, by a user or because memory ran out"
 
 
@@ -50,7 +50,7 @@ def cluster(scheduler: str, say: Callable[[str], None]) -> Iterator[Executor]:
         wait_for = "waiting for one. Ctrl-C stops this, and the same command resumes the run"
         say(f"--scheduler {scheduler}: it has no worker; {wait_for}")
     with client:
-        # not pure: the same task in another folder is another task
+        # Not pure: Dask must not reuse results, because the same task in another folder is another task.
         pool = client.get_executor(pure=False)
         try:
             yield pool
@@ -67,11 +67,13 @@ def cluster(scheduler: str, say: Callable[[str], None]) -> Iterator[Executor]:
 def open_pool(
     workers: int, scheduler: str | None, say: Callable[[str], None] = lambda _: None
 ) -> Iterator[Executor | None]:
-    """Open a pool of new processes on this machine or of a Dask scheduler's workers.
+    """Open a pool of new processes on this machine, or of the workers of a Dask scheduler.
 
-    Yields the pool, which is closed at the end of the context. For one worker without a scheduler the pool is None: the
-    jobs run in this process. With a scheduler, `workers` has no effect. say: shows a message if the scheduler has no
-    workers. Raises InputError if no scheduler answers.
+    Yields the pool, which is closed at the end of the context. For one worker without a scheduler it yields None: the
+    jobs then run in this process.
+
+    workers: number of processes; it has no effect with a scheduler. scheduler: address of the Dask scheduler, or None.
+    say: function that shows a message if the scheduler has no workers. Raises InputError if no scheduler answers.
     """
     if workers == 1 and scheduler is None:
         yield None
@@ -91,25 +93,26 @@ def run_in_pool(
     """Run all jobs in a pool, and find the tasks that kill their process.
 
     When a process is killed, the whole pool breaks, and any job that was running may be the cause. These jobs are then
-    run one at a time, and a task that kills its process `MOST_TRIES` times is given up. Any other exception of a job is
-    raised to the caller.
+    run again, one at a time. A task that kills its process `MOST_TRIES` times is not tried again. Any other exception
+    of a job is raised to the caller.
 
     Parameters
     ----------
     jobs
         The jobs, each with several tasks.
     pool
-        The pool. If it has a `width` (number of processes), no more jobs than that are submitted at a time, so that few
-        jobs have to be run alone when it breaks.
+        The pool. If it has a `width` (number of processes), only this number of jobs is submitted at a time. So only
+        few jobs must be run alone when the pool breaks.
     submit
-        Function that submits a job without the tasks of the given names.
+        Function that submits a job to the pool and returns its future. Its second argument contains the names of
+        tasks to leave out.
     next_task
-        Function that returns the first task of a job that has no result, except the tasks of the given names; None if
-        there is none.
+        Function that returns the name of the first task of a job that has no result; None if there is none. Its second
+        argument contains the names of tasks to leave out.
     give_up
-        Function that stores, as the result of a task, that its process was killed.
+        Function that stores, as the result of the named task of a job, that the task killed its process.
     done
-        Function that is called when a job ends.
+        Function that is called without arguments when a job ends.
     """
     waiting, running = deque(jobs), dict[Future[None], Job]()
     width = getattr(pool, "width", len(waiting))
@@ -164,12 +167,12 @@ def run_in_pool(
 
 
 def restart(pool: Executor) -> None:
-    """Start new processes in a broken pool of this machine; do nothing for a Dask scheduler."""
+    """Start new processes in a broken pool of this machine. Do nothing for a pool of a Dask scheduler."""
     start_again = getattr(pool, "restart", None)
     if start_again is not None:
         start_again()
 
 
 def _is_kill(fault: Exception) -> bool:
-    """Return whether an exception means that the process was killed, on this machine or on a Dask worker."""
+    """Return whether an exception of a job means that its process was killed, on this machine or on a Dask worker."""
     return isinstance(fault, BrokenExecutor) or type(fault).__name__ == "KilledWorker"

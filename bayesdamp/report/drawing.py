@@ -51,9 +51,10 @@ INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8C56
 DASHES = ("-", "--", "-.", ":")
 """Line styles that distinguish up to four lines in one figure."""
 LOOKS = tuple(zip(INKS, DASHES))
-"""Colours and line styles that distinguish up to four samplers or oscillations in one figure."""
+"""Pairs of a colour and a line style that distinguish up to four samplers or oscillations in one figure."""
 LETTERS_PER_INCH, MARK_LETTERS = 12.5, 7
-"""Letters per inch of a legend, and the width of an entry's line and gap in letters (both measured)."""
+"""Number of letters of a legend that fit in an inch; and the width, in letters, of the line and the gap that each entry
+needs besides its text (both measured)."""
 RIGHT_MARGIN = 0.2
 """Space to the right of the panels of a figure, in inches."""
 LARGEST_SVG = 80_000
@@ -75,16 +76,16 @@ def colour(model: str) -> str:
 
 
 def dash(model: str) -> str:
-    """Return Matplotlib's line style, such as "--", for a model; as `colour`, it depends on its damping sum alone.
+    """Return Matplotlib's line style, such as "--", of a model; like the colour, it depends on its damping sum alone.
 
-    The style is solid, dashed or dash-dotted for the sums in `_MODELS`, and dotted for all others, so several sums
-    share it.
+    The style is solid, dashed or dash-dotted for the sums in `_MODELS`, and dotted for all others. Several sums have
+    the same style.
     """
     return _look(model)[1]
 
 
 def _look(model: str) -> tuple[str, str]:
-    """Return the colour (see `colour`) and the line style of a model; sums that are not in `_MODELS` are dotted."""
+    """Return the colour (see `colour`) and the line style (see `dash`) of a model."""
     damping = candidate_parts(model)[0]
     known = _MODELS.get(frozenset(damping.split("+")))
     return known or (_OTHERS[sum(damping.encode()) % len(_OTHERS)], ":")
@@ -127,8 +128,8 @@ def fix_margins(
         place = ax.get_subplotspec()
         assert place is not None
         rows, columns = place.get_gridspec().get_geometry()
-        wide = (width - RIGHT_MARGIN) / columns  # of a column, with the space at its left
-        high = (height - top - bottom + down) / rows  # of a row, with the space below it
+        wide = (width - RIGHT_MARGIN) / columns  # width of a column with the space at its left
+        high = (height - top - bottom + down) / rows  # height of a row with the space below it
         first, last = place.colspan.start, place.colspan.stop
         ax.set_position((
             (left + first * wide) / width, (bottom + (rows - place.rowspan.stop) * high) / height,
@@ -139,7 +140,8 @@ def fix_margins(
 class Drawings:
     """Embed the figures of a report in its page, and save them in a folder if one is given.
 
-    names: the figures so far, as names of their files without the ending.
+    folder: where the figures are saved; None to save none. names: names of the files of all figures so far, without
+    their endings.
     """
 
     def __init__(self, folder: Path | None) -> None:
@@ -186,9 +188,9 @@ class Drawings:
 
 
 def _encode(figure: Figure) -> tuple[bytes, bytes]:
-    """Return a figure as SVG and PNG.
+    """Return the content of a figure's SVG file and of its PNG file.
 
-    The figure is laid out once for both formats; `savefig` would lay it out for each of them.
+    The figure is laid out only once for both formats, which is faster than two calls of `savefig`.
     """
     figure.set_dpi(DPI)
     canvas = FigureCanvasAgg(figure)

@@ -52,11 +52,11 @@ class VerdictPrinter:
         self.first: dict[str, Verdict] = {}
 
     def __call__(self, verdict: Verdict) -> None:
-        """Print a record's first verdict in full. For a later one, from sampling, print whether it confirms the first.
+        """Print a record's first verdict in full, or compare a later verdict (from sampling) with the first one.
 
-        If it confirms the first verdict, only its sentence is printed after that, otherwise the whole verdict. A later
-        verdict is not printed if neither of the two has a damping law, if the record is not a free decay, or if it is
-        an envelope.
+        For a later verdict, a sentence says whether it confirms the first one. If it does, only its own sentence
+        follows, otherwise the whole verdict. Nothing is printed for it in three cases: neither verdict names a damping
+        law, the record is not a free decay, or the record is an envelope.
         """
         unit = self._units.get(verdict.record)
         converted = in_unit(verdict, unit_named(unit)) if unit else verdict
@@ -82,8 +82,8 @@ class VerdictPrinter:
 def print_verdict(verdict: Verdict, console: Console) -> None:
     """Print a verdict: its sentence, a table of damping ratios or decay rates, and the remarks.
 
-    Between the table and the remarks, print what the verdict has of these: sentences on the energy that each damping
-    term takes and on the noise, and a table of the oscillations in a record that is not a free decay.
+    If the verdict contains them, these are printed before the remarks: sentences on the energy that each damping term
+    dissipates, sentences on the noise, and a table of the oscillations in a record that is not a free decay.
     """
     _print_sentence(verdict, console)
     if verdict.decay_rate:
@@ -105,10 +105,10 @@ def _print_sentence(verdict: Verdict, console: Console) -> None:
 
 
 def print_conclusion(folder: Path, console: Console) -> None:
-    """Print the end of a run: verdicts on specimens, a table of the records, warnings, and the report's path.
+    """Print the end of a run: verdicts on specimens, a table of the records, warnings, and the path of the report.
 
-    The table is left out if fewer than two records have an answer. Before the warnings, a line for each record without
-    a verdict gives the reason.
+    A specimen is a tested object with several records. The table is left out if fewer than two records have a verdict.
+    Before the warnings, a line for each record without a verdict gives the reason.
     """
     run = RunFolder(folder)
     available = answers(run)

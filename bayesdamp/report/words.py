@@ -25,13 +25,14 @@ _WORDS = {
     "coulomb_torque": ("friction", "inertia times μc"),
     "quadratic_coefficient": ("quadratic coefficient", "inertia times μq"),
 }
-"""Parameters of the noise and derived quantities without a symbol: the words for each, and its meaning."""
+"""Words for parameters of the noise and derived quantities that have no symbol: by name, how the parameter is written,
+and what it means."""
 
 
 def symbol(parameter: str) -> Symbol:
-    """Return what stands for a parameter in text and in figures, and the meaning of the parameter.
+    """Return how a parameter is written in text and in figures, and what it means.
 
-    It is the parameter's symbol; if it has none, its words in `_WORDS`; if there are none, its name.
+    It is written as its symbol. If it has none, the words in `_WORDS` are used; if these are missing too, its name.
     """
     named = parameter_symbol(parameter) or _SYMBOLS.get(parameter)
     text, meaning = _WORDS.get(parameter) or (parameter, meaning_of(parameter))
@@ -45,7 +46,7 @@ def axis(parameter: str, units: str) -> str:
 
 
 def divisor(unit: str) -> str:
-    """Return a unit as it is written after a slash: in brackets if it contains a slash itself."""
+    """Return a unit as it is written after a slash, as in "x / (m/s)": in brackets if it contains a slash itself."""
     return f"({unit})" if "/" in unit else unit
 
 
@@ -53,14 +54,18 @@ _PROPER = {"coulomb": "Coulomb", "duffing": "Duffing"}
 
 
 def model(name: str) -> str:
-    """Return a model in words: "viscous + Coulomb" for `viscous+coulomb`, "Coulomb (linear)" for `coulomb@linear`."""
+    """Return the name of a model in words.
+
+    For `viscous+coulomb` this is "viscous + Coulomb". For `coulomb@linear`, a damping term and a restoring law, it is
+    "Coulomb (linear)".
+    """
     damping, restoring = candidate_parts(name)
     terms = " + ".join(own_words(term) or law(term) for term in damping.split("+"))
     return f"{terms} ({law(restoring)})" if restoring else terms
 
 
 def law(name: str) -> str:
-    """Return a restoring law or a damping term in words: with spaces for "_", and a capital for proper names."""
+    """Return the name of a restoring law or a damping term in words: spaces for "_", and a capital for proper names."""
     return _PROPER.get(name, name.replace("_", " "))
 
 
@@ -86,5 +91,5 @@ def stage(name: str) -> str:
 
 
 def unit(text: str) -> str:
-    """Return a unit with raised exponents: s² for `s^2`."""
+    """Return a unit with its exponents as superscripts, such as s² for `s^2`."""
     return text.replace("^2", "²").replace("^3", "³").replace("s2", "s²").replace("**2", "²")

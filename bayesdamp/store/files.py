@@ -32,24 +32,26 @@ if TYPE_CHECKING:
 
 
 SCHEMA = 2
-"""Version of the tables, stated in run.json. It increases when a column is renamed, removed or redefined."""
+"""Version number of the columns of all tables, written to run.json. It increases when a column is renamed, removed or
+redefined."""
 READ_ERRORS = (
     zipfile.BadZipFile, zlib.error, struct.error, OSError, EOFError, KeyError, ValueError, TypeError, AttributeError,
     NotImplementedError, RuntimeError, OverflowError, MemoryError,
 )  # fmt: skip
-"""Exceptions that reading an archive can raise if the file is damaged, truncated or of another program."""
+"""Exceptions that reading a zip archive can raise if it is damaged or truncated, or if another program wrote it."""
 TEMPORARY_NAME = re.compile(r"\.bayesdamp-[0-9a-f]{32}\.tmp")
-"""Pattern of the names of the temporary files that are renamed to their own names when they are complete."""
+"""Pattern of the names of temporary files. A file is first written under such a name, and renamed when it is
+complete."""
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 
 
 def temporary_path(path: Path) -> Path:
-    """Return a new, random path in the folder of `path`; a file is written there and then renamed to its own name."""
+    """Return a path with a random name in the folder of `path`, for writing a file before it is renamed to `path`."""
     return path.with_name(f".bayesdamp-{uuid.uuid4().hex}.tmp")
 
 
 def is_disk_full(error: BaseException) -> bool:
-    """Return whether an error means that no file of this size can be written there.
+    """Return whether an error means that the disk cannot store the file that was to be written.
 
     The disk is full or read-only, a quota is exhausted, or the file is too large for the system.
     """
@@ -60,7 +62,8 @@ def is_disk_full(error: BaseException) -> bool:
 def name_in_errors(path: Path) -> Iterator[None]:
     """Replace the file name in any OSError within this context by `path`.
 
-    On a full disk the error would name no file, or only the temporary one. An OSError without a number is not changed.
+    Otherwise the error for a full disk would name no file, or only the temporary one. An OSError without an error
+    number is not changed.
     """
     try:
         yield
@@ -78,8 +81,9 @@ def refuse_special(path: Path) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write or replace a file in one step, after its content is on the disk. Missing folders are created.
+    """Write or replace a file, completely or not at all. Missing folders are created.
 
+    The content is written to a temporary file, which is then renamed.
     Raises InputError if the path exists but is not a regular file, and OSError if it cannot be written.
     """
     path = Path(path)
@@ -110,9 +114,9 @@ def save_bytes(path: str | Path, content: bytes) -> Path:
 
 
 def netcdf_bytes(tree: xr.DataTree) -> bytes:
-    """Return the content of a netCDF file with a tree.
+    """Return the bytes of a netCDF file that contains a tree of datasets.
 
-    It is built in memory and not in a file, because HDF5 crashes the process if the disk is full.
+    The file is built in memory and not on the disk, because HDF5 crashes the process if the disk is full.
     """
     content = io.BytesIO()
     # On a Dask worker xarray would lock the file by its name, which a file in memory does not have.
@@ -123,7 +127,7 @@ def netcdf_bytes(tree: xr.DataTree) -> bytes:
 
 
 def write_json(path: Path, obj: object) -> None:
-    """Write strict, indented JSON in one step; nan becomes null, infinities become "inf" and "-inf"."""
+    """Write a value to a file as strict, indented JSON; nan becomes null, infinities become "inf" and "-inf"."""
     text = json.dumps(_strict(split(obj)), indent=2, ensure_ascii=False, allow_nan=False)
     write_bytes(path, (text + "\n").encode())
 
@@ -145,10 +149,10 @@ def pack(
     arrays: Mapping[str, np.ndarray],
     compression: int = zipfile.ZIP_STORED,
 ) -> bytes:
-    """Return the bytes of a zip archive of arrays, which `unpack` reads.
+    """Return the bytes of a zip archive that contains values and arrays, and that `unpack` can read.
 
-    Its first member, named `first`, has the values of `head` as JSON, and the names of the arrays; the arrays follow in
-    the format .npy. compression: a constant of `zipfile`; by default none.
+    Its first member, named `first`, contains the values `head` and the names of the arrays as JSON. The arrays follow
+    in the format .npy. compression: a constant of `zipfile`; by default the archive is not compressed.
     """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", compression) as archive:
@@ -160,7 +164,7 @@ def pack(
 
 
 def unpack(path: Path, first: str, *, arrays: bool = True) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Return the values and the arrays (by name) of an archive that `pack` made; no arrays if `arrays` is false.
+    """Return the values and the arrays (by name) in a zip archive that `pack` made; no arrays if `arrays` is false.
 
     first: name of the member with the values. Raises one of `READ_ERRORS` if the file is damaged or is not such an
     archive.
@@ -179,7 +183,7 @@ def unpack(path: Path, first: str, *, arrays: bool = True) -> tuple[dict[str, An
 def read_description(folder: Path) -> dict[str, Any]:
     """Return the content of the run.json in the folder of a run; any key may be missing.
 
-    Raises InputError if there is no such file, if it is not JSON, or if its tables have another version.
+    Raises InputError if there is no such file, if it is not JSON, or if its tables have another version than `SCHEMA`.
     """
     path = folder / "run.json"
     if not path.is_file():
@@ -223,14 +227,16 @@ POPULATION = (
     "model", "restoring", "parameter", "unit", "specimens", "mean", "mean_low", "mean_high", "spread", "spread_low",
     "spread_high", "next_low", "next_high",
 )  # fmt: skip
-"""Columns of population.csv, which a study with several specimens has."""
+"""Columns of population.csv, which is written if a study has several specimens (tested objects). Each row has the mean
+and the spread of one damping coefficient over the specimens, and the interval for one more specimen (95 %)."""
 DAMPING_CURVES = ("amplitude", "ratio", "ratio_low", "ratio_high", "lost", "lost_low", "lost_high")
-"""Columns of damping_curves.csv after the record's name and the unit of the amplitude: amplitude, damping ratio and
-energy lost in a cycle per unit of inertia (square of the amplitude's unit per s²), measured without a damping law, with
-95 % intervals. The array of a column in an answer has the name `free/COLUMN`."""
+"""Columns of damping_curves.csv that follow the record's name and the unit of the amplitude. The curves are measured
+without assuming a damping law: damping ratio (a fraction) and energy lost in a cycle per unit of inertia (square of the
+amplitude's unit per s²) at each amplitude, with 95 % intervals. In the answer on a record, the arrays of these columns
+have the names `free/COLUMN`."""
 
 CALIBRATION_TABLES = ("calibration.csv", "ranks.csv", "recovery.csv")
-"""Names of the tables of a calibration."""
+"""Names of the tables that the command `calibrate` can write."""
 
 _TEXT = frozenset({
     "signal", "model", "estimator", "stage", "parameter", "unit", "outcome", "sampler", "restoring", "method",
@@ -244,7 +250,7 @@ table."""
 
 
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> None:
-    """Write a CSV file in one step. Floats read back exactly; nan, None and missing keys become empty fields.
+    """Write rows to a CSV file. Floats are written with all digits; nan, None and missing keys become empty fields.
 
     Raises ValueError if a row has a key that is not a column.
     """

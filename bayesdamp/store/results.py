@@ -1,8 +1,9 @@
-"""The folder of a run: the stored results of its tasks, one file each, its lock, and the environment of the run.
+"""Read and write the folder of a run: a file for the result of each task, the lock, and a description of the machine.
 
-The content of a result is an object of one class for each kind of task.
+A task is one computation of a study, such as one estimate. For each kind of task there is a class that describes the
+values in its results (a subclass of `Content`).
 
-Each file is written in one step. Files in the folder that a run did not write are never replaced or removed.
+A file is written completely or not at all. Files in the folder that a run did not write are never replaced or removed.
 """
 
 from __future__ import annotations
@@ -50,11 +51,11 @@ from bayesdamp.types import (
 )
 
 MARK_FILE = ".bayesdamp"
-"""Name of the file that marks a folder as the folder of a run (the mark)."""
+"""Name of the file that marks a folder as the folder of a run."""
 MARK_TEXT = "bayesdamp run\n"
 """Content of the file `MARK_FILE`."""
 FOLDERS = ("cells", "figures", "posterior")
-"""Folders in the folder of a run; `cells` has the results of tasks."""
+"""Names of the folders in the folder of a run; `cells` contains the results of tasks."""
 LOCK = ".lock"
 FILES = (
     LOCK,
@@ -65,15 +66,15 @@ FILES = (
     "verdict.json",
     "verdicts.csv",
 )
-"""Files in the folder of a run, besides its tables; `LOCK` is the file that a running process locks."""
+"""Names of the files in the folder of a run, without its tables. A running process locks the file `LOCK`."""
 HEAD_MEMBER = "cell.json"
-"""Name of the first member in the archive of a result: its name, key, outcome, seconds and values."""
+"""Name of the first member in the zip archive of a task's result, with its name, key, outcome, seconds and values."""
 _ZIP_HEADER = 30
-"""Bytes before the name of the first member in a zip archive (format specification, local file header)."""
+"""Number of bytes before the name of the first member in a zip archive (zip specification, local file header)."""
 _ELSEWHERE = "choose another folder with --out"
 NAN = float("nan")
 NO_DRAWS = np.empty((0, 0, 0)), np.empty((0, 0))
-"""Empty arrays of draws and log likelihoods."""
+"""Empty arrays of a posterior: draws, (chain, draw, parameter), and log likelihoods, (chain, draw)."""
 
 
 def claim(folder: Path, tables: Iterable[str] = ()) -> None:
@@ -89,7 +90,8 @@ def claim(folder: Path, tables: Iterable[str] = ()) -> None:
     Raises
     ------
     InputError
-        The folder contains files with such names that no run wrote, or links in place of a run's files.
+        No run wrote the folder, but it contains files with names that a run uses. Or a name that a run uses is a link,
+        or `MARK_FILE` has another content.
     OSError
         The folder cannot be written.
     """
@@ -140,9 +142,9 @@ def remove_listed(folder: Path, listed: Iterable[str]) -> None:
 class TaskName:
     """The parts of a task's name, such as `estimate/bench/0/viscous/least_squares`.
 
-    kind: kind of task. record: name of the signal. repeat: number of the repeat. candidate: the damping
-    sum, with the restoring law if several are compared. method: the estimator, sampler or evidence method. A part
-    that a name does not have is empty, or None for the repeat.
+    kind: kind of task. record: name of the signal. repeat: number of the repeat, from 0. candidate: the damping model,
+    such as `viscous+coulomb`; followed by @ and the restoring law if several restoring laws are compared. method: the
+    estimator, sampler or evidence method. If a name does not have a part, this part is "" (None for the repeat).
     """
 
     kind: str
@@ -165,12 +167,12 @@ class TaskName:
 class TaskResult:
     """The stored result of one task.
 
-    name: name of the task: its kind, record, repeat, candidate and method, such as
+    name: name of the task: its kind, record, repeat, damping model and method (`TaskName`), such as
     `estimate/bench/0/viscous/least_squares`.
-    key: hash of everything that the result depends on; a result is reused only under the same key.
-    meta: the values, as JSON (nan and infinities included); tuples come back as lists.
+    key: hash of everything that the result depends on. The result is reused only while the key is the same.
+    meta: the values, as JSON (nan and infinities included); tuples are read back as lists.
     arrays: numeric arrays by name.
-    outcome: "ok", or the reason why there is no result, or only a doubtful one.
+    outcome: "ok", or a text that says why there is no result, or why it is unreliable.
     seconds: duration of the computation.
     """
 
@@ -183,15 +185,15 @@ class TaskResult:
 
     @property
     def parts(self) -> TaskName:
-        """The parts of the task's name: kind, record, repeat, candidate and method."""
+        """The parts of the task's name: kind, record, repeat, candidate (the damping model) and method."""
         return TaskName.of(self.name)
 
 
 class Store:
     """The results of a run's tasks, each an `.npz` file under `cells/`. Nothing is created before the first write.
 
-    only: the keys of the results that are visible, by task name; None for all. A folder may also contain results of an
-    earlier version of the study.
+    A key is the hash of everything that a result depends on. only: the key of each visible result, by task name; other
+    results are hidden, for example those of an earlier version of the study. None if all results are visible.
     """
 
     def __init__(self, folder: Path, only: Mapping[str, str] | None = None) -> None:
@@ -201,10 +203,10 @@ class Store:
         self._keys: dict[tuple[object, ...], tuple[tuple[object, ...], str]] = {}
 
     def key(self, task_name: str, of: tuple[object, ...], compute: Callable[[], str]) -> str:
-        """Return the key of a task, which `compute` returns and which depends on the objects `of`.
+        """Return the key under which the result of a task should be stored; `compute` computes it.
 
-        This is the key under which the task should be stored; a stored result may have another one. The key is cached:
-        `compute` is called only once for the same task and the same objects.
+        of: the objects on which the key depends. `compute` is called only once for the same task and the same objects;
+        then the key is taken from a cache. A result that is already stored may have another key.
         """
         identity = (task_name, *map(id, of))
         if identity not in self._keys:
@@ -212,18 +214,18 @@ class Store:
         return self._keys[identity][1]
 
     def has(self, task_name: str, key: str) -> bool:
-        """Return whether an undamaged result of a task is stored under this key.
+        """Return whether an undamaged result of a task is stored with this key.
 
-        Under another key the result is out of date: the key is a hash of the inputs and the code.
+        A result with another key is out of date, because the key is a hash of the inputs and the code.
         """
         result = self.find(task_name)
         return result is not None and result.key == key
 
     def read(self, task_name: str, *, arrays: bool = True) -> TaskResult:
-        """Return the stored result of a task, whatever its key; without its arrays if `arrays` is false.
+        """Return the stored result of a task, also if its key is out of date; without its arrays if `arrays` is false.
 
-        Damaged arrays are only noticed if they are read. Raises KeyError if it is missing, damaged, or not among the
-        visible results (`only`).
+        Damaged arrays are only noticed if they are read. Raises KeyError if the result is missing, damaged or hidden by
+        `only`.
         """
         if self.only is not None and task_name not in self.only:
             raise KeyError(task_name)
@@ -242,9 +244,9 @@ class Store:
         return result
 
     def find(self, task_name: str, *, arrays: bool = True) -> TaskResult | None:
-        """Return the stored result of a task, or None if it is missing, damaged, or not among the visible results.
+        """Return the stored result of a task, or None if it is missing, damaged or hidden by `only`.
 
-        The arguments are those of `read`.
+        The arguments are the same as for `read`.
         """
         try:
             return self.read(task_name, arrays=arrays)
@@ -252,9 +254,10 @@ class Store:
             return None
 
     def write(self, result: TaskResult) -> None:
-        """Store a result in one step; it replaces a stored result of the same task.
+        """Store the result of a task. It replaces an earlier result of the same task.
 
-        Other processes see the old file or the new one, never a part of it. Raises OSError if it cannot be written.
+        Other processes see the old file or the new one, never a part of it. Raises OSError if the file cannot be
+        written.
         """
         head = {"name": result.name, "key": result.key, "outcome": result.outcome}
         head |= {"seconds": float(result.seconds), "meta": result.meta}
@@ -267,7 +270,7 @@ class Store:
         return sorted(name for name in names if self.only is None or name in self.only)
 
     def clear(self) -> None:
-        """Remove all stored results, but no other files in their folder; to be called under the `lock`."""
+        """Remove all stored results, but no other files in their folder. Call this only inside `with store.lock():`."""
         for path in list(self._results.rglob("*.npz")):
             # A stored result begins with its own name, even if the file is truncated.
             name = path.relative_to(self._results).as_posix().removesuffix(".npz")
@@ -277,10 +280,11 @@ class Store:
 
     @contextmanager
     def lock(self) -> Iterator[None]:
-        """Lock the folder for writing, and remove the temporary files of a killed run.
+        """Lock the folder for writing within this context, and remove the temporary files of a killed run.
 
-        Raises InputError if another process has the lock, if the folder contains files that no run wrote, or if it
-        cannot be written; OSError if the disk is full. The system releases the lock of a process that dies.
+        Raises InputError if another process has locked the folder, if `claim` refuses it (it contains files with names
+        that a run uses, but that no run wrote), or if it cannot be written. Raises OSError if the disk is full. The
+        operating system releases the lock of a process that dies.
         """
         try:
             claim(self.folder, (*TABLES, *CALIBRATION_TABLES))
@@ -310,7 +314,7 @@ class Store:
             yield
 
     def _path(self, task_name: str) -> Path:
-        """Return the path of a task's result. Raises ValueError if the name could be a path outside the folder."""
+        """Return the path of the file with a task's result. Raises ValueError if the name could leave the folder."""
         parts = task_name.split("/")
         if any(not p or p[0] == "." or "\\" in p or "\0" in p for p in parts):
             raise ValueError(f"not the name of a task: {task_name!r}")
@@ -318,21 +322,22 @@ class Store:
 
 
 def provenance(inputs: Mapping[str, Path] | None = None, packages: Iterable[str] = ()) -> dict[str, Any]:
-    """Return the description of program, machine and inputs for run.json.
+    """Return a description of the program, the machine and the input files, for run.json.
 
     Parameters
     ----------
     inputs
-        Input files, by the names under which their SHA-256 is stated.
+        Paths of the input files, by the names that the result uses for them.
     packages
-        Names of packages whose versions are stated; by default bayesdamp and its requirements. A package that is not
-        installed is left out.
+        Names of the packages whose versions are returned; by default bayesdamp, jaxlib and the requirements of
+        bayesdamp. A package that is not installed is left out.
 
     Returns
     -------
     dict
-        versions: {package: version}. revision: the commit of a checkout, with "+changes" if files differ from it; else
-        the version of the package. machine: {system, processor, cpus, python}. inputs: {name: hash}.
+        versions: {package: version}. revision: the git commit of the source, with "+changes" if files differ from it;
+        the version of the package if the source is not in git. machine: {system, processor, cpus, python}. inputs:
+        {name: SHA-256 of the file}.
     """
     names, versions = set(packages), dict[str, str]()
     if not names:
@@ -385,24 +390,27 @@ class OtherVersionError(InputError, ValueError):
 
 @dataclass(frozen=True)
 class Content:
-    """The values in a stored result, without its arrays. Subclasses are frozen dataclasses that JSON can represent."""
+    """The values in the stored result of a task, without its arrays.
+
+    Each kind of task has a subclass: a frozen dataclass that can be converted to JSON and back.
+    """
 
     @classmethod
     def of(cls, result: TaskResult) -> Self:
-        """Read the content of a result. Raises OtherVersionError if it was stored by another version."""
+        """Read the values of a result. Raises OtherVersionError if another version of the package stored it."""
         return cls.of_meta(result.meta)
 
     @classmethod
     def maybe(cls, result: TaskResult | None) -> Self | None:
-        """Read the content of a result; None if there is no result, or it has an outcome but no values.
+        """Read the values of a result; None if there is no result, or if it has only an outcome and no values.
 
-        Raises OtherVersionError if it was stored by another version.
+        Raises OtherVersionError if another version of the package stored it.
         """
         return cls.of_meta(result.meta) if result is not None and result.meta else None
 
     @classmethod
     def of_meta(cls, meta: Mapping[str, Any]) -> Self:
-        """Read the content from its JSON form, as `meta` returns it. Raises OtherVersionError."""
+        """Build the object from its JSON form (see `meta`). Raises OtherVersionError if a field does not fit."""
         try:
             known = {f.name for f in fields(cls)}
             return join(cls, {name: value for name, value in meta.items() if name in known})
@@ -411,22 +419,24 @@ class Content:
             raise OtherVersionError(f"{what} ({error})") from None
 
     def meta(self) -> dict[str, Any]:
-        """Return the content in its JSON form, a dictionary by field; nan and infinities stay floats."""
+        """Return the values in JSON form: a dictionary with an entry for each field; nan and infinities stay floats."""
         return split(self)
 
 
 @dataclass(frozen=True)
 class RecordContent(Content):
-    """A record (`signal/NAME/REPEAT`).
+    """The values of a record, from the task `signal/NAME/REPEAT`.
 
-    The samples are arrays of the result: `t` in s, and `y` in the base unit `unit` (per s or s² for a velocity or an
-    acceleration). step: step to which values are rounded, in the unit of `y`; 0 if they are not rounded. provenance:
-    source of the record, and how it was cleaned. bound: Cramér–Rao bound of a simulated record, standard deviation by
-    parameter. The other fields exist only if the record oscillates. features: period, amplitudes and other features.
-    anomalies: remarks for the user. reference: amplitude (rad or m) and frequency (rad/s) to which default priors are
-    scaled. known: values of known parameters, and ε, the velocity (rad/s or m/s) within which Coulomb friction changes
-    its sign. epsilon_note: a sentence if ε was assumed. noisy: whether the record has noise, without which there is no
-    likelihood.
+    The samples are arrays of the same result: `t` in s, and `y` in the base unit `unit`, such as rad (for a velocity or
+    an acceleration: `unit` per s or per s²). step: step to which `y` is rounded, in the unit of `y`; 0 if it is not
+    rounded. provenance: source of the record, and how it was cleaned. bound: for a simulated record, the Cramér–Rao
+    bound (smallest standard deviation) by parameter.
+
+    The other fields have values only if the record oscillates. features: period, amplitudes and other features.
+    anomalies: remarks for the user. reference: amplitude (rad or m) and angular frequency (rad/s) to which default
+    priors are scaled. known: values of the parameters that are not inferred, with ε, the velocity (rad/s or m/s) within
+    which Coulomb friction changes its sign. epsilon_note: a sentence if ε was assumed. noisy: whether the record has
+    noise; without noise there is no likelihood.
     """
 
     name: str = ""
@@ -444,7 +454,10 @@ class RecordContent(Content):
 
     @property
     def scales(self) -> Reference:
-        """The reference of the priors. Raises ValueError if the record does not oscillate."""
+        """Amplitude and frequency to which default priors are scaled.
+
+        Raises ValueError if the record does not oscillate.
+        """
         if self.reference is None:
             raise ValueError(f"{self.name} shows no oscillation")
         return self.reference
@@ -452,9 +465,10 @@ class RecordContent(Content):
 
 @dataclass(frozen=True)
 class EstimateContent(Content):
-    """The estimates of one estimator for one candidate (`estimate/NAME/REPEAT/CANDIDATE/ESTIMATOR`), by stage.
+    """The estimates by one estimator for one damping model, from the task `estimate/NAME/REPEAT/CANDIDATE/ESTIMATOR`.
 
-    stages: the initial estimate and the trajectory fit that starts there, as far as the study asks for them.
+    stages: the method's own (initial) estimate and the trajectory fit that starts from it, or only one of them,
+    depending on the study.
     """
 
     stages: tuple[Estimate, ...] = ()
@@ -462,12 +476,13 @@ class EstimateContent(Content):
 
 @dataclass(frozen=True)
 class ModeContent(FitCheck, Content):
-    """A posterior mode (`mode/NAME/REPEAT/CANDIDATE`) with the checks of its fit (`FitCheck`).
+    """The posterior mode of one damping model, with checks of its fit, from the task `mode/NAME/REPEAT/CANDIDATE`.
 
-    values, sd: inferred parameters and their standard deviations, by name and in their units. known: the values of the
-    other parameters. priors: descriptions in words. log_posterior: log density at the mode (nats, not normalised).
-    shares: fractions of the posterior probability of the mode and of the other maxima that were found, the mode first.
-    stored: an `inference.mode.StoredMode`, as `bayesdamp.serial` splits it, with arrays `stored/...`.
+    values, sd: inferred parameters and their standard deviations, by name and in their units. known: values of the
+    parameters that are not inferred. priors: descriptions of the priors in words. log_posterior: log posterior density
+    at the mode (nats, not normalised). shares: fractions of the posterior probability that belong to the maxima that
+    the search found: first the mode, then the others. stored: the mode itself in JSON form
+    (`inference.mode.StoredMode`); its arrays are the arrays `stored/...` of the result.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -481,12 +496,13 @@ class ModeContent(FitCheck, Content):
 
 @dataclass(frozen=True)
 class PosteriorContent(Content):
-    """The draws of one sampler (`posterior/NAME/REPEAT/CANDIDATE/SAMPLER`).
+    """The posterior of one damping model by one sampler, from the task `posterior/NAME/REPEAT/CANDIDATE/SAMPLER`.
 
-    posterior: names, diagnostics and settings of the draws without their arrays; the result has `draws`, (chain, draw,
-    parameter). summary, units: of parameters and derived quantities. without: derived quantities without a summary,
-    with the number of draws for which they are not defined. file: path of the netCDF file with all draws, in the run's
-    folder. ratios: damping ratios at the verdict's amplitudes.
+    posterior: names and diagnostics of the draws, without arrays; the draws are the array `draws` of the result,
+    (chain, draw, parameter). summary: mean, sd and other summaries of each parameter and derived quantity, by name.
+    units: their units. without: derived quantities that have no summary, with the number of draws for which they are
+    not defined. file: path of the netCDF file with the draws, relative to the run's folder. ratios: damping ratios at
+    the amplitudes of the verdict on the record.
     """
 
     posterior: Posterior = field(default_factory=lambda: Posterior("", (), *NO_DRAWS))
@@ -499,9 +515,10 @@ class PosteriorContent(Content):
 
 @dataclass(frozen=True)
 class EvidenceContent(Content):
-    """The evidence by one method (`evidence/NAME/REPEAT/CANDIDATE/METHOD`).
+    """The evidence of one damping model by one method, from the task `evidence/NAME/REPEAT/CANDIDATE/METHOD`.
 
-    evidence: None if the referee (nested sampling) was not needed, because the other methods agree.
+    evidence: the log evidence with its error; None if the method is nested sampling, used as a check, and was not
+    needed because the other methods agree.
     """
 
     evidence: Evidence | None = None
@@ -509,12 +526,13 @@ class EvidenceContent(Content):
 
 @dataclass(frozen=True)
 class ComparedCandidate:
-    """The result of an answer for one candidate: a damping sum under a restoring law.
+    """The result for one candidate (a damping sum under a restoring law) in the comparison of models on a record.
 
-    log_evidence: in nats, with deviations from the laws; None under exact laws only. log_evidence_exact: under exact
-    laws; None if it was not computed. outcome: "ok", or why there is no result. rms: root mean square residual of the
-    fit under exact laws, in the record's unit. place: for a form of damping that the study does not compare, the
-    compared sum that is its limiting case, if any. parameters: names of the inferred damping parameters.
+    log_evidence: log evidence (nats) if damping and restoring force may deviate from their laws; None if this was not
+    computed. log_evidence_exact: log evidence (nats) if the laws hold exactly; None if this was not computed. outcome:
+    "ok", or why there is no result. rms: root mean square residual of the fit with exact laws, in the record's unit.
+    place: for a form of damping that the study does not compare, the compared sum that is its limiting case; "" if
+    there is none. parameters: names of the inferred damping parameters.
     """
 
     damping: str
@@ -528,19 +546,19 @@ class ComparedCandidate:
 
     @property
     def exact(self) -> float:
-        """The log evidence under exact laws; −∞ if it was not computed."""
+        """The log evidence (nats) if the laws hold exactly; −∞ if it was not computed."""
         return float("-inf") if self.log_evidence_exact is None else self.log_evidence_exact
 
 
 @dataclass(frozen=True)
 class SampledPosterior:
-    """The posterior of a candidate in a sampled answer.
+    """The posterior of one candidate (a damping sum under a restoring law), sampled by sequential Monte Carlo.
 
-    parameters: by name, mean, sd, quantiles and other summaries, in the parameter's unit. deviation: size of the
-    relative deviation from the damping law, (2.5 %, median, 97.5 %); 0.1 is 10 %. unexplained: root mean square
-    residual under exact laws beyond the noise, as a fraction of the first amplitude. log_evidence, stderr: in nats.
-    acceptance, temperatures: acceptance rate of the last moves of sequential Monte Carlo, and number of increases of
-    the inverse temperature.
+    parameters: for each parameter its mean, sd, quantiles and other summaries, in the parameter's unit. deviation: size
+    of the relative deviation from the damping law, (2.5 % quantile, median, 97.5 % quantile); 0.1 is 10 %. unexplained:
+    root mean square of the residual with exact laws that the noise does not account for, as a fraction of the first
+    amplitude. log_evidence, stderr: log evidence and its standard error, in nats. acceptance: acceptance rate of the
+    last moves. temperatures: number of increases of the inverse temperature.
     """
 
     damping: str
@@ -556,7 +574,7 @@ class SampledPosterior:
 
 @dataclass(frozen=True)
 class CandidatePriors:
-    """Descriptions (in words) of the priors of a candidate's inferred parameters, by parameter."""
+    """The priors of one candidate (a damping sum under a restoring law), in words, by inferred parameter."""
 
     damping: str
     restoring: str
@@ -565,7 +583,7 @@ class CandidatePriors:
 
 @dataclass(frozen=True)
 class NoiseEvidence:
-    """A noise model fitted to the residuals of the sum of all terms, with its log evidence in nats."""
+    """The name of a noise model and its log evidence (nats), from the residuals of a fit to the record."""
 
     name: str
     log_evidence: float
@@ -573,10 +591,10 @@ class NoiseEvidence:
 
 @dataclass(frozen=True)
 class StoredFit:
-    """The fit of a candidate with deviations from its laws.
+    """The fit of one candidate (a damping sum under a restoring law) that allows deviations from the laws.
 
-    found: the scalar fields of the fit, an `inference.deviation.single.FitState`. Its array fields are the arrays
-    `found/DAMPING@RESTORING/...` of the result.
+    found: the scalar fields of the fit (`inference.deviation.single.FitState`). Its array fields are the arrays
+    `found/DAMPING@RESTORING/...` of the task's result.
     """
 
     damping: str
@@ -586,11 +604,11 @@ class StoredFit:
 
 @dataclass(frozen=True)
 class EnvelopeContent:
-    """The answer on an envelope, without its verdict.
+    """The result of the comparison of damping models on an envelope (recorded amplitudes), without the verdict.
 
-    unit: of the readings. samples: number of readings that were used. likelihoods: for each damping sum, the scalar
-    fields of its likelihood as a function of the decay rates; the array fields are the arrays `likelihood/DAMPING/...`
-    of the result. assumed: a sentence for each assumption.
+    unit: unit of the readings. samples: number of readings that were used. likelihoods: for each damping sum, the
+    scalar fields of its likelihood as a function of the decay rates; the array fields are the arrays
+    `likelihood/DAMPING/...` of the task's result. assumed: a sentence for each assumption.
     """
 
     unit: str
@@ -601,13 +619,14 @@ class EnvelopeContent:
 
 @dataclass(frozen=True)
 class AnswerContent(Content):
-    """The answer on a record (`answer/NAME/REPEAT`, `sampled/NAME/REPEAT`).
+    """The answer on a record: the comparison of damping models, from the task `answer/...` or `sampled/NAME/REPEAT`.
 
-    verdict: as `Verdict.to_dict` returns it. candidates: results of the compared damping sums. rivals: results of other
-    forms of damping, which the study does not compare. priors: descriptions of the priors. posteriors: of the sampled
-    candidates. laws: fits of the candidates with deviations from their laws. noise: the noise model of the answer.
-    noises: all fitted noise models. epsilon: velocity (rad/s or m/s) within which Coulomb friction changes its sign,
-    if it was not known. envelope: further values for an envelope, whose answer has only these and the verdict.
+    verdict: the conclusion, as `Verdict.to_dict` returns it. candidates: results of the compared damping sums under
+    each restoring law. rivals: results of other forms of damping, which the study does not compare. priors:
+    descriptions of the priors. posteriors: posteriors of the candidates that were sampled. laws: fits of the candidates
+    that allow deviations from the laws. noise: name of the noise model that is used. noises: all noise models that were
+    fitted. epsilon: velocity (rad/s or m/s) within which Coulomb friction changes its sign, if it was not known.
+    envelope: further values for an envelope; its answer has only these and the verdict.
     """
 
     verdict: Mapping[str, Any]
@@ -624,10 +643,10 @@ class AnswerContent(Content):
 
 @dataclass(frozen=True)
 class ChunkContent(Content):
-    """The simulated records of one calibration task.
+    """What happened to each simulated record of one task of a calibration.
 
-    outcomes: of each record, "ok" or why it is not used. accepted: whether each record is usable. first: number of the
-    first record, from 0; the others follow.
+    outcomes: for each record, "ok" or why it is not used. accepted: for each record, whether it is usable. first:
+    number of the first record, from 0; the other records have the next numbers.
     """
 
     outcomes: tuple[str, ...] = ()
@@ -637,11 +656,11 @@ class ChunkContent(Content):
 
 @dataclass(frozen=True)
 class RanksContent(ChunkContent):
-    """Ranks of true parameters for the records of one task (`ranks/MODEL/FIRST`).
+    """The ranks of true parameters among posterior draws, for the simulated records of one task `ranks/MODEL/FIRST`.
 
-    The ranks are arrays of the result (`ranks.compute_chunk`). names: names of the ranked quantities. sampler_outcomes:
-    by sampler, its outcome for each record; empty if the record has no mode. seconds: by sampler, and under "record"
-    for simulation and fit.
+    The ranks themselves are arrays of the result (`calibrate.ranks.compute_chunk`). names: names of the ranked
+    quantities. sampler_outcomes: for each sampler, its outcome on each record; "" if the record has no posterior mode.
+    seconds: computing time by sampler, and under "record" that of simulation and fit.
     """
 
     model: str = ""
@@ -652,10 +671,11 @@ class RanksContent(ChunkContent):
 
 @dataclass(frozen=True)
 class RecoveryContent(ChunkContent):
-    """Model recovery for the records of a task (`recovery/FIRST`): which model has the most evidence.
+    """The outcomes of the evidence of each damping model, for the simulated records of one task `recovery/FIRST`.
 
-    The log evidence itself is in the arrays of the result. models: names of the models. evidence_outcomes: for each
-    record, the outcome of the evidence of each model ("ok", or why it is unreliable or missing).
+    The task tests how often the true model has the most evidence; the log evidence itself is in the arrays of the
+    result. models: names of the models. evidence_outcomes: for each record, the outcome of the evidence of each model
+    ("ok", or why it is unreliable or missing).
     """
 
     models: tuple[str, ...] = ()

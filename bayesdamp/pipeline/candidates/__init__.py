@@ -1,1 +1,1 @@
-"""The tasks of one candidate (a damping sum under a restoring law) on one record."""
+"""Compute the tasks on one candidate (a damping sum under a restoring law): estimates, mode, posteriors, evidence."""

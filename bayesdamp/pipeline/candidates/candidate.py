@@ -1,4 +1,4 @@
-"""One candidate (a damping sum under a restoring law) on one record: what its tasks read from study and store."""
+"""Read what the tasks on one candidate (a damping sum under a restoring law) need from the study and the store."""
 
 from dataclasses import replace
 from functools import cached_property
@@ -21,9 +21,9 @@ from bayesdamp.types import OK, InputError, Problem, Refusal, following
 class StudyCandidate:
     """One candidate (a damping sum under a restoring law) on one record, with the inputs of its tasks.
 
-    model: name of the candidate. damping, terms, restoring: its damping sum, the terms of the sum, and its restoring
-    law. repeat: number of the repeat of a simulated signal, from 0. path: `SIGNAL/REPEAT/CANDIDATE`, the part of a
-    task's name that all its tasks have.
+    model: name of the candidate. damping, terms, restoring: name of its damping sum, names of the terms of the sum, and
+    name of its restoring law. repeat: number of the repeat of a simulated signal, from 0. path:
+    `SIGNAL/REPEAT/CANDIDATE`, which is part of the names of all its tasks.
     """
 
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, model: str, store: Store) -> None:
@@ -35,20 +35,20 @@ class StudyCandidate:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """The names of the estimators that the study applies to this candidate and repeat; () for none."""
+        """Names of the estimators that the study applies to this candidate and repeat; () if there are none."""
         on = self.study.estimators.on(self.repeat)
         return on if self.model in self.study.estimate(self.spec) else ()
 
     @property
     def problem(self) -> Problem:
-        """The candidate's damping terms, and what is known of its system, as the argument of an estimator."""
+        """The input of an estimator: the damping terms, and the known values and priors of the oscillator."""
         return Problem(self.terms, self.record.system(self.restoring))
 
     def specify(self, deviation: str) -> Model:
         """Return the candidate as a `Model` of the public interface, with the study's priors and known values.
 
-        `deviation` is "none" for exact laws, or "law" for deviations from them. Raises Refusal if a setting of the
-        study is not possible for such a model.
+        deviation: "none" if the laws hold exactly, "law" if the model allows deviations from them. Raises Refusal if a
+        setting of the study is not possible for such a model.
         """
         study, record, system = self.study, self.record, self.record.system(self.restoring)
         scales, sensor = record.content.scales, study.posterior.sensor
@@ -74,21 +74,25 @@ class StudyCandidate:
 
     @cached_property
     def case(self) -> Case:
-        """The candidate on the record, under exact laws: signal, model, features and the scales of default priors."""
+        """The record with the candidate as a model with exact laws, the features, and the scales of default priors."""
         record = self.record
         return Case(record.signal, self.specify("none"), record.features, record.content.scales)
 
     @cached_property
     def answer(self) -> AnswerContent | None:
-        """The answer by linear approximations on the record; None if there is none, or if it compared no candidate."""
+        """The stored model comparison by linear approximations on the record (the content of the task `ANSWER`).
+
+        None if it is missing, or if it compared no candidate.
+        """
         answer = AnswerContent.maybe(self.record.find(ANSWER))
         return answer if answer is not None and answer.candidates else None
 
     @property
     def noise(self) -> str:
-        """Name of the noise model with the largest evidence in the linear answer, of those that the study allows.
+        """Name of the noise model for this candidate: of those that the study allows, the one with the most evidence.
 
-        If the answer compared none of these, the first one that the study allows.
+        The evidence is from the answer on the record. If the answer compared none of the allowed noise models, it is
+        the first allowed one.
         """
         compared = self.answer.noises if self.answer else ()
         allowed = [noise for noise in compared if noise.name in self.study.noises]
@@ -96,7 +100,7 @@ class StudyCandidate:
 
     @property
     def epsilon(self) -> float | None:
-        """The velocity ε (rad/s or m/s) within which friction changes its sign, as the answer on the record assumes.
+        """The velocity ε (rad/s or m/s) within which Coulomb friction changes its sign, from the answer on the record.
 
         None if ε is inferred or was given, or if there is no answer.
         """
@@ -105,10 +109,10 @@ class StudyCandidate:
 
     @cached_property
     def fit(self) -> Fit:
-        """The fit that samplers and evidence methods use.
+        """The fit of the candidate to the record, from which samplers and evidence methods start.
 
-        Under exact laws it is at the stored posterior mode. If the study allows deviations from the laws, it is the fit
-        that the answer on the record has stored. Raises Refusal if there is no fit.
+        If the laws hold exactly, it is the stored posterior mode. If the study allows deviations from the laws, it is
+        the fit that the task `ANSWER` on the record has stored. Raises Refusal if there is no fit.
         """
         signal = self.record.signal
         if self.study.likelihood == "law":

@@ -1,6 +1,6 @@
-"""Compute the evidence of a candidate by each method.
+"""Compute the evidence of one candidate (a damping sum under a restoring law) by each method.
 
-Nested sampling is called the referee here: by default it is computed only if the other methods disagree.
+Nested sampling is called the *referee* here: by default it is computed only if the other methods disagree.
 """
 
 import math
@@ -23,17 +23,18 @@ from bayesdamp.types import OK, Evidence, candidate_parts
 
 
 def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str, tuple[object, ...]]:
-    """Return the further inputs of each evidence task besides the mode, from which its key is computed, by task name.
+    """Return the inputs of each evidence task of a candidate besides its fit, by name of the task.
 
-    They are the method, and the key of the draws for a method that needs draws. The task of the referee (nested
-    sampling) comes last.
+    They are part of what the key (hash) of each task is computed from: the name of the method, and the key of the draws
+    if the method needs draws. The task of the referee (nested sampling), which also depends on the other methods, is
+    last.
 
     Parameters
     ----------
     study
         The study, which names the methods.
     path
-        The candidate, `SIGNAL/REPEAT/CANDIDATE`.
+        The candidate on a record, `SIGNAL/REPEAT/CANDIDATE`.
     keys
         Keys of the candidate's other tasks, by name.
     """
@@ -49,10 +50,11 @@ def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str
 
 
 def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Product:
-    """Compute the evidence by one method. Raises Refusal if there is no fit or the method cannot work on it.
+    """Compute the evidence of a candidate by one method.
 
-    The content is an `EvidenceContent`. The referee (nested sampling) is skipped, and its content has no evidence, if
-    the study calls it only for a disagreement and the other methods agree.
+    The content of the result is an `EvidenceContent`. The referee (nested sampling) is skipped if the study uses it
+    only when the other methods disagree, and they agree; its content then has no evidence. Raises Refusal if there is
+    no fit, or if the method is not applicable to it.
     """
     study = candidate.study
     if method == REFEREE and REFEREE not in study.evidence.methods and study.evidence.referee == "auto":
@@ -70,11 +72,10 @@ def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Produ
 
 
 def list_evidence(record: StudyRecord, model: str) -> list[Evidence]:
-    """Return the stored evidence for a model on a record by each method of the study and by its referee.
+    """Return the stored evidence of a model on a record by each method of the study, in the study's order.
 
-    They are in the order of the methods; the referee, nested sampling, is last if the study does not name it as a
-    method. For a method that failed, the evidence has an outcome but no number. A referee that was not needed, and one
-    of an earlier run if the study no longer has a referee, are left out.
+    The referee (nested sampling) is last, unless the study names it as a method. It is left out if it was not needed,
+    or if the study uses no referee. For a method that failed, the evidence has an outcome but no number.
     """
     evidences, options = [], record.study.evidence
     referee = () if options.referee == "never" else (REFEREE,)
@@ -91,9 +92,9 @@ def list_evidence(record: StudyRecord, model: str) -> list[Evidence]:
 
 
 def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
-    """Return the stored evidence on a record: by method, a dictionary from the model to its evidence.
+    """Return the stored evidence on a record: for each method, a dictionary from the model to its evidence.
 
-    If at least two methods have results, not counting Laplace's, which has no error estimate, the last entry is
+    If there are at least two methods, not counting Laplace's (which has no error estimate), the last entry is
     `combined`. It has one evidence for each model: from nested sampling if this is reliable, otherwise the weighted
     mean of these methods (`choose_evidence`).
     """
@@ -105,7 +106,7 @@ def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
             by_method.setdefault(e.method, {})[model] = e
     refereed = by_method.get(REFEREE, {}).values()
     if REFEREE not in methods and not any(np.isfinite(e.log_evidence) for e in refereed):
-        # The referee has only outcomes here, which the other methods state too.
+        # The referee has no numbers here, only outcomes, which the other methods have too.
         by_method.pop(REFEREE, None)
     if len([m for m in by_method if m != LAPLACE]) > 1:
         by_method[ADOPTED] = {}
@@ -119,7 +120,8 @@ def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
 def probabilities(evidence: Mapping[str, Evidence]) -> dict[str, float]:
     """Return the posterior probability of each model, from its evidence and the prior odds of its damping sum (`odds`).
 
-    Models without a finite log evidence are left out; the probabilities of the others add up to 1.
+    evidence: by name of the model. Models without a finite log evidence are left out; the probabilities of the others
+    add up to 1.
     """
     logs = {
         m: e.log_evidence + math.log(odds(candidate_parts(m)[0].split("+")))

@@ -1,4 +1,4 @@
-"""Find the highest posterior mode of a candidate from all available starts, and check its fit."""
+"""Find the highest posterior mode of a candidate (model) from all estimates as starting points, and check its fit."""
 
 import numpy as np
 
@@ -15,18 +15,18 @@ from bayesdamp.types import Refusal
 
 
 def starts_of(candidate: StudyCandidate) -> Starts:
-    """Return the finite values of every estimator at each of its stages, from which the search for the mode starts."""
+    """Return the starting points of the search for the mode: the finite estimates by all estimators at all stages."""
     results = [candidate.store.read(f"estimate/{candidate.path}/{method}") for method in candidate.methods]
     stages = [stage.values for result in results for stage in EstimateContent.of(result).stages]
     return [values for values in stages if values and np.all(np.isfinite(list(values.values())))]
 
 
 def compute_mode(candidate: StudyCandidate) -> Product:
-    """Return the highest posterior mode that is found, with the checks of its fit.
+    """Search for the highest posterior mode of a candidate, and check its fit.
 
-    The content is a `ModeContent`. The arrays are the times `t` in s, the motion `fit` and the `residual` in the unit
-    of the record, the whitened residuals and their autocorrelation, and the mode itself. Raises Refusal if the search
-    finds none, or if the record has no noise.
+    The content of the result is a `ModeContent`. The arrays are the times `t` in s, the motion `fit` and the `residual`
+    in the unit of the record, the whitened residuals and their autocorrelation, and the arrays of the mode itself
+    (`stored/...`). Raises Refusal if the search finds no mode, or if the record has no noise.
     """
     if not candidate.record.content.noisy:
         raise Refusal(NOT_APPLICABLE)
@@ -35,8 +35,8 @@ def compute_mode(candidate: StudyCandidate) -> Product:
     seed = task_seed(candidate.study, f"checks/{candidate.spec.name}/{candidate.repeat}")
     checks, residuals = check_fit(target, mode, candidate.record.features.period, seed)
     arrays = {"t": candidate.record.signal.t, **residuals}
-    # Later tasks read the mode from its stored result, never from memory: the step sizes of the solver are then chosen
-    # again, which changes evidence by some 1e-8 nats, and an interrupted run must give the same numbers.
+    # Later tasks read the mode from its stored result, never from memory. The solver then chooses its step sizes again,
+    # which changes log evidence by about 1e-8 nats. So an interrupted run, which must read it, gives the same numbers.
     content = {
         **vars(checks),
         "shares": [share for _, share in group_searches(mode)],

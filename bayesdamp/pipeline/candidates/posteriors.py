@@ -16,17 +16,18 @@ from bayesdamp.store.results import NO_DRAWS, PosteriorContent
 from bayesdamp.types import Ratio
 
 MOST_VALUES = 20_000
-"""Approximate largest number of values in each of the groups posterior_predictive and log_likelihood of a file of draws
-(0.2 MB), for which draws are thinned evenly; about as many as the draws have (conventional)."""
+"""Approximate largest number of values in each of the groups posterior_predictive and log_likelihood of a file of
+draws. For these groups, draws are thinned evenly. The draws themselves have about as many values, 0.2 MB
+(conventional)."""
 
 
 def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Product:
-    """Draw with one sampler, write the draws to a file (netCDF), and summarise them.
+    """Sample the posterior of a candidate with one sampler, write the draws to a netCDF file, and summarise them.
 
-    The content is a `PosteriorContent` with the summaries of parameters and derived quantities, and the damping ratios;
-    the only array is `draws`, (chain, draw, parameter), in the units of the parameters.
+    The content of the result is a `PosteriorContent` with the summaries of parameters and derived quantities, and the
+    damping ratios. The only array is `draws`, (chain, draw, parameter), in the units of the parameters.
 
-    Raises Refusal if there is no fit, or the sampler cannot work on it.
+    Raises Refusal if there is no fit, or if the sampler is not applicable to it.
     """
     s, fit, record = candidate.study.posterior, candidate.fit, candidate.record
     posterior, u = draw(fit, sampler, Settings(s.chains, s.warmup, s.draws, seed % 2**31))
@@ -44,7 +45,8 @@ def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Pro
     )
     summary = dict(posterior.summaries)
     derived = derive_quantities(motions)
-    # A quantity that some draws do not have (no stable equilibrium, an escape) gets no summary: it would be biased.
+    # A quantity that some draws do not have (no stable equilibrium, unbounded motion) gets no summary, as it would be
+    # biased.
     partial = {n: int(np.sum(~np.isfinite(v))) for n, v in derived.items() if not np.all(np.isfinite(v))}
     for n, v in derived.items():
         if n not in partial:
@@ -62,10 +64,10 @@ def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Pro
 
 
 def _ratios(candidate: StudyCandidate, motions: Motions, u: np.ndarray) -> tuple[Ratio, ...]:
-    """Return the damping ratio of the draws at each amplitude of the answer on the record; () without an answer.
+    """Return the damping ratio, from the draws, at each amplitude of the answer on the record; () without an answer.
 
-    motions: of the draws under exact laws. u: draws with their deviations, (chain, draw, K); used instead if the fit
-    has deviations from the laws.
+    motions: motions of the draws if the laws hold exactly. u: the draws with their deviations from the laws, (chain,
+    draw, K), with K unknowns; they are used instead if the fit allows deviations.
     """
     answer, law = stored_answer(candidate.record), candidate.fit.law
     amplitudes = tuple(r.amplitude for r in answer.verdict.damping_ratio) if answer else ()

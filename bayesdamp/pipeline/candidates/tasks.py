@@ -1,4 +1,4 @@
-"""List the tasks of a candidate on a record with their keys, and compute them."""
+"""List the tasks of a candidate (a damping sum under a restoring law) on a record with their keys, and compute them."""
 
 from bayesdamp.estimators import ESTIMATORS, run as run_estimator
 from bayesdamp.inference.evidence import EVIDENCES
@@ -19,9 +19,10 @@ from bayesdamp.types import OK, Refusal, following
 
 
 def compute_estimate(candidate: StudyCandidate, method: str, seed: int) -> Product:
-    """Run one estimator in the stages of the study: its initial estimate, and the trajectory fit that starts there.
+    """Run one estimator on a record: its own (initial) estimate, and the trajectory fit that starts from it.
 
-    The content is an `EstimateContent`. `method` is the name of an estimator or of a variant.
+    Only the stages that the study names are run. The content of the result is an `EstimateContent`. method: name of an
+    estimator, or of a variant of an estimator that the study defines.
     """
     use = candidate.study.estimators
     stages = run_estimator(
@@ -40,14 +41,14 @@ COMPUTE = {
     "posterior": compute_posterior,
     "evidence": compute_evidence,
 }
-"""Function that computes a task, by the kind of task. Its arguments are the candidate, the method and the seed, which
-follows from the task's name. A task of the kind "mode" has no method; `compute` computes it directly."""
+"""The functions that compute tasks, by kind of task. Their arguments are the candidate, the name of the method and the
+random seed. Tasks of the kind "mode", which have no method, are not included: `compute` computes them directly."""
 
 
 def task_keys(candidate: StudyCandidate) -> dict[str, str]:
-    """Return the key of each task of a candidate by its name, in an order in which they can be computed.
+    """Return the names of all tasks of a candidate with their keys, in an order in which the tasks can be computed.
 
-    A key is the hash of the task's inputs and code. Nothing is computed besides the keys.
+    A key is the hash of the task's inputs and code. The tasks themselves are not computed.
     """
     study, spec, model, record_key = candidate.study, candidate.spec, candidate.model, candidate.record.key
     forces = [*map(TERMS.source, candidate.terms), LAWS.source(candidate.restoring)]
@@ -68,7 +69,7 @@ def task_keys(candidate: StudyCandidate) -> dict[str, str]:
     if not (settings.samplers or study.evidence.methods):
         return keys
     priors = {t: str(study.models.prior.get(t)) for t in candidate.terms}
-    # Noise model, width of friction and deviations come from the answer.
+    # The noise model, the velocity ε of friction and deviations from the laws are taken from the answer.
     answered = answer_key(candidate.record)
     named = [*forces, *map(NOISES.source, study.noises)]
     parts = (model, answered, priors, use.stages, chosen, *other)
@@ -86,9 +87,9 @@ def task_keys(candidate: StudyCandidate) -> dict[str, str]:
 
 
 def compute(candidate: StudyCandidate, name: str) -> Product:
-    """Compute the task of a candidate with this name, such as `mode/bench/0/viscous`. Nothing is stored.
+    """Compute the task with this name, such as `mode/bench/0/viscous`, and return its result without storing it.
 
-    Raises Refusal if the outcome of the record is not OK, or the method is not applicable to it.
+    Raises Refusal if the outcome of the record is not OK, or if the method is not applicable to the record.
     """
     record = candidate.record.result
     if record.outcome != OK:

@@ -1,4 +1,4 @@
-"""Draw the figures of an answer: of one oscillation, of several records together, and of an envelope."""
+"""Draw the figures that show the answer on an oscillation, on several records together, and on an envelope."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -33,18 +33,18 @@ ENVELOPE_HEIGHT = 3.4
 LAW_FREE_COLOUR = "#c9b27c"
 """Colour of the 95 % band of the damping ratio that is measured directly, without assuming a damping law."""
 MOST_POINTS = 1200
-"""Largest number of points of a line in a panel: about two for each column of pixels in the PNG."""
+"""Largest number of points to which a line in a panel is thinned: about two for each column of pixels in the PNG."""
 MOST_COLOURED = 6
 """Largest number of records in an overview that are drawn in different colours and with a legend."""
 LEGEND_ROW = 0.17
 """Height of a row of a legend, in inches."""
 FIT_COLOUR, BAND_COLOUR = USED, "#D55E00"
-"""Colours in the figure of an envelope: of the fit with its band; and of the lines at the start and end of the decay
-and the ± 2 sd band of the readings' noise."""
+"""Colours in the figure of an envelope. `FIT_COLOUR`: the fit with its band. `BAND_COLOUR`: the lines at the start and
+the end of the decay, and the band (± 2 sd) of the readings' noise."""
 
 
 def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str) -> Figure:
-    """Draw an answer in four panels: record and fit, damping ratio, residual, energy lost in a cycle.
+    """Draw the answer on a record in four panels: record and fit, damping ratio, residual, energy lost in a cycle.
 
     If `arrays` contains no fit (because the record contradicts every damping law), the residual is left out and there
     are three panels.
@@ -145,9 +145,9 @@ def draw_answer(
 def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     """Draw the equivalent damping ratio in per cent against amplitude in `unit`; in `arrays` ratios are fractions.
 
-    As far as `arrays` contains them, these are drawn: the answer's ratio with its 95 % band, the ratio of each damping
-    sum fitted to the record, and the 95 % band of the ratio measured without assuming a damping law. If the answer has
-    no ratio, the ratio measured without a law is drawn as a line with its band.
+    These are drawn if `arrays` contains them: the answer's ratio with its 95 % band, the ratio of each damping sum
+    fitted to the record, and the 95 % band of the ratio that is measured without assuming a damping law. If the answer
+    has no ratio, the ratio measured without a law is drawn as a line with its band.
     """
     law_free = "ratio" not in arrays
     names = ("amplitude", "ratio", "low", "high")
@@ -181,7 +181,7 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
 def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
     """Draw the damping ratios of several records against amplitude.
 
-    More than `MOST_COLOURED` records all have the same colour, and no legend.
+    If there are more than `MOST_COLOURED` records, all have the same colour and there is no legend.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
 
 
 def envelope(arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str) -> Figure:
-    """Draw an envelope with its fit, and the residual; the arguments are those of `draw_envelope`."""
+    """Draw an envelope with its fit, and the residual, in a new figure. The arguments are as for `draw_envelope`."""
     figure = Figure(figsize=(WIDTH, ENVELOPE_HEIGHT))
     draw_envelope(figure.subplots(1, 2, width_ratios=(3, 2)), arrays, verdict, unit)
     return figure
@@ -220,17 +220,17 @@ def envelope(arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str) -> F
 def draw_envelope(
     axes: Sequence[Axes], arrays: Mapping[str, np.ndarray], verdict: Verdict, unit: str
 ) -> None:
-    """Draw the level of an envelope with the fit, and the residual.
+    """Draw the level of an envelope with its fit, and the residual, on the given axes.
 
     If the record contains no free decay, only the level is drawn.
 
     Parameters
     ----------
     axes
-        Two axes, for record and residual. Those of the residual are switched off if there is none.
+        Two axes: for the level and for the residual. If there is no residual, its axes are switched off.
     arrays
-        The record: times `t` in s and the `level` of the readings in dB. The decay, if there is one: `curve/...`, the
-        fields of `inference.envelope.decay.Curve`.
+        Times `t` in s and the `level` of the readings in dB. If the record contains a decay, also the arrays
+        `curve/...`, the fields of `inference.envelope.decay.Curve`.
     verdict
         The verdict on the record.
     unit

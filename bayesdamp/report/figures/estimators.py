@@ -24,11 +24,11 @@ HALF_AXIS_ALONE = 0.06
 """Half the length of the axis of a coefficient in `estimate_panels` if there is no posterior, as a fraction of the true
 value or of the median estimate."""
 ROW, APART = 0.31, 0.15
-"""Height in inches of the row of a method in `estimate_panels`, and the distance of its two marks from the middle of
-the row, as a fraction of the height."""
+"""`ROW`: height in inches of the row of a method in `estimate_panels`. `APART`: distance of the method's two dots from
+the middle of the row, as a fraction of this height."""
 _MARKS = "osD^vP*Xph<>"
 LOWEST_ERROR, HIGHEST_ERROR = 1e-7, 1e3
-"""Limits in per cent to which `sweep` clips errors."""
+"""Range of errors, in per cent of the true value, that `sweep` draws; errors outside are drawn at its ends."""
 
 
 def estimate_panels(estimates: Sequence[CoefficientEstimates]) -> Figure:
@@ -144,7 +144,7 @@ def sweep(along: ErrorSeries, methods: list[str]) -> Figure:
     along
         The errors against one factor.
     methods
-        Names of the estimators to draw; one without errors at a stage is left out there.
+        Names of the estimators to draw. An estimator without errors at a stage is left out of the panel of this stage.
     """
     figure = Figure(figsize=(WIDTH, 3.3))
     axes = np.atleast_1d(figure.subplots(1, 2, sharey=True))

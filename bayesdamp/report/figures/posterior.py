@@ -1,4 +1,4 @@
-"""Draw posteriors: marginals and pairs."""
+"""Draw posterior draws: histograms of single parameters, and scatter plots of pairs of parameters."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -20,7 +20,7 @@ _MOST_POINTS = 500
 TRUE_LINE_STYLE: dict[str, Any] = {"color": INK, "lw": 0.9, "ls": (0, (2, 2))}
 """Style of a line at a true value."""
 Draws = Mapping[str, Mapping[str, np.ndarray]]
-"""For each sampler and parameter its draws, of any shape."""
+"""Posterior draws, an array of any shape, by name of the sampler and then of the parameter."""
 
 
 def marginals(model: str, draws: Draws, units: Mapping[str, str], truth: Mapping[str, float]) -> Figure:
@@ -54,9 +54,10 @@ def marginals(model: str, draws: Draws, units: Mapping[str, str], truth: Mapping
 def pairs(
     model: str, names: Sequence[str], draws: Draws, units: Mapping[str, str], truth: Mapping[str, float]
 ) -> Figure:
-    """Draw pairs of damping coefficients, with a point for each of up to `_MOST_POINTS` draws of a sampler.
+    """Draw scatter plots of the draws of each pair of damping coefficients.
 
-    The panels on the diagonal have histograms of each coefficient.
+    Of each sampler, at most `_MOST_POINTS` draws are shown. The panels on the diagonal have histograms of each
+    coefficient.
 
     Parameters
     ----------
@@ -121,7 +122,7 @@ def _mark(line: Callable[..., object], value: float | None) -> None:
 
 
 def _look(model: str, place: int) -> dict[str, Any]:
-    """Return Matplotlib's arguments for the line of the sampler with this index."""
+    """Return Matplotlib's arguments (colour, width, style) for the line of the sampler with the index `place`."""
     if place == 0:
         return {"color": colour(model), "lw": 1.3, "ls": "-"}
     return {"color": INK, "lw": 1.0, "ls": ("--", ":", "-.")[(place - 1) % 3]}

@@ -1,4 +1,4 @@
-"""Draw a record: with the fits of models, or with the parts that are used."""
+"""Draw a record: with the fits of models, or with the part that is used and other free decays marked."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,11 +12,11 @@ from bayesdamp.report.drawing import DASHES, FAINT, INK, MUTED, WIDTH, colour, f
 from bayesdamp.types import FreeDecay
 
 USED, NOT_USED = "#0072B2", "#56B4E9"
-"""Colours of the free decay that is used, and of other free decays."""
+"""Colours that mark the free decay that is used, and other free decays in the same record."""
 DRAWN_GAP = 20.0
 """A gap in the samples that is longer than this many median sampling intervals is drawn as a gap in the line."""
 _POINTS = 2000
-"""Default number of points to which a line is thinned."""
+"""Default number of points to which the line of a record is thinned before it is drawn."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def record(
 ) -> Figure:
     """Draw a record, its first and last cycles with the fits, and the residuals with their autocorrelations.
 
-    These cycles are three periods each, but at most half of the record.
+    The panels of the first and the last cycles show three periods each, but at most half of the record.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def record(
     axis
         Label of y.
     unit
-        Unit of y, as it is written on an axis.
+        Unit of y, for the axes of the residuals.
     period
         Period of the oscillation in s.
     """
@@ -124,9 +124,10 @@ def draw_raw_record(
     axis
         Label of y.
     start, stop
-        Start and end of the part that is used, in s on the time axis of t; without an end it is not marked.
+        Start and end of the part that is used, in s on the time axis of t. If the end is None, no part is marked as
+        used.
     decays
-        All free decays in the record; those that overlap the used part are not marked.
+        All free decays in the record. Those that overlap the used part are not marked.
     """
     figure = Figure(figsize=(WIDTH, 2.0))
     ax = figure.add_subplot()
@@ -169,7 +170,7 @@ def thin_line(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.n
 def _zoom(
     ax: Axes, t: np.ndarray, y: np.ndarray, fits: Sequence[ModelFit], start: float, stop: float
 ) -> None:
-    """Draw the part of a record from start to stop, in s, and the fits to it."""
+    """Draw the part of a record from start to stop (in s), and the same part of the fits."""
     inside = (t >= start) & (t <= stop)
     if inside.sum() <= 400:
         ax.plot(t[inside], y[inside], ".", color=MUTED, ms=3, label="record")

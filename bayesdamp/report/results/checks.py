@@ -1,4 +1,4 @@
-"""Compare a record's answer with the study's chains, evidence and residuals, and with the truth."""
+"""Compare the answer on a record with the study's posterior draws, evidence and residuals, and with the true values."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -28,28 +28,31 @@ from bayesdamp.verdict.specimen import Agreement, agreement, worst_agreement
 from bayesdamp.verdict.thresholds import AGREEMENT_SDS
 
 WINDOW_SPREAD = 3.0
-"""Largest change of a coefficient between parts of a record that passes the check, in standard deviations that are
-expected by chance."""
+"""A check fails if a damping coefficient from half of the record differs from that of the whole record by more than
+this, in units of the standard deviation that is expected by chance."""
 PRINTED = 0.001
-"""Log odds are compared after probabilities are limited to this and to 1 minus this: the report prints "< 0.001" and
-"> 0.999", and larger log odds depend on the tails of the approximations."""
+"""Smallest probability that the report prints as a number; it prints "< 0.001" below it and "> 0.999" above 1 minus it.
+Probabilities are limited to this range before their log odds are compared, because larger log odds depend on the tails
+of the approximations."""
 CLEAR_NATS = 3.0
-"""A check of an answer fails if log odds from evidence differ from the answer's by more than this, in nats: odds of 20
-(conventional)."""
+"""A check fails if the log odds of the answer's damping, computed from the study's evidence, differ from those in the
+answer by more than this, in nats; 3 nats are odds of 20 (conventional)."""
 LARGEST_OTHER = 0.03
-"""Largest fraction of the posterior probability that another maximum than the mode may have (conventional)."""
+"""A check fails if a maximum of the posterior other than the highest one has more than this fraction of the posterior
+probability (conventional)."""
 MOSTLY_ONE = 1 / (1 + AGREEMENT_SDS**2)
-"""The mean of a model with this probability p differs from the mean over all models by at most `AGREEMENT_SDS`, because
-the difference is at most √((1 − p)/p) standard deviations of all models together."""
+"""If a model has at least this probability p, its mean of a quantity differs by at most `AGREEMENT_SDS` standard
+deviations from the mean over all models, because the difference is at most √((1 − p)/p) of them. (The standard
+deviation is that of the mixture of all models.)"""
 ANSWER_SAMPLER = "smc"
-"""The sampler of the answer itself, which therefore cannot check the answer."""
+"""Name of the sampler (sequential Monte Carlo) that computes the answer itself. Its results cannot check the answer."""
 UNLISTED_OUTCOMES = (Status.OK, Status.NOT_APPLICABLE, Status.PRUNED, Status.NOT_SAMPLED)
 """Outcomes that are not listed as failed checks: other sections of the report give their reasons."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """A sentence on one check of an answer.
+    """The result of one check of the answer on a record, as a sentence for the report.
 
     text: the sentence. fails: whether the checked value contradicts the answer or is unreliable.
     """
@@ -59,9 +62,10 @@ class Check:
 
 
 def sampling_sentence(comparison: Agreement) -> str:
-    """Return the sentence whether sequential Monte Carlo confirms, changes or corrects the first verdict.
+    """Return a sentence that says whether the verdict from sampling confirms, changes or corrects the first verdict.
 
-    The first verdict is from linear approximations. `comparison` contains the agreement of the two.
+    The first verdict is from linear approximations of the models, the second from sequential Monte Carlo. `comparison`
+    states how well they agree.
     """
     moved = f"{max(comparison.moved, 0.1):.1f} standard deviations"
     if comparison.confirms:
@@ -89,21 +93,22 @@ def sampling_checks(run: RunFolder, signal: str) -> list[Check]:
 
 
 class RecordChecks:
-    """Checks of one record's answer against the study's chains, evidence and residuals, and against the truth.
+    """Checks of the answer on one record against the study's draws, evidence and residuals, and the true values.
 
-    Only the first repeat of the record is checked.
+    The draws are from the chains of the study's samplers. Only the first repeat of the record is checked.
 
     Attributes
     ----------
     verdict
         The verdict on the record; None if there is none.
     model
-        The study's model with the damping and the restoring law of the answer. If there is no answer, it is the study's
-        most probable model. None if the study has no such model.
+        Name of the study's model that has the damping and the restoring law of the answer. If there is no answer, it is
+        the study's most probable model. None if the study has no such model.
     coefficient_names
         Names of the damping coefficients of `model`; [] if there is no model.
     exact_only
-        Whether the answer allows deviations from the laws, while the chains, evidence and fits assume exact laws.
+        Whether the answer allows deviations from the damping and restoring laws, while the study's chains, evidence and
+        fits assume that the laws hold exactly.
     """
 
     def __init__(self, run: RunFolder, signal: str) -> None:
@@ -121,8 +126,8 @@ class RecordChecks:
     def all(self) -> list[Check]:
         """Return all checks, the failed ones first. There are none for an envelope.
 
-        If no damping law describes the record, nothing is checked, and one sentence says so (if there are chains or
-        evidence). Some sentences only add information, such as the true damping of a simulated record.
+        If no damping law describes the record, nothing is checked; if there are chains or evidence, one sentence says
+        this. Some sentences only add information, such as the true damping of a simulated record.
         """
         v, evidence = self.verdict, rank_models(self.run, self.signal, self.repeat)
         if v is not None and v.quantity == "envelope":
@@ -157,7 +162,7 @@ class RecordChecks:
         return sorted(checks, key=lambda check: not check.fails)
 
     def _rows(self, table: Iterable[Row], **wanted: object) -> list[Row]:
-        """Return the rows of a table that belong to `model` on this record."""
+        """Return the rows of a table for `model` on this record. `wanted`: required values of further columns."""
         return rows_of(table, signal=self.signal, repeat=self.repeat, model=self.model, **wanted)
 
     def _samplers(self) -> dict[str, list[Row]]:
@@ -172,10 +177,10 @@ class RecordChecks:
         return by_sampler
 
     def _samples(self) -> Iterator[Check]:
-        """Yield a check of each sampler of `model`, and a failed check if the posterior has another large maximum.
+        """Yield a check of each sampler of `model`, and a failed check if the posterior has a second large maximum.
 
         If a sampler's outcome is neither `ok` nor among `UNLISTED_OUTCOMES`, its check fails and contains the outcome.
-        Otherwise the check gives the largest R̂ and the smallest effective sample size. Another maximum is large if it
+        Otherwise the check gives the largest R̂ and the smallest effective sample size. A second maximum is large if it
         has more than `LARGEST_OTHER` of the posterior probability.
         """
         outcomes = {(r["sampler"], r["outcome"]) for r in self._rows(self.run.posteriors)}
@@ -201,10 +206,10 @@ class RecordChecks:
             )
 
     def _ratios(self) -> Iterator[Check]:
-        """Yield checks that compare the damping ratios from the draws of each sampler with the answer's.
+        """Yield a check for each sampler that compares its damping ratios with those of the answer.
 
-        The draws are of `model`. Their median and 95 % interval are compared at each of the answer's amplitudes.
-        Samplers that failed, or have no ratio at some amplitude, are left out.
+        The ratios are from the sampler's draws of `model`. Their medians and 95 % intervals are compared at each of the
+        answer's amplitudes. Samplers that failed, or have no ratio at one of the amplitudes, are left out.
         """
         for sampler, rows in self._samplers().items():
             result = self.run.task_result("posterior", self.signal, self.repeat, self.model or "", sampler)
@@ -257,7 +262,7 @@ class RecordChecks:
         return Check(text, fails=worst.wider > 1)
 
     def _truth(self) -> Iterator[Check]:
-        """Yield a failed check for each true coefficient outside the answer's 95 % interval.
+        """Yield a failed check for each damping coefficient whose true value is outside the answer's 95 % interval.
 
         If there is no answer, the interval of the first sampler is used.
         """
@@ -275,10 +280,10 @@ class RecordChecks:
     def _evidence(self, ranked: EvidenceRanking | None) -> Iterator[Check]:
         """Yield checks that compare the probabilities from the study's evidence with those of the answer.
 
-        They report evidence that failed or is unreliable, and each method's probability of the answer's damping (a
-        failed check if the log odds by the method that counts differ from the answer's by more than `CLEAR_NATS`).
-        `ranked` is the result of `rank_models`. There are no such checks if the answer has the only evidence of the
-        study.
+        Evidence that is missing or unreliable gives a failed check. Another check states, for each evidence method, the
+        probability of the answer's damping. It fails if the log odds by the method of the ranking differ from those of
+        the answer by more than `CLEAR_NATS`. `ranked` is the result of `rank_models`. There are no such checks if the
+        study has no other evidence than that of the answer.
         """
         if ranked is None or ranked.method == ANSWER_SAMPLER:
             return
@@ -319,10 +324,11 @@ class RecordChecks:
             )
 
     def _residuals(self) -> Iterator[Check]:
-        """Yield a check whether `model` fits, by its residuals, and checks of what is wrong with the fit otherwise.
+        """Yield a check that states whether `model` fits the record, from the residuals, and failed checks of the fit.
 
-        These are: coefficients that change between parts of the record, and simulated records that look different from
-        this one. There are none for a study that allows deviations, because its fits assume exact laws.
+        These are for coefficients that change between parts of the record, and for records simulated from the model
+        that look different from this one. If the study's samplers allow deviations from the laws, there are no checks,
+        because the fits assume exact laws.
         """
         for row in [] if self.run.under_law else self._rows(self.run.fits)[:1]:
             verdict, name = row["verdict"].rstrip("."), words.model(self.model or "")
@@ -344,13 +350,13 @@ class RecordChecks:
 
 
 def _log_odds(probability: float) -> float:
-    """Return the log odds (nats) of a probability, which is first limited to the range that is printed in full."""
+    """Return the log odds (nats) of a probability, after limiting it to the range from `PRINTED` to 1 − `PRINTED`."""
     limited = min(max(probability, PRINTED), 1 - PRINTED)
     return math.log(limited / (1 - limited))
 
 
 def _name(method: str) -> str:
-    """Return a method's name in words for the beginning of a sentence. The name "emcee" is not capitalised."""
+    """Return the name of a method in words, capitalised for the beginning of a sentence (except "emcee")."""
     name = words.method(method)
     return name if method == "emcee" else name[:1].upper() + name[1:]
 

@@ -1,6 +1,7 @@
-"""Compare the estimators with each other, the truth, the posterior and published errors.
+"""Compare the estimates of damping coefficients with true values, posteriors and published errors.
 
-Their errors are also compared along series of signals that differ in noise, sampling or length only.
+The errors of the estimators are also compared on series of simulated signals that differ only in noise, sampling or
+length.
 """
 
 import math
@@ -94,13 +95,13 @@ class EstimatorComparison:
 
 
 def printed_error(printed: str) -> float:
-    """Return the first number in a printed error, such as 0 for "~0"; nan if there is none."""
+    """Return the first number in a published error as it is printed, such as 0 for "~0"; nan if there is none."""
     match = re.search(r"\d+(\.\d+)?", printed)
     return float(match[0]) if match else math.nan
 
 
 def rms(errors: Frame) -> float:
-    """Return the root mean square of the errors that are finite; nan if none is."""
+    """Return the root mean square of the finite errors; nan if none is finite."""
     return float(np.sqrt(np.square(errors[np.isfinite(errors)]).mean()))
 
 
@@ -125,7 +126,7 @@ def true_models(run: RunFolder) -> dict[str, str]:
 
 
 def true_estimates(run: RunFolder) -> Frame:
-    """Return the rows of estimates.csv under the damping with which their signals were simulated.
+    """Return the rows of estimates.csv whose model has the damping with which the signal was simulated.
 
     Rows of parameters other than damping coefficients have no `error_pct` (nan).
     """
@@ -139,9 +140,9 @@ def true_estimates(run: RunFolder) -> Frame:
 
 
 def compare_estimators(run: RunFolder) -> EstimatorComparison:
-    """Return the errors of the estimators on the simulated signals that have published errors.
+    """Return the errors of the estimators on all simulated signals.
 
-    If the study contains no published errors, all simulated signals are compared.
+    If the study states published errors, only the signals that have a published error are compared.
     """
     import pandas as pd
 
@@ -253,16 +254,19 @@ class ErrorSeries:
         return self.each.groupby(level=[0, 1, 2]).size()
 
     def of(self, method: str, stage: str, at: int) -> dict[int, float]:
-        """Return the errors of a method at the index of a value, by repeat; only those with an estimate."""
+        """Return the errors of a method at a stage and at the index of a value, by number of the repeat.
+
+        Repeats without an estimate are left out.
+        """
         own = self.each.get((method, stage, at))
         return {} if own is None else own.dropna().to_dict()
 
 
 def error_series(run: RunFolder) -> list[ErrorSeries]:
-    """Return all series of simulated signals that differ in one factor only and have at least three values of it.
+    """Return all series of simulated signals that differ only in noise, sampling or length, with their errors.
 
-    The factors are those of `FACTORS`, rounded to two significant digits. The other factors have their most common
-    values among the signals of the same damping.
+    One of these three factors varies in a series and has at least three different values, rounded to two significant
+    digits. The two other factors have their most common values among the signals with the same damping.
     """
     # By damping and signal: the values of noise, sampling and length, to two digits.
     designs: dict[str, dict[str, list[float]]] = {}
@@ -301,11 +305,11 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
 
 
 def error_interval(errors: Mapping[int, float]) -> tuple[float, float]:
-    """Return the 95 % interval (low, high) of the root mean square of errors, which are given by number of the repeat.
+    """Return the 95 % interval (low, high) of the root mean square of errors, in the unit of the errors.
 
-    It has the unit of the errors. It is the jackknife interval of the log of the mean square, with Student's t (Tukey
-    1958), which is approximate; the errors need a finite fourth moment. (nan, nan) for fewer than three repeats, or if
-    all errors are 0.
+    errors: by number of the repeat. The interval is approximate: it is the jackknife interval of the log of the mean
+    square, with Student's t (Tukey 1958). The errors must have a finite fourth moment. Returns (nan, nan) for fewer
+    than three repeats, or if all errors are 0.
     """
     squares = np.array([e * e for e in errors.values()])
     if squares.size < LEAST_VALUES or not squares.any():
@@ -315,11 +319,12 @@ def error_interval(errors: Mapping[int, float]) -> tuple[float, float]:
 
 
 def is_significantly_better(own: Mapping[int, float], other: Mapping[int, float]) -> bool:
-    """Return whether a method's errors are significantly smaller than another's, on the repeats with both estimates.
+    """Return whether the errors `own` of one method are significantly smaller than the errors `other` of another.
 
-    The test is a jackknife of the log ratio of the two mean squares, with a false-alarm rate of 2.5 %. Both methods
-    used the same records, so the common part of their errors cancels. False for fewer than three such repeats; errors
-    that are all 0 are better than any others.
+    Errors are by number of the repeat; only repeats with both errors are used. The test is a jackknife of the log ratio
+    of the two mean squares, with a false-alarm rate of 2.5 %. Both methods used the same records, so the common part of
+    their errors cancels. Returns False for fewer than three such repeats. Errors that are all 0 are significantly
+    smaller than errors that are not.
     """
     common = sorted(set(own) & set(other))
     if len(common) < LEAST_VALUES:
@@ -334,7 +339,9 @@ def is_significantly_better(own: Mapping[int, float], other: Mapping[int, float]
 
 
 def rank_ranges(along: ErrorSeries, stage: str, level: int) -> dict[str, tuple[int, int]]:
-    """Return the best and the worst rank of each method that the repeats allow, at one value of the factor.
+    """Return the range of ranks of each method that its errors in the repeats allow, at one value of the factor.
+
+    The result contains the best and the worst rank, by name of the method; 1 is the method with the smallest errors.
 
     Best rank: 1 + the number of methods that are significantly better. Worst rank: the number of methods minus the
     number of methods that are significantly worse. Methods without an estimate at this value are left out.

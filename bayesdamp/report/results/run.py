@@ -1,4 +1,4 @@
-"""Read the folder of a run for all sections of its report: tables, answers, ranked models, modes and true values."""
+"""Read what the sections of a report show from the folder of a run: tables, verdicts, ranked models, true values."""
 
 from __future__ import annotations
 
@@ -44,16 +44,18 @@ Row = dict[str, Any]
 _METHODS_BY_TRUST = ("combined", "nested", "bridge", "importance", "laplace")
 """Evidence methods, the most trusted first."""
 _SHIPPED = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
-"""Name of the coefficient of each of the three classical damping terms."""
+"""Name of the damping coefficient, by name of the damping term, for the three classical terms."""
 ANCHOR = "answer-"
-"""Prefix of the anchor of a record's answer in the page; the name of the record follows."""
+"""Prefix of the HTML anchor (the target of a link) of a record's answer in the page; the record's name follows it."""
 MOST_RESULTS = 100
-"""Largest number of results that stay in memory: sections visit one record after the other, and a run may have
-thousands."""
+"""Largest number of task results that are cached in memory. A small number suffices, because each section reads one
+record after the other; a run may have thousands of results."""
 CURVE = ("amplitude", "ratio", "low", "high")
-"""Arrays of an answer that are its damping curve."""
+"""Names of the arrays of an answer that make its damping curve: amplitude, damping ratio, and the ends of the 95 %
+interval of the ratio."""
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Amplitude, damping ratio and the ends of its 95 % interval, each (points,)."""
+"""A damping curve: amplitudes, damping ratios (fractions), and the low and the high ends of their 95 % intervals, each
+(points,)."""
 
 
 @dataclass(frozen=True)
@@ -88,12 +90,12 @@ class RunFolder:
     info
         The contents of run.json.
     verdicts
-        Verdicts on records and specimens, in base units.
+        Verdicts on records, and on specimens (tested objects with several records), in base units such as rad.
     estimates, posteriors, evidence, fits
         Rows of the tables. The column `model` contains the damping sum, and also the restoring law if the signal is
         compared under several restoring laws.
     population
-        Rows of population.csv; empty if the study does not have several specimens with one damping.
+        Rows of population.csv (damping coefficients over several specimens); empty if the run has no such file.
 
     Raises
     ------
@@ -160,7 +162,7 @@ class RunFolder:
 
     @property
     def under_law(self) -> bool:
-        """Whether samplers and evidence allowed deviations from the laws."""
+        """Whether the study's samplers and evidence methods allow deviations from the damping and restoring laws."""
         return (self.study.get("posterior") or {}).get("deviation") == "law"
 
     @cached_property
@@ -180,7 +182,7 @@ class RunFolder:
         return [*self.estimates, *self.posteriors, *self.evidence, *self.fits]
 
     def about(self, signal: str) -> Row:
-        """Return the description of a signal in run.json (notes, unit, quantity, simulated, ...); else {}."""
+        """Return the description of a signal in run.json (unit, quantity, simulated, ...); {} if there is none."""
         return (self.info.get("signals") or {}).get(signal) or {}
 
     def unit(self, signal: str) -> Unit:
@@ -196,11 +198,11 @@ class RunFolder:
         return Provenance.of(self.about(signal))
 
     def is_simulated(self, signal: str) -> bool:
-        """Return whether the program simulated the signal, so that the truth is known."""
+        """Return whether the program simulated the signal, so that its true parameters are known."""
         return bool(self.about(signal).get("simulated"))
 
     def simulation(self, signal: str) -> Row:
-        """Return the study's settings of a simulated signal (damping, true values, duration, ...); else empty."""
+        """Return the study's settings of a simulated signal (damping, true values, ...); {} for a measured one."""
         studied = (s for s in self.study.get("signals") or [] if isinstance(s, dict) and s["name"] == signal)
         source = next(studied, {}).get("source") or {}
         return source if "damping" in source else {}
@@ -221,10 +223,10 @@ class RunFolder:
         return repeats
 
     def task_result(self, *parts: object) -> TaskResult | None:
-        """Return the stored result whose name consists of these parts, joined by /.
+        """Return the stored result of the task whose name consists of these parts, joined by /.
 
         The parts are the kind of the task, the record, the repeat (from 0), and for some kinds the model and a method:
-        `task_result("mode", "run-1", 0, "viscous")`. None if there is none that can be read.
+        `task_result("mode", "run-1", 0, "viscous")`. None if there is no such result, or if it is damaged.
         """
         return self._find("/".join(map(str, parts)))
 
@@ -234,7 +236,7 @@ class RunFolder:
         return lru_cache(MOST_RESULTS)(self._store.find)
 
     def task_results(self, *parts: object) -> list[TaskResult]:
-        """Return all readable results whose names begin with these parts."""
+        """Return the undamaged results of all tasks whose names begin with these parts (see `task_result`)."""
         prefix = "".join(f"{part}/" for part in parts)
         results = (self.task_result(name) for name in self._places if name.startswith(prefix))
         return [task_result for task_result in results if task_result is not None]
@@ -256,7 +258,7 @@ class EvidenceRanking:
     rows
         Rows of evidence.csv by this method, the most probable model first.
     shares
-        For every evidence method, the probability of each damping sum.
+        For every evidence method, the probability of each damping sum, summed over the restoring laws.
     """
 
     method: str
@@ -265,7 +267,7 @@ class EvidenceRanking:
 
     @property
     def dampings(self) -> dict[str, float]:
-        """The probability of each damping, summed over the restoring laws, the most probable first."""
+        """The probability of each damping sum by the method of the ranking, the most probable first (see `shares`)."""
         return self.shares[self.method]
 
 
@@ -277,8 +279,9 @@ def damping_of(row: Row) -> str:
 def rank_models(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | None:
     """Rank the models by the evidence method that has finite probabilities for the largest number of models.
 
-    None if no method has any. If several methods have them for equally many models, use the first of: combined
-    evidence, nested sampling, bridge sampling, importance sampling, Laplace, any other.
+    If several methods have them for the same number of models, the first of this list is used: combined evidence,
+    nested sampling, bridge sampling, importance sampling, Laplace, any other. Returns None if no method has a finite
+    probability.
     """
     by_method: dict[str, list[Row]] = {}
     for row in rows_of(run.evidence, signal=signal, repeat=repeat):
@@ -304,10 +307,11 @@ def rank_models(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | N
 
 
 def probabilities_by_odds(ranked: EvidenceRanking) -> dict[float, dict[str, float]]:
-    """Return the probability of each damping sum for other prior odds of a further term.
+    """Return how the probabilities of the damping sums depend on the prior odds of a further term.
 
-    The prior probability of a sum is multiplied by a factor for each term after the first. The keys are this factor:
-    half, once and twice its standard value. Empty if all sums have the same number of terms.
+    The prior probability of a sum contains a factor for each term after the first. The result maps half, once and twice
+    the standard value of this factor to the probability of each sum with it. It is empty if all sums have the same
+    number of terms.
     """
     counts = {damping_of(row): damping_of(row).count("+") for row in ranked.rows}
     if len(set(counts.values())) < 2:
@@ -334,7 +338,7 @@ def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
 
 
 def models_not_pruned(run: RunFolder, signal: str, repeat: int) -> list[str]:
-    """Return the models that were not pruned, in the order of `models_by_rank`."""
+    """Return the names of the models that were not left out as far too improbable (pruned), as in `models_by_rank`."""
     ranked = rank_models(run, signal, repeat)
     rows = ranked.rows if ranked else []
     pruned = {r["model"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
@@ -342,9 +346,10 @@ def models_not_pruned(run: RunFolder, signal: str, repeat: int) -> list[str]:
 
 
 def summary_rows(run: RunFolder, signal: str, repeat: int, model: str) -> list[Row]:
-    """Return the rows of posteriors.csv with a finite mean of one model on a record, by one sampler.
+    """Return the rows of posteriors.csv for one model on a record, from the preferred sampler.
 
-    Samplers whose outcomes are all `ok` are preferred; among these, or else among all, NUTS, otherwise the first one.
+    A sampler whose outcomes are all `ok` is preferred. If there are several, or none, NUTS is preferred, and then the
+    first sampler. Rows without a finite mean are left out.
     """
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
     by_sampler = [rows_of(rows, sampler=s) for s in dict.fromkeys(row["sampler"] for row in rows)]
@@ -368,9 +373,9 @@ def truth(run: RunFolder, signal: str, parameter: str) -> float:
 
 
 def damping_parameters(run: RunFolder) -> dict[str, str]:
-    """Return the name of each damping term's coefficient, such as "zeta", by term, such as "viscous".
+    """Return the name of each damping term's coefficient, such as "zeta", by name of the term, such as "viscous".
 
-    These are the classical terms, and those described in run.json.
+    The result contains the three classical terms and the terms that run.json describes.
     """
     added = run.info.get("damping") or {}
     return {**_SHIPPED, **{term: about["parameter"] for term, about in added.items()}}
@@ -385,7 +390,7 @@ def coefficients(run: RunFolder, model: str) -> list[str]:
 def answer_of(
     run: RunFolder, signal: str, kinds: Sequence[str] = ("sampled", "answer")
 ) -> RecordAnswer | None:
-    """Return the answer on the first repeat of a record, from sampling if it was sampled; None if there is none.
+    """Return the answer (the comparison of damping models) on the first repeat of a record; None if there is none.
 
     `kinds` lists the kinds of tasks whose answer is accepted, the preferred kind first: "sampled" (from sampling) and
     "answer" (from linear approximations).
@@ -417,7 +422,7 @@ def no_verdict_sentence(run: RunFolder, signal: str) -> str:
 
 
 def answers(run: RunFolder) -> list[RecordAnswer]:
-    """Return the answers on the first repeats of all records, in the study's order.
+    """Return the answers (comparisons of damping models) on the first repeats of all records, in the study's order.
 
     To save memory, their `arrays` contain only the damping curve (`CURVE`).
     """
@@ -428,9 +433,10 @@ def answers(run: RunFolder) -> list[RecordAnswer]:
 
 
 def specimens(run: RunFolder) -> list[Verdict]:
-    """Return the verdict of every specimen that has several records.
+    """Return the verdict on each specimen, which is a tested object with several records.
 
-    Amplitudes are in the unit of the records' files if all signals of the run have the same unit, else in base units.
+    Amplitudes are in the unit of the records' files if all signals of the run have the same unit, otherwise in base
+    units such as rad.
     """
     verdicts = [v for v in run.verdicts if v.record not in run.signals]
     units = {run.unit(signal) for signal in run.signals}
@@ -438,7 +444,7 @@ def specimens(run: RunFolder) -> list[Verdict]:
 
 
 def only_answered(run: RunFolder) -> bool:
-    """Return whether a run contains answers but no task `mode`, the fit of one of a study's own models."""
+    """Return whether a run contains answers on records, but no fits of single models (tasks of the kind `mode`)."""
     answered = any(answer_of(run, signal) for signal in run.signals)
     return answered and not any(run.task_results("mode", signal) for signal in run.signals)
 
@@ -459,8 +465,8 @@ def curve_of(answer: RecordAnswer) -> Curve | None:
 def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Table:
     """Return a table with a row for each record.
 
-    A damping ratio is that at the middle one of the amplitudes of the record's verdict. An envelope has Q or its decay
-    rate instead.
+    The damping ratio in a row is at the middle one of the amplitudes of the record's verdict. Instead of a damping
+    ratio, an envelope has its quality factor Q or its decay rate.
 
     Parameters
     ----------

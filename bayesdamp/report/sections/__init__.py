@@ -32,11 +32,11 @@ signal that are drawn: the most probable ones. The tables contain all models."""
 ONE_MODEL = "There are many signals: the figures show only the most probable model of each, the tables show all models."
 """Note in sections with figures of models, if there are more than `_MOST` signals."""
 DRAWN_LIST = ".drawn"
-"""File in `figures/` that lists the figure files of the last report, one in each line."""
+"""Name of the file in `figures/` that lists the figure files of the last report, one in each line."""
 
 
 def fill(template: str, **values: object) -> Markup:
-    """Fill a template, a file in the folder `TEMPLATES`, with values by name and return the HTML. Text is escaped."""
+    """Fill a template (a file in the folder `TEMPLATES`) with named values, and return the HTML. Text is escaped."""
     return Markup(ENVIRONMENT.get_template(template).render(values))
 
 
@@ -51,12 +51,12 @@ def collapsible(summary: str, *content: object) -> Markup:
 
 
 def paragraph(text: object, look: str = "") -> Markup:
-    """Return a text as a paragraph, escaped. `look` is the name of its class in the style sheet."""
+    """Return a text, escaped, as an HTML paragraph. `look`: its class in the style sheet; "" for none."""
     return Markup("<p{}>{}</p>").format(Markup(f' class="{look}"') if look else "", text)
 
 
 def repeat_column(repeats: Sequence[int]) -> dict[str, Callable[[Row], str]]:
-    """Return the column of a table with the number of the repeat, from 1; no column for a single repeat.
+    """Return the column of a table with the number of the repeat, from 1; {} if there is only one repeat.
 
     Repeats are simulations of one signal that differ only in their random noise. The result maps the column's header
     "repeat" to the function that writes the cell of a row.
@@ -65,13 +65,13 @@ def repeat_column(repeats: Sequence[int]) -> dict[str, Callable[[Row], str]]:
 
 
 def bullets(texts: Iterable[str]) -> Markup:
-    """Return texts as an escaped list with bullets; empty if there are no texts."""
+    """Return texts, escaped, as an HTML list with bullets; empty if there are no texts."""
     items = Markup("").join(Markup("<li>{}</li>").format(text) for text in texts)
     return items and Markup("<ul>{}</ul>").format(items)
 
 
 def heading(text: str) -> Markup:
-    """Return a text as a heading within a section, escaped."""
+    """Return a text, escaped, as an HTML heading within a section."""
     return Markup("<h3>{}</h3>").format(text)
 
 
@@ -81,7 +81,7 @@ class Section(ABC):
     order: int
     """Number by which the sections of a report are sorted, the smallest first."""
     name: str
-    """Name of the section, which is also its anchor in the page."""
+    """Name of the section; links in the page use it as the anchor."""
     title: str
     """Heading of the section."""
 
@@ -98,12 +98,12 @@ SECTIONS = Registry[Section]("bayesdamp.report.sections", "section")
 
 
 class SignalSection(Section):
-    """A section with a part for each signal that it applies to."""
+    """A section that has a part for each signal for which `shows` returns true."""
 
     lead: str | Markup = ""
-    """Introduction, before the content of the signals."""
+    """Introduction before the parts of the signals; "" for none."""
     draws_models = False
-    """Whether the section has figures of models; `is_drawn` selects the models that they show."""
+    """Whether the section has figures of models. If true and there are many signals, the note `ONE_MODEL` is shown."""
 
     @abstractmethod
     def shows(self, run: RunFolder, signal: str) -> bool:
@@ -125,9 +125,9 @@ class SignalSection(Section):
 
 
 def is_drawn(run: RunFolder, place: int) -> bool:
-    """Return whether the figures show the model at this place of the ranking (0: the most probable).
+    """Return whether the figures show the model with this place in the ranking (0: the most probable model).
 
-    For up to four signals they show the four most probable models, for more signals only the most probable one.
+    If the run has up to four signals, the four most probable models are shown, otherwise only the most probable one.
     """
     return place == 0 or max(place + 1, len(run.signals)) <= _MOST
 
@@ -135,9 +135,9 @@ def is_drawn(run: RunFolder, place: int) -> bool:
 def by_signal(
     run: RunFolder, part: Callable[[RunFolder, str], Markup], signals: Sequence[str], anchor: str = ""
 ) -> Markup:
-    """Return the content of each signal, under its name if there are several.
+    """Return the content on each signal as HTML, under the signal's name if there are several signals.
 
-    From the fifth signal on, the content is folded.
+    From the fifth signal on, the content is hidden until the reader clicks on the name.
 
     Parameters
     ----------
@@ -162,9 +162,9 @@ def by_signal(
 
 
 def by_model(models: Mapping[str, Sequence[object]]) -> Markup:
-    """Return the content of each model under its name in words, without models that have none, in the given order.
+    """Return the content on each model as HTML, under the name of the model in words, in the given order.
 
-    Only the first is unfolded.
+    Models without content are left out. Only the content of the first model is visible without a click on its name.
     """
     parts: list[Markup] = []
     for model, content in models.items():
@@ -216,11 +216,11 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
 
 
 def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]]:
-    """Return the HTML page of a run, and the names of its figures without their endings.
+    """Return the HTML page of a run, and the file names of its figures without their endings.
 
-    `pool` draws the sections in parallel; None to draw them in this process, which is also done if the user has added
-    plug-ins, because these exist in this process only. Raises OtherVersionError if an incompatible version of bayesdamp
-    wrote the run.
+    `pool` draws the sections in parallel. They are drawn in this process if it is None, or if the user has added
+    plug-ins, which exist only in this process. Raises OtherVersionError if an incompatible version of bayesdamp wrote
+    the run.
     """
     sections = [section for name in SECTIONS.names() if (section := SECTIONS.get(name)).applies(run)]
     sections.sort(key=lambda section: section.order)

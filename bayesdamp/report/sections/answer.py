@@ -1,4 +1,4 @@
-"""Show the answer on each record."""
+"""Show the answer on each record: the verdict on its damping, with figures, tables and checks."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -55,7 +55,8 @@ RATIOS = (
     "Equivalent viscous damping ratio and Q = 1/(2 × damping ratio) at amplitudes of this record, with 95 % intervals "
     f"in brackets. {PARTS_OF_SD}"
 )
-"""`RATIOS` is the caption of the table of damping ratios. `PARTS_OF_SD` is also in the caption of the coefficients."""
+"""`RATIOS` is the caption of the table of damping ratios. `PARTS_OF_SD` is also part of the caption of the table of
+coefficients."""
 LEAST_SHOWN = 0.005
 """Smallest probability of a damping sum, or of a term, that is listed for an envelope."""
 
@@ -68,18 +69,18 @@ class AnswerSection(Section):
     title = "Kind and size of the damping"
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether the run is a study or a comparison; other kinds of runs have a verdict of their own."""
+        """Return whether the run is a study or a comparison, and not a run of another kind, such as a calibration."""
         return run.info.get("kind") is None
 
     def render(self, run: RunFolder) -> str:
-        """Return the verdict on each record, or a sentence that there are no results yet."""
+        """Return the verdict on each record as HTML, or a sentence that there are no results yet."""
         if not run.signals:
             text = "This folder does not contain any results yet. Run the study with bayesdamp study."
             return paragraph(text)
         return by_signal(run, self.part, run.signals, ANCHOR)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return the verdict on a record, with its figures, tables and checks."""
+        """Return the verdict on a record as HTML, with its figures, tables and checks."""
         answer, comparison = answer_of(run, signal), RecordChecks(run, signal)
         warnings = run.provenance(signal).warnings
         checks = [Check(f"Warning from reading the record: {text}", fails=True) for text in warnings]
@@ -122,16 +123,16 @@ class AnswerSection(Section):
 
 
 def _list_probabilities(probabilities: Mapping[str, float]) -> str:
-    """Return damping sums or terms in words with their probabilities; those below `LEAST_SHOWN` are left out."""
+    """Return a list in words of damping sums or terms with their probabilities, without those below `LEAST_SHOWN`."""
     shown = {name: p for name, p in probabilities.items() if p >= LEAST_SHOWN}
     return fmt.listing(f"{words.model(name)} {fmt.probability(p)}" for name, p in shown.items())
 
 
 def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
-    """Return the figures and tables of an answer on an oscillation.
+    """Return the figure and the tables that show the answer on an oscillation.
 
-    These are the figure of the answer, and tables of the damping ratios, of the coefficients and (folded) of all
-    compared models.
+    The tables contain the damping ratios, the coefficients (if there are any) and all compared models; the last one is
+    hidden until the reader clicks on its title.
     """
     v, signal = answer.verdict, answer.signal
     own, quantity = run.unit(signal).displacement, run.quantity(signal)
@@ -178,7 +179,11 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
 
 
 def coefficients_table(coefficients: Sequence[Coefficient], caption: str, parts: bool = False) -> Table:
-    """Return a table of coefficients; `parts`: whether to add the parts of their standard deviations."""
+    """Return a table of coefficients with their 95 % intervals.
+
+    parts: whether to add two columns: the parts of the standard deviation that are due to the noise and to deviations
+    from the law.
+    """
     columns: dict[str, Callable[[Coefficient], str]] = {
         "parameter": lambda c: words.symbol(c.name).text,
         "value (95 %)": lambda c: fmt.with_interval(c.value, c.low, c.high),

@@ -42,18 +42,19 @@ CHECKS = (
     "check."
 )
 Counts = Mapping[str, Mapping[str, np.ndarray]]
-"""For each sampler and parameter, the number of records in which the true value had each rank, (draws + 1,)."""
+"""By sampler and parameter: for each rank from 0 to the number of draws, in how many records the true value had this
+rank among the draws, (draws + 1,)."""
 
 
 class CalibratedSection(Section):
-    """The section on intervals: the result of the checks, ranks, coverage, and which records were usable."""
+    """The section on the calibration of intervals: results of the checks, ranks, coverage, and usable records."""
 
     order = 11
     name = "calibrated"
     title = "Are the intervals calibrated?"
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether the run is a calibration."""
+        """Return whether the run is a calibration of intervals (`bayesdamp calibrate`)."""
         return run.info.get("kind") == "calibration"
 
     def render(self, run: RunFolder) -> str:
@@ -109,7 +110,7 @@ def _rows(run: RunFolder, name: str) -> list[Row]:
 
 
 def _model(run: RunFolder, ranks: list[Row], rows: list[Row], model: str) -> Markup:
-    """Return a figure of the ranks and a table of the coverage for a model, under its name.
+    """Return a figure of the ranks of true values, and a table of the coverage of intervals, for one model.
 
     `ranks` and `rows` are its rows of ranks.csv and calibration.csv.
     """
@@ -147,17 +148,17 @@ def _model(run: RunFolder, ranks: list[Row], rows: list[Row], model: str) -> Mar
 
 
 def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> Figure:
-    """Draw a histogram of the ranks of each parameter.
+    """Draw a histogram of the ranks of each parameter's true value among posterior draws.
 
     Parameters
     ----------
     names
         Names of the parameters.
     counts
-        Number of records with each rank, for each sampler and parameter.
+        Number of records with each rank, by sampler and parameter (see `Counts`).
     result
-        `bins`: number of bins of the histograms, which divides draws + 1; `bands`: for each number of records, the
-        limits of the count in one bin.
+        Part of run.json. `bins`: number of bins of the histograms; draws + 1 is a multiple of it. `bands`: for each
+        number of records (a string), the range that contains the count in a bin with 99 % probability.
     """
     figure = Figure(figsize=(WIDTH, 1.9))
     axes = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]

@@ -21,11 +21,11 @@ TIMES = (
     "Computing time of each method for all signals of the table of errors together, including the compilation of its "
     "code if that was necessary, and the published time if the study states it."
 )
-"""Captions of the tables."""
+"""`ERRORS` and `TIMES` are the captions of the two tables of this section."""
 
 
 class ComparisonSection(Section):
-    """The section with errors and times of all methods under the model with which each record was simulated."""
+    """The section with errors and computing times of all estimators, under the true model of each simulated record."""
 
     order = 35
     name = "comparison"
@@ -40,7 +40,7 @@ class ComparisonSection(Section):
         return comparison.errors.notna().any(axis=None) and (several or comparison.published.size > 0)
 
     def render(self, run: RunFolder) -> str:
-        """Return tables of errors and times."""
+        """Return two tables as HTML: the errors and the computing times of each estimator."""
         comparison = compare_estimators(run)
         published = comparison.published
 

@@ -18,7 +18,7 @@ from bayesdamp.store.results import EstimateContent
 from bayesdamp.types import OK
 
 Details = Mapping[str, Any]
-"""Further results of an estimator by name, as it stores them."""
+"""Results of an estimator besides parameter values, by name: selected terms, an expression, or a force."""
 PANELS = (
     "Open circle: each method's own estimate. Filled circle: the trajectory fit that starts at this estimate. Of "
     "several repeats, the first is shown. An arrow with a number: an estimate that is off the axis. Dashed line (where "
@@ -29,11 +29,11 @@ TABLE = (
     "its sign, in % of the true value. With several repeats, values and errors are ranges over them, and the "
     "time and the number of evaluations of the method's objective are the largest of all repeats."
 )
-"""Captions, or parts of them, that do not depend on the run."""
+"""Parts of the captions of figures (`PANELS`) and tables (`TABLE`) that are the same for every run."""
 
 
 class EstimatesSection(SignalSection):
-    """The section with tables and figures of estimates.csv. Only the content of the best model is unfolded."""
+    """The section with tables and figures of the estimates. Only the first model is visible without a click."""
 
     order = 40
     name = "estimates"
@@ -134,9 +134,9 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Tabl
 
 
 def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
-    """Return what some methods compute besides the coefficients: terms, expressions, forces.
+    """Return a table and figures of what some methods compute besides coefficients: terms, expressions, forces.
 
-    The list is empty if no method stored any.
+    The list is empty if no method stored such results.
     """
     by_method: dict[str, Details] = {}
     for task_result in run.task_results("estimate", signal, run.repeats(signal)[0], model):

@@ -35,10 +35,10 @@ ADOPTED = (
     "methods are unreliable or differ by more than three standard errors."
 )
 ANSWER = (
-    "The answer uses the evidence from sequential Monte Carlo. This method takes the noise variance as known, "
-    "which shifts the log evidence of all models by the same amount. If it averages a long record in short blocks, it "
-    "also penalises a bad fit less than the other methods do. Therefore compare log Bayes factors within one method "
-    "only."
+    "The verdict on the kind of damping uses the evidence from sequential Monte Carlo. This method assumes that the "
+    "noise variance is known, which shifts the log evidence of all models by the same amount. If a long record is "
+    "averaged over short windows, this method also penalises a bad fit less than the other methods do. Therefore "
+    "compare log Bayes factors only within one method."
 )
 ODDS = (
     "Posterior probability of each damping model if each term after the first multiplies the model's prior "
@@ -61,11 +61,11 @@ class EvidenceSection(SignalSection):
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether the study computed evidence of its own models, and not only the answer."""
+        """Return whether there is evidence on a signal; False if the run contains only answers (`only_answered`)."""
         return any(r["signal"] == signal for r in run.evidence) and not only_answered(run)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return tables of log Bayes factors by method, of the pruned models (folded), and by prior odds."""
+        """Return tables of each model's evidence, of models that were left out, and of probabilities by prior odds."""
         rows = rows_of(run.evidence, signal=signal)
         pruned = {(r["repeat"], r["model"]) for r in rows if status_of(r["outcome"]) is Status.PRUNED}
         kept = [r for r in rows if (r["repeat"], r["model"]) not in pruned]
@@ -86,7 +86,7 @@ class EvidenceSection(SignalSection):
 
 
 def _table(run: RunFolder, signal: str, rows: Sequence[Row]) -> Table:
-    """Return a table of rows of evidence.csv on a record, by repeat and rank."""
+    """Return a table of rows of evidence.csv on a record, sorted by repeat and by the rank of the model."""
     repeats = run.repeats(signal)
     ranked = {repeat: rank_models(run, signal, repeat) for repeat in repeats}
     order = {i: [row["model"] for row in ranking.rows] if ranking else [] for i, ranking in ranked.items()}

@@ -1,4 +1,4 @@
-"""Show the quality of the fits."""
+"""Show how well each model fits each record."""
 
 from collections.abc import Callable
 
@@ -35,12 +35,12 @@ class FitQualitySection(SignalSection):
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether models were fitted."""
+        """Return whether models were fitted to a signal; False if the run contains only answers (`only_answered`)."""
         fitted = any(r["signal"] == signal for r in run.fits) or bool(run.task_results("mode", signal))
         return fitted and not only_answered(run)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
-        """Return the checks of each fit."""
+        """Return a table with the checks of each model's fit to a signal."""
         repeats = run.repeats(signal)
         ranked = models_by_rank(run, signal, repeats[0])
         parts: list[object] = [paragraph(_EXACT)] if run.under_law else []

@@ -1,4 +1,4 @@
-"""Show the answers on all records together: specimens, damping curves, and a table."""
+"""Show all records together: verdicts on specimens (objects with several records), damping curves, and a table."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,13 +28,14 @@ COMMON = (
 """Caption of the table of a specimen's coefficients; the name of the damping is inserted."""
 POPULATION = (
     "Mean and spread (standard deviation) of each coefficient of {} damping over the {} specimens, with 95 % intervals "
-    "in brackets, and the interval of one more specimen. The specimens' coefficients are assumed to have a normal "
-    "distribution. A small number of specimens hardly limits the spread of this distribution."
+    "in brackets, and the 95 % interval in which the coefficient of one more specimen is expected. The specimens' "
+    "coefficients are assumed to have a normal distribution. A small number of specimens hardly limits the spread of "
+    "this distribution."
 )
 """Caption of the table of several specimens; the name of the damping and the number of specimens are inserted."""
 FEWEST_RECORDS = 3
-"""Smallest number of records with an answer for which the report has an overview. If several are of one specimen, it
-always has one."""
+"""If at least this number of records have an answer, the report has an overview section. With a verdict on a specimen
+(a tested object with several records) it has the section for fewer records too."""
 TABLE_CAPTION = (
     "One row for each record; click on a header to sort. The row is grey if the record does not decide which damping "
     "it has. Damping ratios are equivalent viscous damping ratios. Deviation from the law: upper limit (95 %) of "
@@ -51,15 +52,17 @@ class OverviewSection(Section):
     title = "All records"
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether at least three records have an answer, records are of one specimen, or there is a population.
+        """Return whether the report has this section.
 
-        A study with published errors has no such section.
+        It has the section in three cases: at least three records have an answer, there is a verdict on a specimen (a
+        tested object with several records), or population.csv has rows. A study that states published errors never has
+        it.
         """
         several = len(answers(run)) >= FEWEST_RECORDS or bool(specimens(run) or run.population)
         return several and not run.study.get("published")
 
     def render(self, run: RunFolder) -> str:
-        """Return the verdicts on specimens and their population, a figure of damping curves, and a table of records."""
+        """Return verdicts on specimens, a table of all specimens, a figure of damping curves and a table of records."""
         records, verdicts = answers(run), specimens(run)
         parts: list[object] = []
         for v in verdicts:

@@ -1,4 +1,4 @@
-"""Show the posteriors."""
+"""Show the posteriors of the parameters of each model, with the diagnostics of the samplers."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -27,7 +27,7 @@ TABLE = (
 
 
 class PosteriorsSection(SignalSection):
-    """The section with every model's posterior and the samplers' diagnostics. Only the best model is expanded."""
+    """The section with the posterior of each model. Only the first model is visible without a click."""
 
     order = 50
     name = "posteriors"
@@ -137,7 +137,7 @@ def _table(
 
 
 def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table | Markup]:
-    """Return a table of the parameters by each sampler, and sentences on what is missing or unreliable."""
+    """Return a table of a model's parameters by sampler, and sentences on what is missing or unreliable; [] if none."""
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
     if not rows:
         return []

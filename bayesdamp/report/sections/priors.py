@@ -1,4 +1,4 @@
-"""Show the priors."""
+"""Show the prior probabilities of the models and the priors of their parameters."""
 
 from markupsafe import Markup
 

@@ -1,4 +1,4 @@
-"""Show how the report was made."""
+"""Show how the report was made: software, machine, input files, and tasks without a result."""
 
 from bayesdamp.formatting import Table
 from bayesdamp.report.results.run import RunFolder
@@ -9,14 +9,14 @@ FACTS = "Revision of the source code, the machine, the seed of the random number
 
 
 class ProvenanceSection(Section):
-    """The section with versions, revision, machine, inputs and failed tasks."""
+    """The section with the versions of the software, the machine, the input files, and the tasks without a result."""
 
     order = 90
     name = "provenance"
     title = "How this report was made"
 
     def render(self, run: RunFolder) -> str:
-        """Return tables of the inputs, software, machine and failed tasks."""
+        """Return tables of the input files, the software, the machine, and the tasks that ended without a result."""
         info, text = run.info, (0, 1)
         facts = {
             "source revision": info.get("revision"),

@@ -1,4 +1,4 @@
-"""Show each record with its fits."""
+"""Show each record, the part of it that is used, and the fits of models."""
 
 import math
 from functools import partial
@@ -25,7 +25,7 @@ FITTED = (
     "the autocorrelation of the whitened residual; white noise stays in the grey band (± 2 standard deviations)."
 )
 WITHOUT_FITS = "the part of the record that is used. Time counts from the start of this part."
-"""Captions of the figures of a record, after its name."""
+"""Captions of the figures of a record; the record's name and a colon precede them."""
 NOT_STORED = "The samples of this record are not stored with the run; run the study again."
 
 
@@ -38,7 +38,7 @@ class RecordSection(SignalSection):
     draws_models = True
 
     def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether the signal is an oscillation; the section on the answer shows envelopes."""
+        """Return whether the signal is an oscillation. Envelopes are shown in the section on the answer."""
         return run.quantity(signal) != "envelope"
 
     def part(self, run: RunFolder, signal: str) -> Markup:
@@ -47,7 +47,7 @@ class RecordSection(SignalSection):
         task_result = run.task_result("signal", signal, repeats[0])
         about, own = run.about(signal), run.provenance(signal)
         notes = list(own.sentences)
-        if about.get("epsilon_note") and not only_answered(run):  # the answer compares several widths
+        if about.get("epsilon_note") and not only_answered(run):  # the answer compares several values of ε
             notes.append(str(about["epsilon_note"]))
         if about.get("noise"):
             notes.append(f"The answer uses the noise model {words.method(about['noise'])}.")

@@ -27,7 +27,7 @@ class RecoveredSection(Section):
     title = "Are the models' probabilities calibrated?"
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether the run is a model recovery."""
+        """Return whether the run is a model recovery (`bayesdamp calibrate --models`)."""
         return run.info.get("kind") == "model recovery"
 
     def render(self, run: RunFolder) -> str:
@@ -58,10 +58,11 @@ class RecoveredSection(Section):
 
 
 def _tables(result: Mapping[str, Any]) -> list[Table]:
-    """Return the confusion matrix of the models, and a table of how reliable their probabilities are.
+    """Return the confusion matrix of the models, and a table that shows whether their probabilities are calibrated.
 
-    result: the result of the model recovery in run.json. The second table compares expected with observed fractions of
-    correct answers, by the probability of the most probable model.
+    result: the result of the model recovery in run.json. For groups of records with similar probabilities of the most
+    probable model, the second table compares the mean of this probability with the fraction of records in which the
+    model is the true one.
     """
     names = [words.model(m) for m in result["models"]]
     lines = [[name, *map(str, row)] for name, row in zip(names, result["confusion"], strict=True)]

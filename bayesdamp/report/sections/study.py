@@ -21,7 +21,7 @@ class StudySection(Section):
     title = "Settings of the study"
 
     def render(self, run: RunFolder) -> str:
-        """Return sentences and a table on the study, and all its settings as folded text."""
+        """Return sentences on the models, a table of the signals, and (after a click) all settings of the study."""
         sentences: list[str] = []
         dampings = list(dict.fromkeys(candidate_parts(m)[0] for m in run.models))
         if dampings:
@@ -46,7 +46,7 @@ class StudySection(Section):
 
 
 def _systems(run: RunFolder) -> list[str]:
-    """Return sentences on the restoring law and the known parameters of each signal.
+    """Return sentences that state the restoring law and the known parameters of each signal.
 
     Signals with the same parameters share a sentence.
     """

@@ -11,18 +11,18 @@ from bayesdamp.report.sections import Section, heading, stack
 
 
 class SweepsSection(Section):
-    """The section with the errors against noise, sampling and length: a figure for each series."""
+    """The section with a figure for each series of simulated signals that differ only in noise, sampling or length."""
 
     order = 37
     name = "sweeps"
     title = "Errors against noise, sampling and length"
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether the run has a series of at least three signals."""
+        """Return whether the run has a series: at least three signals that differ only in noise, sampling or length."""
         return len(run.signals) >= 3 and bool(error_series(run))
 
     def render(self, run: RunFolder) -> str:
-        """Return a figure of the errors along each series."""
+        """Return a figure of the estimators' errors for each series of signals."""
         parts: list[object] = []
         for along in error_series(run):
             model, methods = words.model(along.model), sort_by_category(along.errors.index.unique(0))
