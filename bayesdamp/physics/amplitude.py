@@ -1,10 +1,12 @@
 """Compute how an amplitude decays with time under a sum of damping terms or under a power law.
 
-Averaged over a cycle (Krylov & Bogoliubov 1937; Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 3) the amplitude A of
-an oscillation of angular frequency ω obeys dA/dt = -(ζA + 2μ_c/(πω) + 4μ_q ω A²/(3π)). With x = ln(A/A_ref), for a
-reference amplitude A_ref, this is dx/dt = -Σ c_i exp((p_i - 1) x), where c_i is the decay rate -dx/dt (1/s) that term i
-causes at A_ref, and p_i = 1, 0 and 2. For any other term the decay dA/dt = -W/(2πωA), with the work W in a cycle of a
-harmonic motion, is tabulated over ln A. Sums are integrated numerically.
+A damping term is one of the damping forces that act on the oscillation. Averaged over a cycle (Krylov & Bogoliubov
+1937; Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 3) the amplitude A of an oscillation of angular frequency ω obeys
+dA/dt = -(ζA + 2μ_c/(πω) + 4μ_q ω A²/(3π)). Here ζ, μ_c and μ_q are the coefficients of viscous, Coulomb and quadratic
+damping. With x = ln(A/A_ref), for a reference amplitude A_ref, this is dx/dt = -Σ c_i exp((p_i - 1) x). Here c_i is the
+decay rate -dx/dt (1/s) that term i causes at A_ref, and p_i = 1, 0 and 2 for the three terms. For any other term the
+decay rate W/(2πωA²) of ln A is tabulated over ln A, where W is the work per unit of inertia in a cycle of a harmonic
+motion. The decay under a sum of terms is integrated numerically.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,39 +22,46 @@ from bayesdamp.physics.kernel.solve import ALL, PARAMETERS, Motion
 from bayesdamp.types import InputError
 
 POWERS: Mapping[str, float] = {"viscous": 1.0, "coulomb": 0.0, "quadratic": 2.0}
-"""Exponent p of the decay dA/dt ∝ -A^p that each term causes, in the order in which sums name the terms."""
+"""For each of three damping terms, the exponent p of the amplitude decay dA/dt ∝ -A^p that it causes. Sums of terms
+name them in this order."""
 SUMS = tuple(terms for count in (1, 2, 3) for terms in combinations(POWERS, count))
 """All seven sums of viscous, Coulomb and quadratic damping, each as a tuple of names; single terms come first."""
 LOG_AT_REST = -60.0
-"""Value of ln(A/A_ref) that is returned for an oscillation that has come to rest (A = 0), and the smallest value of a
-decay (conventional)."""
+"""Value that is returned for ln(A/A_ref) of an oscillation that has come to rest (A = 0), where the logarithm is -∞. It
+is also the smallest value that a computed decay can have (conventional)."""
 EXPONENT_RANGE = -1.0, 3.0
-"""Smallest and largest exponent p of a power law; p < 0 is friction that increases as the amplitude decreases."""
+"""Smallest and largest exponent p when the power law dA/dt ∝ -A^p is fitted. With p < 0 the friction increases as the
+amplitude decreases."""
 NEAR_VISCOUS = 1e-4
-"""If the exponent p of a power law differs from 1 by less than this, the derivative by p is computed from a series."""
-_NEAR_ONE = 1e-6  # if |p - 1| is smaller, p = 1 is used
+"""If the exponent p of a power law differs from 1 by less than this, the derivative of ln A by p is computed from a
+series, because the general formula divides by p - 1."""
+_NEAR_ONE = 1e-6  # if |p - 1| is smaller, the formula for p = 1 is used
 LAW_PANELS, TAIL_PANELS = 1000, 400
-"""Numbers of intervals in ln A over which a decay is integrated numerically: in the range of the readings, and below
-it. The errors of ln A and the relative errors of its derivatives are then less than 1e-6, also near rest (measured)."""
+"""Numbers of intervals in ln A over which a decay is integrated numerically: `LAW_PANELS` in the range of the measured
+amplitudes, `TAIL_PANELS` below this range. The errors of ln A and the relative errors of its derivatives are then less
+than 1e-6, also near rest (measured)."""
 LEAST_FALL = 1e-7
-"""If ln A decreases by less than about this during a decay, the derivatives for a decrease of about this are used."""
+"""Smallest decrease of ln A over a decay for which `DecayLaw.solve` uses the given decay rates. If they cause a smaller
+decrease, they are raised to cause about this one, because its integrals do not exist without damping."""
 MIN_RATE = 1e-30
-"""Before something is divided by a decay rate (1/s), the rate is raised to at least this; an undamped amplitude then
-stays constant."""
+"""Smallest decay rate (1/s) by which `DecayLaw.solve` divides; smaller rates are raised to it. An undamped amplitude
+then stays constant."""
 
 Shape = Callable[[np.ndarray], np.ndarray]
 """The shape of a damping term: a function s(x) of x = ln(A/A_ref) that returns the term's decay rate -dx/dt relative to
 its value at x = 0."""
 LOSS_GRID = np.linspace(-12.0, 1.5, 68)
-"""Values of ln(A/A_start) at which decay rates of a term are tabulated; outside, a rate is extrapolated as a power of
-A."""
+"""Values of ln(A/A_start) at which the decay rate of a damping term is tabulated, where A is the amplitude and A_start
+its value at the start. Outside of this range, the rate is extrapolated as a power of A."""
 MIN_RELATIVE_LOSS = 1e-12
 """Smallest decay rate in the table, relative to the largest; smaller rates are raised to it, so that their logarithm is
 finite."""
 LOSS_TOLERANCE = 1e-6
-"""Two decay rates count as equal if their relative difference is at most this."""
+"""Largest relative difference of two decay rates that count as equal, when the decay rates of damping terms are
+compared as functions of the amplitude."""
 _REFERENCES = ("reference_velocity", "reference_amplitude")
-"""Those names in `damping.GIVEN` that are reference scales (all except the equilibrium)."""
+"""Names of the reference scales of velocity and displacement on which the force of a damping term may depend. They are
+those in `damping.GIVEN`, without the equilibrium."""
 
 
 def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.ndarray:
@@ -73,10 +82,11 @@ def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.n
 
 
 def power_slopes(t: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Return the derivatives, (n, 3), of x = ln(A/A_ref) by the parameters of a decay dA/dt ∝ -A^exponent.
+    """Return the derivatives, (n, 3), of x = ln(A/A_ref) by the parameters of a decay dA/dt ∝ -A^p.
 
-    t: times in s since the start, (n,). p: the parameters, in the order of the columns: x at the start, ln of the decay
-    rate -dx/dt (1/s) at the start, exponent. The derivatives hold until the oscillation comes to rest.
+    t: times in s since the start, (n,). p: the three parameters, in the order of the columns: x at the start, ln of the
+    decay rate -dx/dt (1/s) at the start, and the exponent. The derivatives are valid until the oscillation comes to
+    rest.
     """
     q, passed = p[2] - 1.0, np.exp(p[1]) * t
     left = np.maximum(1.0 + q * passed, 1e-12)  # reaches 0 when the oscillation comes to rest
@@ -92,7 +102,7 @@ def coefficient_from_rate(
 ) -> tuple[str, np.ndarray, str]:
     """Convert decay rates of a damping term to its coefficient; return the coefficient's name, values and unit.
 
-    In the unit, `{}` stands for the amplitude's unit.
+    In the returned unit, `{}` is a placeholder for the unit of the amplitude.
 
     Parameters
     ----------
@@ -103,9 +113,9 @@ def coefficient_from_rate(
     reference
         The reference amplitude, in any unit.
     omega
-        Angular frequency in rad/s, or None if unknown. If known, the result is the coefficient `zeta`, `mu_c` or `mu_q`
-        of the equation of motion; else the coefficient c of the decay of the amplitude, dA/dt = -c A (viscous, also
-        called `zeta`), -c (`loss_c`) or -c A² (`loss_q`).
+        Angular frequency in rad/s, or None if unknown. If it is known, the result is the coefficient `zeta`, `mu_c` or
+        `mu_q` of the equation of motion. If it is unknown, the result is the coefficient c of the amplitude's decay:
+        dA/dt = -c A (viscous; its name is also `zeta`), -c (Coulomb; `loss_c`) or -c A² (quadratic; `loss_q`).
     """
     if term == "viscous":
         return "zeta", rate, "1/s"
@@ -122,9 +132,9 @@ def coefficient_from_rate(
 class DecayLaw:
     """The decay law dx/dt = -Σ c_i s_i(x) of x = ln(A/A_ref) under a sum of damping terms, integrated numerically.
 
-    Term i has the decay rate c_i (1/s) at the reference amplitude A_ref and the shape s_i, with s_i(0) = 1. (For a term
-    that has hardly any effect at A_ref, s_i(0) can be less than 1, and its rate there is c_i s_i(0); see `Sum.law` in
-    `inference.envelope.sums`.)
+    A is the amplitude. Term i has the decay rate c_i (1/s) at the reference amplitude A_ref. Its shape s_i describes
+    how the decay rate depends on x, with s_i(0) = 1. (For a term that has hardly any effect at A_ref, s_i(0) can be
+    less than 1. Its decay rate at A_ref is then c_i s_i(0); see `Sum.law` in `inference.envelope.sums`.)
 
     Attributes
     ----------
@@ -134,7 +144,7 @@ class DecayLaw:
         The shape s_i of each term.
     low, high
         Values of x between which the integration has equal steps. Below `low` its steps increase, down to
-        `LOG_AT_REST`. Decays that start above `high` are computed as if they started there.
+        `LOG_AT_REST`. Decays that start above `high` are computed as if they started at `high`.
     """
 
     terms: tuple[str, ...]
@@ -143,22 +153,28 @@ class DecayLaw:
     high: float
 
     def shapes(self, x: np.ndarray) -> np.ndarray:
-        """Return the shapes s_i(x) of the terms, (terms, n), at x = ln(A/A_ref), (n,).
+        """Return the shapes s_i(x) of the damping terms, (terms, n), at x = ln(A/A_ref), (n,).
 
-        They are the decay rates -dx/dt of the terms relative to those at A_ref.
+        The shape of a term is the decay rate -dx/dt that it causes, relative to its rate at the reference amplitude
+        A_ref.
         """
         return np.stack([shape(x) for shape in self.each])
 
     def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return the total decay rate -dx/dt = Σ c_i s_i(x) in 1/s, (n,), at values of x, (n,); rates: c_i (1/s)."""
+        """Return the total decay rate -dx/dt of x = ln(A/A_ref) in 1/s, (n,), at values of x, (n,).
+
+        It is Σ c_i s_i(x). rates: the decay rate c_i (1/s) of each damping term at the reference amplitude A_ref,
+        (terms,). The shape s_i is the rate of a term relative to its rate at A_ref.
+        """
         return rates @ self.shapes(x)
 
     @cached_property
     def _nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the nodes of the integration over x, and the terms' shapes at them.
+        """Return the nodes of the numerical integration over x = ln(A/A_ref), and the terms' shapes at them.
 
-        Returns -x at the ends of the intervals, increasing, (q,); the shapes there, (terms, q); and the shapes at the
-        first Gauss point in each interval, then those at the second, (terms, 2q - 2).
+        The shape of a damping term is its decay rate relative to its rate at A_ref. Returns three arrays: -x at the
+        ends of the q - 1 intervals, increasing, (q,); the shapes at these points, (terms, q); and the shapes at the
+        first Gauss point of each interval, then at the second of each, (terms, 2q - 2).
         """
         below = (self.low - LOG_AT_REST) * np.linspace(0.0, 1.0, TAIL_PANELS + 1)[1:] ** 2
         fallen = np.concatenate([np.linspace(-self.high, -self.low, LAW_PANELS + 1), below - self.low])
@@ -166,14 +182,14 @@ class DecayLaw:
         return fallen, self.shapes(-fallen), self.shapes(-np.concatenate([middle - off, middle + off]))
 
     def solve(self, t: np.ndarray, x0: float, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return x, (n,), at times t of a decay that starts from x0, and its derivatives by the rates, (n, terms).
+        """Return x = ln(A/A_ref), (n,), of a decay that starts from x0, and its derivatives by the rates, (n, terms).
 
         The time t(x) = ∫ dx/rate is integrated numerically, and inverted by interpolation. After the oscillation has
-        come to rest, x is `LOG_AT_REST`; the derivatives hold until then. If the rates hardly change x, they are
+        come to rest, x is `LOG_AT_REST`; the derivatives are valid until then. If the rates hardly change x, they are
         raised, because the integrals do not exist without damping.
 
-        t: increasing times in s since the start, (n,). rates: the rates c_i (1/s), which must not be negative,
-        (terms,).
+        t: increasing times in s since the start, (n,). rates: the decay rate c_i (1/s) of each damping term at the
+        reference amplitude A_ref, not negative, (terms,).
         """
         if rates.sum() * t[-1] < LEAST_FALL:
             rates = np.maximum(rates, LEAST_FALL / t[-1])
@@ -189,9 +205,10 @@ class DecayLaw:
 
 
 def _integrals(x: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """Return the integrals, (..., n), of functions from x[0] to each x, (n,).
+    """Return the integrals, (..., n), of functions from x[0] to each x, (n,), by two-point Gauss quadrature.
 
-    inside: the functions at the first Gauss point in each interval, then at the second, (..., 2n - 2).
+    inside: values of the functions at the first Gauss point of each of the n - 1 intervals, then at the second of each,
+    (..., 2n - 2).
     """
     first, second = np.split(inside, 2, axis=-1)
     integrals = np.zeros((*inside.shape[:-1], x.size))
@@ -215,25 +232,27 @@ def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> n
 
 @dataclass(frozen=True)
 class PowerLaw:
-    """The decay law dA/dt ∝ -A^p, whose exponent p is a parameter.
+    """The decay law dA/dt ∝ -A^p of an amplitude A, whose exponent p is a parameter.
 
-    The two parameters, which its methods take as `rates`, are ln of the decay rate (1/s) at A_ref, and p.
+    Its methods take two parameters in the argument `rates`: ln of the decay rate (1/s) at the reference amplitude
+    A_ref, and the exponent p.
     """
 
     terms: tuple[str, ...] = ("log_rate", "exponent")
 
     def rate(self, x: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return the decay rate -dx/dt in 1/s at values of x = ln(A/A_ref), (n,).
+        """Return the decay rate -dx/dt of x = ln(A/A_ref) in 1/s, (n,), at values of x, (n,), if dA/dt ∝ -A^p.
 
-        rates: ln of the decay rate (1/s) at A_ref, and the exponent p.
+        rates: ln of the decay rate (1/s) at the reference amplitude A_ref, and the exponent p.
         """
         return np.exp(rates[0] + (rates[1] - 1.0) * x)
 
     def solve(self, t: np.ndarray, x0: float, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return x = ln(A/A_ref), (n,), of a decay that starts from x0, and its derivatives by the parameters, (n, 2).
 
-        After the oscillation has come to rest, x is `LOG_AT_REST`; the derivatives hold until then. t: times in s since
-        the start, (n,). rates: ln of the decay rate (1/s) at A_ref, and the exponent p.
+        The decay is dA/dt ∝ -A^p. After the oscillation has come to rest, x is `LOG_AT_REST`; the derivatives are valid
+        until then. t: times in s since the start, (n,). rates: the two parameters, ln of the decay rate (1/s) at the
+        reference amplitude A_ref and the exponent p.
         """
         x = power_decay(t, x0, float(rates[0]), float(rates[1]))
         # `power_slopes` has the rate at the start as a parameter; the chain rule converts to the rate at A_ref.
@@ -243,24 +262,24 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class AmplitudeSolver:
-    """Compute decays x(t) = ln(A/A_ref) under a decay law, with the interface of the kernel's `Solver`.
+    """Compute how an amplitude A decays, x(t) = ln(A/A_ref), with the interface of the kernel's `Solver`.
 
-    The parameters of `solve` are the rates in 1/s at the reference amplitude A_ref, in the order of the law's terms (or
-    the two parameters of a `PowerLaw`), then x at the start.
+    The parameters of `solve` are the decay rates in 1/s that the damping terms cause at the reference amplitude A_ref,
+    in the order of the law's terms (or the two parameters of a `PowerLaw`), then x at the start.
 
     Attributes
     ----------
     law
         The decay law.
     t
-        Times of the readings in s since the start, (n,).
+        Times of the measured amplitudes in s since the start, (n,).
     duration
-        Duration of the decay in s. The knots of the deviation g are equidistant over it; g is the relative deviation of
-        the decay rate from the law, linear in time between the knots.
+        Duration of the decay in s.
     knots
-        Number of knots.
+        Number of knots of the deviation g, which are equidistant over the duration. g is the relative deviation of the
+        decay rate from the law; it is linear in time between the knots.
     white
-        Matrix (n, n) that whitens the noise of the readings; decays and derivatives are multiplied by it. None for
+        Matrix (n, n) that whitens the noise of the measured ln A; decays and derivatives are multiplied by it. None for
         white noise.
     restoring
         Part of the interface of `Solver`; not used here.
@@ -287,15 +306,17 @@ class AmplitudeSolver:
         stop: int | None = None,
         tolerance: float | None = None,
     ) -> Motion:
-        """Compute the decay for parameters p, (terms + 1,), with derivatives by p and by the deviation g at the knots.
+        """Compute the decay x(t) = ln(A/A_ref), with derivatives by the parameters p and by the deviation g at knots.
 
-        p: the rates in 1/s at A_ref (or the two parameters of a `PowerLaw`), then x at the start. In the result, the
-        values are x at the readings, and the derivatives are those of x (for `tangents` = `NONE` none, for `PARAMETERS`
-        by p, for `ALL` by p and g), both multiplied by `white`; the states are x and dx/dt, (n, 2).
+        p: the decay rates in 1/s that the damping terms cause at the reference amplitude A_ref (or the two parameters
+        of a `PowerLaw`), then x at the start, (terms + 1,). In the result, the values are x at the times of the
+        measured amplitudes. The derivatives are those of x: by p and g for `tangents` = `ALL`, by p for `PARAMETERS`,
+        and none for `NONE`. Values and derivatives are multiplied by the matrix `white`. The states are x and dx/dt,
+        (n, 2), without this factor.
 
-        All rates are multiplied by 1 + g(t) (g: deviation), so that x(t) = X(t + ∫g dt) with the decay X for g = 0. To
-        first order, ∂x/∂g_k = -rate(x) ∫ b_k dt with the basis function b_k of knot k. `active`, `stop` and `tolerance`
-        have no effect.
+        The deviation g(t) is relative: all rates are multiplied by 1 + g(t). Therefore x(t) = X(t + ∫g dt), where X is
+        the decay for g = 0. To first order, ∂x/∂g_k = -rate(x) ∫ b_k dt with the basis function b_k of knot k.
+        `active`, `stop` and `tolerance` have no effect.
         """
         rates, start = p[:-1], float(p[-1])
         x, by_rates = self.law.solve(self.t, start, rates)
@@ -304,7 +325,7 @@ class AmplitudeSolver:
         slopes = np.empty((x.size, 0))
         if tangents:
             at_start = float(self.law.rate(np.array([start]), rates)[0])
-            by_start = speed / at_start if at_start > 0 else np.ones_like(x)  # undamped
+            by_start = speed / at_start if at_start > 0 else np.ones_like(x)  # 1: without damping
             slopes = np.column_stack([np.where(moving[:, None], by_rates, 0.0), by_start])
         if tangents == ALL:
             passed = basis_integrals(self.t / self.duration, self.knots) * self.duration
@@ -318,15 +339,19 @@ class AmplitudeSolver:
 def linear_basis(s: np.ndarray, count: int) -> np.ndarray:
     """Return the basis functions, (n, count), of linear interpolation between `count` equidistant knots, at s, (n,).
 
-    The knots are on [0, 1]. Function k is 1 at knot k and 0 at all other knots. Values s outside of [0, 1] are replaced
-    by the nearer end.
+    The knots extend from 0 to 1. Function k is 1 at knot k, 0 at all other knots, and linear between knots. Values s
+    outside of [0, 1] are replaced by the nearer end.
     """
     at = np.clip(s, 0.0, 1.0) * (count - 1)
     return np.clip(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0, None)
 
 
 def basis_integrals(s: np.ndarray, count: int) -> np.ndarray:
-    """Return the integrals of the functions of `linear_basis` from 0 to s, (n, count), for each s, (n,)."""
+    """Return the integrals from 0 to s, (n, count), of the basis functions of linear interpolation, for each s, (n,).
+
+    Basis function k is 1 at knot k, 0 at all other knots, and linear between knots. The `count` knots are equidistant
+    from 0 to 1. Values s outside of [0, 1] are replaced by the nearer end.
+    """
     at = np.clip(s, 0.0, 1.0) * (count - 1)
     u = at[:, None] - np.arange(count)
     rising = np.clip(u + 1.0, 0.0, 1.0)
@@ -338,9 +363,10 @@ def basis_integrals(s: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Scale:
-    """Amplitude at the start of an oscillation, in the length unit of the terms, and angular frequency in rad/s.
+    """Scales of an oscillation on which damping forces and priors depend: amplitude at its start and angular frequency.
 
-    If one of them is unknown or not needed, it is 1, and coefficients are in units of it.
+    The amplitude is in rad or m, the frequency in rad/s. A scale that is unknown or not needed is 1; coefficients are
+    then relative to this scale.
     """
 
     amplitude: float = 1.0
@@ -348,10 +374,11 @@ class Scale:
 
 
 def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
-    """Return the value of a term's parameter p at a standard normal score: if the score is N(0, 1), p has its prior.
+    """Convert a standard normal score to the value of the parameter p of a damping term, in the unit of p.
 
-    The value increases with the score, also for a half-normal prior.
-    The value is in the unit of the parameter. scale: amplitude and frequency on which the prior depends.
+    If the score is a random number with the distribution N(0, 1), the value has the prior distribution of the
+    parameter. The value increases with the score, also for a half-normal prior. scale: amplitude and frequency on which
+    the prior depends.
     """
     prior = p.prior(scale.amplitude, scale.frequency)
     return float(
@@ -364,10 +391,10 @@ def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
 
 
 def parameters(term: DampingTerm, scores: tuple[float, ...], scale: Scale) -> dict[str, float]:
-    """Return a term's parameters other than its coefficient, by name, at their standard normal scores.
+    """Convert standard normal scores to a damping term's parameters other than its coefficient, returned by name.
 
-    scores: one for each of `term.inferred`, in this order; a score of 0 gives the median of the prior. scale: amplitude
-    and frequency on which the priors depend.
+    scores: one standard normal number for each parameter in `term.inferred`, in this order; 0 gives the median of the
+    parameter's prior. scale: amplitude and frequency on which the priors depend.
     """
     return {p.name: parameter(p, z, scale) for p, z in zip(term.inferred, scores, strict=True)}
 
@@ -378,23 +405,24 @@ def log_loss(
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Return a function that computes ln of the decay rate which a damping term causes at a coefficient of 1.
 
-    The function takes x = ln(A/A_start), any shape, and returns ln of the rate -d ln A/dt (1/s). It interpolates a
-    table over `LOSS_GRID`, and extrapolates the rate as a power of A outside.
+    The function takes x = ln(A/A_start), any shape, where A is the amplitude and A_start its value at the start. It
+    returns ln of the decay rate -d ln A/dt (1/s). It interpolates a table over `LOSS_GRID`, and extrapolates the rate
+    as a power of A outside.
 
     Parameters
     ----------
     term
         The damping term.
     scores
-        Standard normal scores of the term's parameters other than its coefficient, in the order of `term.inferred`; a
-        score of 0 gives the median of the parameter's prior.
+        Standard normal numbers that the priors convert to the term's parameters other than its coefficient, in the
+        order of `term.inferred`; 0 gives the median of the prior.
     scale
         Amplitude A_start at the start (rad or m) and angular frequency (rad/s).
 
     Raises
     ------
     InputError
-        If the term dissipates no energy, or its loss is not finite.
+        If the term dissipates no energy, or the energy lost in a cycle is not finite.
     """
     loss = rates_per_unit(term, LOSS_GRID, parameters(term, scores, scale), scale)
     most = float(np.max(loss))
@@ -405,7 +433,7 @@ def log_loss(
             f"{wrong:g}; correct its kernel or the priors of its parameters"
         )
     log = np.log(np.maximum(loss, MIN_RELATIVE_LOSS * most))
-    # If the loss is zero at some amplitudes, a spline would overshoot.
+    # A cubic spline would overshoot if the loss is zero at some amplitudes; PCHIP (monotonic) does not.
     table = (
         scipy.interpolate.CubicSpline(LOSS_GRID, log)
         if loss.min() > MIN_RELATIVE_LOSS * most
@@ -427,8 +455,9 @@ def rates_per_unit(
 ) -> np.ndarray:
     """Return the decay rates -d ln A/dt (1/s), (n,), of a term with a coefficient of 1, at x = ln(A/A_start), (n,).
 
-    further: values of the term's parameters other than its coefficient, by name; missing reference scales follow from
-    `scale`, the amplitude at the start and the angular frequency.
+    term: the damping term. further: values of its parameters other than the coefficient, by name. scale: amplitude
+    A_start at the start and angular frequency ω; they also give the term's reference scales (amplitude A_start,
+    velocity ωA_start) unless `further` contains these.
     """
     a, omega = scale.amplitude, scale.frequency
     known = {"rest": 0.0, "reference_velocity": a * omega, "reference_amplitude": a, **further}
@@ -440,10 +469,12 @@ def rates_per_unit(
 
 @lru_cache(maxsize=256)
 def scales_needed(term: DampingTerm) -> tuple[bool, bool]:
-    """Return whether the shape of a term's decay rate depends on the amplitude, and whether on the frequency.
+    """Return whether the shape of a damping term's decay rate depends on the amplitude, and whether on the frequency.
 
-    The shape is the rate as a function of ln(A/A_start), up to a factor. If it stays the same when amplitude or
-    frequency and the priors of the parameters scale together, this amplitude or frequency need not be known.
+    The shape is the decay rate as a function of ln(A/A_start), divided by its largest value. It is compared for
+    different amplitudes A_start and frequencies. The priors of the term's other parameters scale with these two, so
+    each comparison uses the same points of the priors. If a result is False, this amplitude or frequency need not be
+    known.
     """
     x = np.array([-4.0, -2.0, 0.0])
 
@@ -462,10 +493,11 @@ def scales_needed(term: DampingTerm) -> tuple[bool, bool]:
 
 
 def are_proportional(a: DampingTerm, b: DampingTerm) -> bool:
-    """Return whether the energy losses of two terms are proportional at all amplitudes.
+    """Return whether the energy losses of two damping terms are proportional at all amplitudes.
 
-    An envelope cannot distinguish such terms. A term that has parameters besides its coefficient, or whose shape
-    depends on amplitude or frequency, counts as proportional only to itself.
+    A record that contains only amplitudes (an envelope) cannot distinguish such terms. A term counts as proportional
+    only to itself if it has parameters besides its coefficient, or if `scales_needed` reports that its decay rate, as a
+    function of the relative amplitude, changes its shape with the amplitude or the frequency.
     """
     if a.inferred or b.inferred or any(scales_needed(a)) or any(scales_needed(b)):
         return a is b

@@ -25,19 +25,20 @@ NODES_PER_QUARTER = 48
 """Number of Gauss–Legendre nodes in each quarter of a cycle in the integral of the energy that is lost in a cycle
 (conventional)."""
 SHARP_WIDTH = 1e-9
-"""Width ε of the sign change of friction, relative to the peak velocity, with which the energy lost by a discontinuous
-friction is computed."""
+"""Width ε of the range of velocities in which friction changes its sign, relative to the peak velocity. It is used to
+compute the energy that friction dissipates in a cycle if its force is discontinuous at v = 0 (conventional)."""
 EXACT, TINY = 1e-8, 1e-100
-"""`EXACT`: ratio ε/|v| at which tanh(v/ε) equals the sign of v to rounding; it represents friction with ε = 0. `TINY`:
-velocity (rad/s) that replaces v = 0 there."""
+"""`EXACT` represents discontinuous friction (ε = 0): with the width ε = `EXACT` · |v|, tanh(v/ε) equals the sign of the
+velocity v to rounding. `TINY` is the velocity (rad/s) that replaces v = 0, for which this ε would be 0."""
 REFLECTED_MEDIAN = 0.6745
-"""Median of |z| for a standard normal z, which is the score of the median of a half-normal prior."""
+"""Median of |z| for a standard normal number z. A half-normal prior depends on z only by |z|, so that this z gives its
+median."""
 GIVEN = ("rest", "reference_velocity", "reference_amplitude")
-"""Numbers that the force of a damping term may depend on besides its parameters: the equilibrium (rad), and reference
-scales of velocity (rad/s) and displacement (rad). They are given, not inferred."""
+"""Names of numbers on which the force of a damping term may depend besides its parameters: the equilibrium (rad), and
+reference scales of velocity (rad/s) and displacement (rad). The caller provides them; they are not fitted."""
 
 
-# Quadrature nodes and weights for the phase of sin ωt from −π/2 to π/2, with the rule on each side of 0.
+# Quadrature nodes and weights for the phase ωt of sin ωt from −π/2 to π/2: one Gauss–Legendre rule on each side of 0.
 _X, _W = np.polynomial.legendre.leggauss(NODES_PER_QUARTER)
 _QUARTER = 0.25 * math.pi * (_X + 1)
 _PHASES = np.concatenate([_QUARTER - 0.5 * math.pi, _QUARTER])
@@ -50,7 +51,7 @@ PAPER_TERMS = ("viscous", "coulomb", "quadratic")
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A parameter of a damping term other than its coefficient, which is inferred from the record.
+    """A parameter of a damping term, other than the coefficient of its force, that is inferred from the record.
 
     name, unit: name of the parameter, and its unit for an angle in rad. prior: function that returns the prior for a
     reference amplitude (rad or m) and angular frequency (rad/s); the support of the prior must contain all possible
@@ -66,8 +67,8 @@ class FreeParameter:
 class DampingTerm(ABC):
     """A damping force per unit of inertia: coefficient · kernel(θ, θ̇, ε, further arguments).
 
-    name: name of the term. parameter: name of the coefficient. ε is the width of the velocity (rad/s) within which dry
-    friction changes its sign.
+    name: name of the term. parameter: name of the coefficient. ε is the width of the range of velocities (rad/s) about
+    0 in which dry friction changes its sign.
     """
 
     name: str
@@ -81,24 +82,27 @@ class DampingTerm(ABC):
     formula: str = ""
     """Formula of the force, including the coefficient, for reports."""
     switches: bool = False
-    """Whether the force depends on ε: it jumps with the sign of the velocity, as dry friction does, or is continuous
-    but steep at v = 0 (then `rounded` is true). ε is the width of the velocity within which this is smoothed."""
+    """Whether the force depends on ε, the width of the range of velocities about 0 in which the force is smoothed. This
+    is true for a force that jumps with the sign of the velocity, such as dry friction. It is also true for a force that
+    is continuous but steep at v = 0; `rounded` is then true."""
     rounded: bool = False
-    """Whether ε does not smooth a jump, but the steep slope of a continuous force at v = 0. Such a term is smoothed
-    within a small fraction of the peak velocity even if ε = 0."""
+    """Whether the force is continuous but steep at v = 0, so that ε, the width in velocity, smooths its slope and not a
+    jump. Such a force is smoothed within a small fraction of the peak velocity even if ε = 0."""
     inferred: tuple[FreeParameter, ...] = ()
-    """The inferred parameters other than the coefficient, in the order in which the kernel takes them after ε."""
+    """The parameters other than the coefficient that are inferred from the record. `kernel` takes them after ε, in this
+    order."""
     given: tuple[str, ...] = ()
-    """Those names in `GIVEN` that the kernel takes as further arguments, after the parameters in `inferred`."""
+    """Names of the equilibrium or reference scales (see `GIVEN`) that the force needs. `kernel` takes them as its last
+    arguments, after the parameters in `inferred`."""
     bounded: bool = True
-    """Whether an analysis without this term states an upper limit of the fraction of the dissipated energy that this
-    term could have."""
+    """Whether an analysis whose model lacks this term reports an upper limit of the fraction of the dissipated energy
+    that this term could cause."""
     twin: str = ""
     """Name of another term whose energy loss per cycle depends on the amplitude in the same way, so that only the
     motion within a cycle distinguishes the two; "" if there is none."""
     reduces: tuple[tuple[str, float], ...] = ()
-    """Names of parameters, and the values at which the term reduces to a simpler one. The upper limit of such a term
-    (`bounded`) is for the part of its force beyond that of the simpler term."""
+    """Pairs of a parameter's name and a value. With these values the term equals a simpler term, for example Coulomb
+    friction. The upper limit of such a term (`bounded`) is then for the part of its force beyond the simpler term."""
 
     @property
     def placed(self) -> bool:
@@ -122,16 +126,18 @@ class DampingTerm(ABC):
     def kernel(x: float, v: float, epsilon: float) -> float:
         """Return the force per unit of the coefficient at one displacement x (rad) and velocity v (rad/s).
 
-        epsilon: the width ε > 0 in rad/s. A term with further parameters takes them as arguments after ε, in the order
-        of `further`. The method may use only plain Python, `math` and `np`, because its source is compiled.
+        epsilon: width ε > 0 in rad/s of the range of velocities about 0 in which the force is smoothed. A term with
+        further parameters takes them as arguments after ε, in the order of `further`. The method may use only plain
+        Python, `math` and `np`, because its source is compiled.
         """
         raise NotImplementedError
 
     def force(self, x: ArrayLike, v: ArrayLike, epsilon: ArrayLike, *further: ArrayLike) -> np.ndarray:
         """Return the force per unit of the coefficient at displacements x (rad) and velocities v (rad/s).
 
-        x and v have the same shape, which is that of the result. epsilon: the width ε (rad/s). further: values of the
-        arguments named in `DampingTerm.further`. With ε = 0, dry friction jumps with the sign of v and is 0 at v = 0.
+        x and v have the same shape, which is also the shape of the result. epsilon: width ε (rad/s) of the range of
+        velocities about 0 in which the force is smoothed. With ε = 0, dry friction jumps with the sign of v and is 0 at
+        v = 0. further: values of the arguments named in `DampingTerm.further`.
         """
         v = np.asarray(v, float)
         sharp = np.where(v == 0.0, 1.0, EXACT * np.abs(v))
@@ -170,10 +176,12 @@ class DampingTerm(ABC):
         return float(amplitude * np.sum(_WEIGHTS * np.cos(_PHASES) * (there - back)))
 
     def at(self, further: Mapping[str, float]) -> Callable[[float, float, float], float]:
-        """Return the kernel as a function of (x, v, ε) only, with the further arguments fixed at these values, by name.
+        """Return the force per unit of the coefficient as a function of (x, v, ε), with all other arguments fixed.
 
-        With ε = 0 the function gives dry friction that jumps with the sign of v; at v = 0 it gives the friction of a
-        tiny positive velocity, because dry friction is undefined there.
+        further: values of the other arguments of `kernel`, by name (`DampingTerm.further`). x: displacement; v:
+        velocity; ε: width of the range of velocities in which the force is smoothed. With ε = 0 the function returns
+        dry friction that jumps with the sign of v. At v = 0, where this is undefined, it returns the friction of a tiny
+        positive velocity.
         """
         kernel, values = self.kernel, [further[n] for n in self.further]
 
@@ -192,7 +200,7 @@ def median(prior: Prior) -> float:
 def parse_model(name: str, where: str = "") -> tuple[str, ...]:
     """Split the name of a sum of damping terms, such as `viscous+coulomb`, into the names of its terms.
 
-    `where` begins the messages of errors.
+    where: text with which error messages begin, such as the place of the name in a file.
 
     Raises
     ------
@@ -233,7 +241,9 @@ def words_of(term: str) -> str:
 def twins_of(term: str) -> list[str]:
     """Return the names of all terms whose energy loss depends on the amplitude in the same way as that of a term.
 
-    They are its `DampingTerm.twin` and all terms whose `twin` it is; [] for an unknown term without any.
+    Only the motion within a cycle can distinguish such terms. They are declared by `DampingTerm.twin`: the result
+    contains the twin of the given term, and all terms that declare the given term as their twin. If there are none, it
+    is [], also for an unknown name. term: name of the given term.
     """
     names = TERMS.present()
     own = [TERMS.get(term).twin] if term in names else []
@@ -241,5 +251,8 @@ def twins_of(term: str) -> list[str]:
 
 
 def all_sums() -> list[str]:
-    """Return the names of all seven sums of viscous, Coulomb and quadratic damping, single terms first."""
+    """Return the names of all seven sums of viscous, Coulomb and quadratic damping, such as `viscous+coulomb`.
+
+    Single terms come first, then sums of two and of three terms.
+    """
     return ["+".join(c) for n in (1, 2, 3) for c in combinations(PAPER_TERMS, n)]

@@ -1,4 +1,7 @@
-"""Coulomb friction μ_c tanh(θ̇/ε) (equation 3 of the paper whose claims bayesdamp tests)."""
+"""Coulomb friction (dry friction): a force with the sign of the velocity and a constant magnitude.
+
+It is equation 3 of the paper whose claims bayesdamp tests.
+"""
 
 import math
 
@@ -9,7 +12,8 @@ from bayesdamp.types import Symbol
 class Coulomb(DampingTerm):
     """Coulomb friction F = μ_c tanh(θ̇/ε) per unit of inertia, with μ_c in rad/s².
 
-    With ε = 0 the tanh is the sign of θ̇, and the body may stick.
+    ε is the width of the range of velocities θ̇ in which the friction changes its sign. With ε = 0 the tanh is the sign
+    of θ̇, and the body may stick.
     """
 
     name = "coulomb"
@@ -30,7 +34,7 @@ class Coulomb(DampingTerm):
         return math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return the equivalent damping ratio 2/(πω²A) for μ_c = 1 rad/s².
+        """Return the equivalent viscous damping ratio 2/(πω²A) of Coulomb friction for μ_c = 1 rad/s².
 
         The amplitude A is in rad, the frequency ω in rad/s.
         """

@@ -1,4 +1,7 @@
-"""Cubic damping μ₃ θ̇³, as in the rolling of ships (J. F. Dalzell, J. Ship Res. 22, 178 (1978))."""
+"""Cubic damping: a force μ₃ θ̇³ that grows with the cube of the velocity θ̇, as in the rolling of ships.
+
+See J. F. Dalzell, J. Ship Res. 22, 178 (1978).
+"""
 
 from bayesdamp.physics.damping import DampingTerm
 from bayesdamp.types import Symbol
@@ -26,7 +29,10 @@ class Cubic(DampingTerm):
         return v * v * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return the equivalent damping ratio 3A²ω/8 for μ₃ = 1 s/rad² at amplitude A (rad) and frequency ω (rad/s)."""
+        """Return the equivalent viscous damping ratio 3A²ω/8 of cubic damping for μ₃ = 1 s/rad².
+
+        The amplitude A is in rad, the frequency ω in rad/s.
+        """
         return 3.0 / 8.0 * amplitude**2 * frequency
 
 

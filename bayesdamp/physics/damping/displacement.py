@@ -1,4 +1,4 @@
-"""Viscous damping that grows with the square of the displacement, (θ − θ_e)² θ̇, with the equilibrium θ_e.
+"""Viscous damping that grows with the square of the displacement: (θ − θ_e)² θ̇ at angle θ, with equilibrium θ_e.
 
 It is the nonlinear term of the van der Pol oscillator (B. van der Pol, Phil. Mag. 2, 978 (1926)).
 """
@@ -33,7 +33,7 @@ class Displacement(DampingTerm):
         return (x - rest) * (x - rest) * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return the equivalent damping ratio A²/(8ω) for c = 1/(s rad²).
+        """Return the equivalent viscous damping ratio A²/(8ω) of this damping for c = 1/(s rad²).
 
         The amplitude A is in rad, the frequency ω in rad/s.
         """

@@ -16,9 +16,10 @@ from bayesdamp.types import Symbol
 class DryPosition(DampingTerm):
     """Friction F = μ_p max(1 + s u + q u², 0) tanh(θ̇/ε) per unit of inertia, with u = (θ − θ_e)/A and μ_p in rad/s².
 
-    θ_e is the equilibrium, A a reference amplitude, μ_p the friction at the equilibrium, s its slope and q its
-    curvature with the position (s, q: numbers without unit). As long as 1 + s u + q u² > 0, a cycle of amplitude a
-    dissipates the energy 4 μ_p a (1 + q (a/A)²/3); the slope has no effect on this energy.
+    θ_e is the equilibrium, A a reference amplitude, and ε the width of the range of velocities θ̇ in which the friction
+    changes its sign. μ_p is the friction at the equilibrium. s and q (numbers without unit) are the slope and the
+    curvature of the friction with the position u. As long as 1 + s u + q u² > 0, a cycle of amplitude a dissipates the
+    energy 4 μ_p a (1 + q (a/A)²/3); the slope has no effect on this energy.
     """
 
     name = "dry_position"
@@ -76,7 +77,7 @@ class DryPosition(DampingTerm):
         scale = further.get("reference_amplitude", amplitude)
         end = amplitude / scale
         discriminant = s * s - 4.0 * q
-        zeros = []  # of 1 + s u + q u², by the formula without cancellation for small q
+        zeros = []  # zeros of 1 + s u + q u², by a formula without cancellation for small q
         if discriminant > 0.0:
             half = -0.5 * (s + math.copysign(math.sqrt(discriminant), s))
             zeros = sorted(u for u in (1.0 / half, half / q if q else math.inf))

@@ -15,9 +15,9 @@ from bayesdamp.types import Symbol
 class Power(DampingTerm):
     """Power-law damping F = c V |θ̇/V|^p sgn θ̇ per unit of inertia, with a reference velocity V and c in 1/s.
 
-    The force is smoothed within ε, because it is steep at θ̇ = 0 if p < 1. The prior of the exponent extends a little
-    beyond 0 and 3, so that neither value lies at an end of the prior. A cycle of amplitude A (rad) and frequency ω
-    (rad/s) dissipates the energy 2√π Γ(1 + p/2)/Γ(3/2 + p/2) c V A (ωA/V)^p.
+    The exponent p is inferred. The force is smoothed within the width ε of the velocity, because it is steep at θ̇ = 0
+    if p < 1. The prior of p extends a little beyond 0 and 3, so that neither value is at an end of the prior. A cycle
+    of amplitude A (rad) and frequency ω (rad/s) dissipates the energy 2√π Γ(1 + p/2)/Γ(3/2 + p/2) c V A (ωA/V)^p.
     """
 
     name = "power"
@@ -28,7 +28,7 @@ class Power(DampingTerm):
     formula = "c V |θ̇/V|ᵖ sgn θ̇"
     switches = True
     rounded = True
-    bounded = False  # a limit would depend on the exponent, which says more
+    bounded = False  # an upper limit would depend on the unknown exponent
     inferred = (
         FreeParameter(
             "exponent",

@@ -1,4 +1,4 @@
-"""Quadratic damping μ_q θ̇|θ̇|, as by air drag (equation 4 of the paper whose claims bayesdamp tests)."""
+"""Quadratic damping μ_q θ̇|θ̇| at the velocity θ̇, such as air drag (equation 4 of the paper that bayesdamp tests)."""
 
 import math
 
@@ -25,7 +25,10 @@ class Quadratic(DampingTerm):
         return v * abs(v)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return the equivalent damping ratio 4A/(3π) for μ_q = 1/rad at amplitude A (rad) and any frequency."""
+        """Return the equivalent viscous damping ratio 4A/(3π) of quadratic damping for μ_q = 1/rad.
+
+        The amplitude A is in rad; the frequency has no effect.
+        """
         return 4.0 * amplitude / (3.0 * math.pi)
 
 

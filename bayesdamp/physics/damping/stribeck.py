@@ -13,16 +13,16 @@ from bayesdamp.priors import HalfNormal, LogUniform
 from bayesdamp.types import Symbol
 
 SLOWEST, FASTEST = 0.02, 1.0
-"""Ends of the prior of the Stribeck velocity, relative to the reference peak velocity. Below the first, friction
-exceeds its kinetic value only very near the turning points; above the second, during the whole cycle."""
+"""Smallest and largest Stribeck velocity in its prior, relative to the reference peak velocity. With a smaller one,
+friction exceeds its kinetic value only very near the turning points; with a larger one, during the whole cycle."""
 
 
 class Stribeck(DampingTerm):
     """Stribeck friction F = μ_k [1 + s exp(−(θ̇/v_s)²)] tanh(θ̇/ε) per unit of inertia.
 
-    μ_k is the kinetic friction in rad/s², (1 + s) μ_k the static friction, and v_s the Stribeck velocity in rad/s. A
-    cycle of amplitude A (rad) and frequency ω (rad/s) dissipates the energy 4 μ_k A [1 + s D(a)/a] with a = ωA/v_s and
-    Dawson's integral D.
+    μ_k is the kinetic friction in rad/s², (1 + s) μ_k the static friction, and v_s the Stribeck velocity in rad/s. ε is
+    the width of the range of velocities θ̇ in which the friction changes its sign. A cycle of amplitude A (rad) and
+    frequency ω (rad/s) dissipates the energy 4 μ_k A [1 + s D(a)/a] with a = ωA/v_s and Dawson's integral D.
     """
 
     name = "stribeck"
@@ -37,7 +37,7 @@ class Stribeck(DampingTerm):
             "static_excess",
             "1",
             lambda amplitude, frequency: HalfNormal(scale=1.0),
-            Symbol("static excess", "static excess", "static over kinetic friction, less one"),
+            Symbol("static excess", "static excess", "ratio of static to kinetic friction, minus 1"),
         ),
         FreeParameter(
             "stribeck_velocity",

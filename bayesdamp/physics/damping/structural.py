@@ -12,9 +12,10 @@ from bayesdamp.types import Symbol
 class Structural(DampingTerm):
     """Structural damping F = κ |θ − θ_e| tanh(θ̇/ε) per unit of inertia, with the equilibrium θ_e and κ in 1/s².
 
-    A cycle of amplitude A (rad) dissipates the energy 2κA², which is a loss factor of 2κ/(πω²) at the frequency ω
-    (rad/s). Unlike a complex stiffness, this force is causal and defined in the time domain. In a free decay the
-    amplitude falls exponentially, as with viscous damping; only the shape within a cycle distinguishes the two.
+    ε is the width of the range of velocities θ̇ in which the force changes its sign. A cycle of amplitude A (rad)
+    dissipates the energy 2κA². This is a loss factor of 2κ/(πω²) at the frequency ω (rad/s). Unlike a complex
+    stiffness, this force is causal and defined in the time domain. In a free decay the amplitude falls exponentially,
+    as with viscous damping; only the motion within a cycle distinguishes the two.
     """
 
     name = "structural"
@@ -37,7 +38,10 @@ class Structural(DampingTerm):
         return abs(x - rest) * math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return the equivalent damping ratio 1/(πω²) for κ = 1/s² at frequency ω (rad/s) and any amplitude."""
+        """Return the equivalent viscous damping ratio 1/(πω²) of structural damping for κ = 1/s².
+
+        The frequency ω is in rad/s; the amplitude has no effect.
+        """
         return 1.0 / (math.pi * frequency**2)
 
 

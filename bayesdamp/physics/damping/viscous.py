@@ -1,4 +1,4 @@
-"""Viscous damping 2ζθ̇ (equation 2 of the paper whose claims bayesdamp tests)."""
+"""Viscous damping 2ζθ̇, proportional to the velocity θ̇ (equation 2 of the paper whose claims bayesdamp tests)."""
 
 from bayesdamp.physics.damping import DampingTerm
 from bayesdamp.types import Symbol
@@ -7,7 +7,8 @@ from bayesdamp.types import Symbol
 class Viscous(DampingTerm):
     """Viscous damping F = 2ζθ̇ per unit of inertia, with the decay rate ζ in 1/s.
 
-    This ζ is that of the paper whose claims bayesdamp tests: the usual dimensionless damping ratio times ω_n.
+    ζ is the usual dimensionless damping ratio times the natural frequency ω_n, as in the paper whose claims bayesdamp
+    tests.
     """
 
     name = "viscous"
@@ -26,7 +27,10 @@ class Viscous(DampingTerm):
         return 2.0 * v
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return the equivalent damping ratio 1/ω for ζ = 1/s at frequency ω (rad/s) and any amplitude."""
+        """Return the damping ratio 1/ω of viscous damping for ζ = 1/s.
+
+        The frequency ω is in rad/s; the amplitude has no effect.
+        """
         return 1.0 / frequency
 
 
