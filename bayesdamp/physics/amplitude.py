@@ -54,8 +54,8 @@ LOSS_GRID = np.linspace(-12.0, 1.5, 68)
 """Values of ln(A/A_start) at which the decay rate of a damping term is tabulated, where A is the amplitude and A_start
 its value at the start. Outside of this range, the rate is extrapolated as a power of A."""
 MIN_RELATIVE_LOSS = 1e-12
-"""Smallest decay rate in the table, relative to the largest; smaller rates are raised to it, so that their logarithm is
-finite."""
+"""Smallest decay rate in the table of a damping term over `LOSS_GRID`, relative to the largest. Smaller rates are
+raised to it, so that their logarithm is finite."""
 LOSS_TOLERANCE = 1e-6
 """Largest relative difference of two decay rates that count as equal, when the decay rates of damping terms are
 compared as functions of the amplitude."""
@@ -67,8 +67,8 @@ those in `damping.GIVEN`, without the equilibrium."""
 def power_decay(t: np.ndarray, x0: float, log_rate: float, power: float) -> np.ndarray:
     """Return x = ln(A/A_ref), (n,), at times t (s), (n,), of a decay dA/dt ∝ -A^p that starts from x0 at t = 0.
 
-    log_rate: ln of the decay rate -dx/dt (1/s) at A_ref. power: exponent p. After the oscillation has come to rest, x
-    is `LOG_AT_REST`.
+    log_rate: ln of the decay rate -dx/dt (1/s) at the reference amplitude A_ref. power: exponent p. After the
+    oscillation has come to rest, x is `LOG_AT_REST`.
     """
     # With q = p - 1: x(t) = x0 - ln(1 + q r t)/q, where r is the decay rate at x0.
     q = power - 1.0
@@ -217,9 +217,9 @@ def _integrals(x: np.ndarray, inside: np.ndarray) -> np.ndarray:
 
 
 def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Return values, (..., k), at points `at`, (k,), by cubic Hermite interpolation.
+    """Return values of functions, (..., k), at points `at`, (k,), by cubic Hermite interpolation.
 
-    x: nodes that do not decrease, (n,). y, slope: the values and derivatives at them, (..., n).
+    x: nodes that do not decrease, (n,). y, slope: values and derivatives of the functions at the nodes, (..., n).
     """
     i = np.clip(np.searchsorted(x, at) - 1, 0, x.size - 2)
     h = x[i + 1] - x[i]

@@ -18,13 +18,14 @@ Force = Callable[[np.ndarray], np.ndarray]
 """A function that returns the restoring force per unit of inertia, (n,), in rad/s² or m/s², at positions (n,) in rad or
 m."""
 MAX_STEPS, CONVERGED_STEP = 60, 1e-13
-"""Greatest number of steps of Newton's method, and the step length below which it has converged: in rad or m, relative
-to the position if this is above 1 (conventional)."""
+"""Limits of Newton's method in `newton`: the greatest number of steps, and the length of a step (rad or m) below which
+the method has converged. For positions above 1 this length is relative to the position (conventional)."""
 RELATIVE_STEP = 1e-4
-"""Step of the fourth-order difference quotient for x up to 1, relative to x beyond; its error is then about 1e-12."""
+"""Step of the fourth-order difference quotient in `slope_of`. For |x| > 1 the step is relative to |x|. The error of the
+derivative is then about 1e-12."""
 CENTRE_POINTS = 20
-"""`bracket` searches this many grid points on either side of the centre first, and the whole grid only if it finds
-nothing there."""
+"""Number of grid points on either side of the centre among which `bracket` searches first for an equilibrium. It
+searches the whole grid only if it finds none there."""
 
 
 class _Math:
@@ -35,9 +36,11 @@ class _Math:
 
 
 def with_names(function: Callable[..., Any], mathematics: Any) -> Callable[..., Any]:
-    """Return a scalar function in which `math` and `np`, and abs, max, min and pow, are those of another module.
+    """Return a copy of a scalar function that takes its mathematical functions from another module.
 
-    mathematics: the module, with functions abs, maximum, minimum and pow. `float` returns its argument.
+    In the copy, the names `math`, `np`, `abs`, `max`, `min` and `pow` refer to this module, and `float` returns its
+    argument unchanged. The copy can, for example, accept arrays. mathematics: the module, with functions abs, maximum,
+    minimum and pow.
     """
     assert isinstance(function, FunctionType)
     names = {
@@ -58,8 +61,8 @@ def with_names(function: Callable[..., Any], mathematics: Any) -> Callable[..., 
 def on_arrays(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
     """Return a version of a scalar function that accepts arrays and broadcasts them.
 
-    Arguments that are tuples are passed as tuples, of which each element may be an array. If the function does not work
-    on arrays, for example because it has an `if`, it is called once for each element.
+    If an argument is a tuple, the function receives a tuple, and each element may be an array. If the function does not
+    work on arrays, for example because it has an `if`, it is called once for each element.
     """
     array_function = with_names(function, _Math())
 
@@ -99,7 +102,8 @@ def slope_of(
 def by_kernel(kernel: Callable[[float, Sequence[float]], float], law: np.ndarray) -> Force:
     """Return the restoring force as a function of the position only, which maps positions (n,) to forces (n,).
 
-    kernel: kernel of a restoring law. law: values of its parameters in the order that the kernel needs, (r,).
+    kernel: function of a position and the law's parameters that returns the force (`RestoringLaw.kernel`). law: values
+    of these parameters, in the order of the law's `parameters`, (r,).
     """
     values, on_array = tuple(law.tolist()), on_arrays(kernel)
     return lambda x: on_array(x, values) if x.size > 1 else np.array([kernel(x.item(), values)])
@@ -108,8 +112,8 @@ def by_kernel(kernel: Callable[[float, Sequence[float]], float], law: np.ndarray
 def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float, float] | None:
     """Return the grid points below and above the stable equilibrium nearest to `near`; None if the grid has none.
 
-    near, reach, points: centre and half-width (rad or m) and number of points of the grid. At a stable equilibrium the
-    force changes from negative to positive.
+    force: restoring force as a function of the position; at a stable equilibrium it changes from negative to positive.
+    near, reach, points: centre and half-width (rad or m) and number of points of the grid.
     """
     grid = near + np.linspace(-reach, reach, points)
     for part in (grid[points // 2 - CENTRE_POINTS : points // 2 + CENTRE_POINTS + 1], grid):
@@ -122,9 +126,10 @@ def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float
 
 
 def rest_near(force: Force, near: float, reach: float, points: int = 401) -> float | None:
-    """Return the stable equilibrium nearest to `near` within the distance `reach` (rad or m); None if there is none.
+    """Return the stable equilibrium nearest to `near` within the distance `reach`; None if there is none.
 
-    points: number of points of the grid on which the equilibrium is searched.
+    force: restoring force as a function of the position. near, reach and result: in rad or m. points: number of points
+    of the grid on which the equilibrium is searched.
     """
     ends = bracket(force, near, reach, points)
     if ends is None:
@@ -133,19 +138,20 @@ def rest_near(force: Force, near: float, reach: float, points: int = 401) -> flo
 
 
 def frequency_over(force: Force, low: float, high: float) -> float:
-    """Return the frequency √F′ in rad/s, where F′ is the mean slope of the force from `low` to `high`.
+    """Return the natural frequency √F′ in rad/s, where F′ is the mean slope of the force from `low` to `high`.
 
-    low, high: positions in rad or m. The result is 0 if F′ < 0.
+    force: restoring force per unit of inertia. low, high: positions in rad or m. The result is 0 if F′ < 0.
     """
     below, above = force(np.array([low, high]))
     return float(np.sqrt(max((above - below) / (high - low), 0.0)))
 
 
 def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float) -> float | None:
-    """Return the equilibrium that Newton's method reaches from the position `near` (both in rad or m).
+    """Return the stable equilibrium that Newton's method reaches from the position `near` (both in rad or m).
 
-    force_and_slope: function that returns the force at a position, and its derivative. The result is None if the
-    derivative is not positive at a position on the way, or if the method has not converged after `MAX_STEPS` steps.
+    force_and_slope: function that returns the restoring force at a position, and its derivative by the position. The
+    result is None if this derivative is not positive at a position on the way, or if the method has not converged after
+    `MAX_STEPS` steps.
     """
     x = near
     for _ in range(MAX_STEPS):
@@ -160,9 +166,10 @@ def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float)
 
 
 def newton_many(force: Force, near: ArrayLike, steps: int) -> np.ndarray:
-    """Return the positions after a fixed number of Newton steps from `near` towards zero force, in the shape of `near`.
+    """Return the positions after a fixed number of Newton steps towards zero restoring force, in the shape of `near`.
 
-    They are equilibria, stable or not, if the method has converged, which is not checked. Positions: in rad or m.
+    near: positions at the start, in rad or m, any shape. steps: number of steps. Convergence is not checked. If the
+    method has converged, the results are equilibria, stable or not.
     """
     x = np.asarray(near, float)
     with np.errstate(all="ignore"):

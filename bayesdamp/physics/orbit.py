@@ -1,8 +1,8 @@
 """Compute one cycle of the undamped motion at a given amplitude, and the energy that damping removes in this cycle.
 
 Integrals over the cycle use Gauss–Legendre quadrature, for any restoring law and any sum of damping terms. The position
-is x = c + A sin φ, with the amplitude A and the centre c of the two turning points, which are at φ = ±π/2. The
-integrands are smooth in φ, so that the quadrature converges fast.
+is x = c + A sin φ, where A is the amplitude, c the midpoint between the two turning points, and φ a phase. The turning
+points are at φ = ±π/2. The integrands are smooth in φ, so that the quadrature converges fast.
 """
 
 from dataclasses import dataclass
@@ -14,19 +14,20 @@ from bayesdamp.physics.forces import Force, newton_many, slope_of
 from bayesdamp.physics.oscillator import Oscillator, Parameters
 
 NODES, NEWTON_STEPS, CENTRING_STEPS = 32, 30, 8
-"""Numbers of quadrature nodes, of Newton steps to the equilibrium, and of Newton steps to the centre of the two turning
-points. Newton's method converges quadratically from a start near by, so both numbers of steps are ample; convergence is
-not checked."""
+"""Numbers of quadrature nodes, of Newton steps to the equilibrium, and of Newton steps to the midpoint between the two
+turning points. Newton's method converges quadratically from a start near by, so both numbers of steps are ample;
+convergence is not checked."""
 _T, _W = np.polynomial.legendre.leggauss(NODES)
 PHI, WEIGHT = 0.5 * np.pi * _T, 0.5 * np.pi * _W
-"""Quadrature nodes φ (phase of the position) between −π/2 and π/2, and their weights."""
+"""Quadrature nodes for the phase φ between −π/2 and π/2, and their weights. The position is c + A sin φ, with the
+amplitude A and the midpoint c of the turning points."""
 SINE, COSINE = np.sin(PHI), np.cos(PHI)
 _P = np.polynomial.legendre.legvander(_T, NODES)
 # ∫_t^1 P_k ds = (P_{k−1}(t) − P_{k+1}(t)) / (2k + 1) for Legendre polynomials P_k, with P_{−1} = 1.
 _LEGENDRE_INTEGRALS = 0.5 * (np.column_stack([np.ones(NODES), _P[:, : NODES - 1]]) - _P[:, 1:])
 TO_TURNING_POINT = 0.5 * np.pi * (_LEGENDRE_INTEGRALS @ (_P[:, :NODES].T * _W))
-"""Matrix (nodes, nodes) that integrates: its product with the values of a function at the nodes gives the integrals of
-the function over φ from each node to the upper turning point at π/2."""
+"""Matrix (nodes, nodes) for integrals over the phase φ. Its product with the values of a function at the quadrature
+nodes is the integral of the function from each node to the upper turning point, at φ = π/2."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,9 @@ class Orbit:
     Attributes
     ----------
     energy : ndarray, shape (...)
-        Potential energy per inertia at the turning points above that at the equilibrium, in rad²/s² or m²/s².
+        Potential energy per inertia at the turning points minus that at the equilibrium, in rad²/s² or m²/s².
     x, velocity, weight : ndarray, shape (..., NODES)
-        Positions (rad or m) at quadrature nodes, velocities there, and quadrature weights dx.
+        Positions (rad or m) at quadrature nodes, velocities there, and quadrature weights for integrals over x.
     upper, lower : ndarray, shape (...)
         Restoring force per inertia at the upper and the lower turning point, in rad/s² or m/s².
     """
@@ -57,7 +58,10 @@ class Orbit:
 
     @property
     def energy_slope(self) -> np.ndarray:
-        """Return the derivative of the energy by the amplitude, per unit of inertia, in rad/s² or m/s², shape (...)."""
+        """Return the derivative of the oscillation's energy by its amplitude, in rad/s² or m/s², shape (...).
+
+        The energy is per unit of inertia.
+        """
         # dE = F₊ dx₊ = F₋ dx₋ at the two turning points, and dA = (dx₊ − dx₋) / 2.
         return -2.0 * self.upper * self.lower / (self.upper - self.lower)
 
@@ -73,25 +77,26 @@ class Cycle(Orbit):
 
 
 def rest_position(osc: Oscillator, p: Parameters, near: ArrayLike) -> np.ndarray:
-    """Return the equilibria that Newton's method reaches from `near` (rad or m) after `NEWTON_STEPS` steps.
+    """Return the equilibria that Newton's method reaches from the positions `near` (rad or m) in `NEWTON_STEPS` steps.
 
-    p: parameters of the oscillator by name. Parameters and `near` are broadcast against each other.
+    osc: the oscillator. p: its parameters by name. Parameters and `near` are broadcast against each other. Convergence
+    is not checked.
     """
     shape = np.broadcast_shapes(*(np.shape(p[n]) for n in osc.law.parameters), np.shape(near))
     return newton_many(lambda x: osc.law.force(x, p), np.broadcast_to(near, shape), NEWTON_STEPS)
 
 
 def orbit_about(force: Force, rest: ArrayLike, amplitude: ArrayLike) -> Orbit:
-    """Return half a cycle of the undamped motion about an equilibrium; NaN where none exists. Arrays broadcast.
+    """Return half a cycle of the undamped motion about an equilibrium; NaN where no such motion exists.
 
     Parameters
     ----------
     force
-        Restoring force per inertia at positions (..., n).
+        Restoring force per inertia, as a function of positions (..., n).
     rest
         The equilibrium, rad or m, shape (...).
     amplitude
-        Half the distance between the turning points, rad or m, shape (...), as in a record.
+        Half the distance between the turning points, rad or m, shape (...). It is broadcast against `rest`.
     """
     rest, a = (np.asarray(v, float)[..., None] for v in np.broadcast_arrays(rest, amplitude))
     with np.errstate(all="ignore"):  # invalid values occur where no periodic motion exists
@@ -116,7 +121,7 @@ def orbit_about(force: Force, rest: ArrayLike, amplitude: ArrayLike) -> Orbit:
 
 
 def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, rest: ArrayLike) -> Cycle:
-    """Return the cycle of the undamped motion at an amplitude, and the work of the damping force along it.
+    """Return the cycle of the undamped motion at an amplitude, and the energy that the damping force removes in it.
 
     All arguments that are arrays are broadcast against each other; the result has their common shape.
 
@@ -127,7 +132,7 @@ def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, rest: ArrayLike)
     p
         Its parameters, by name.
     amplitude
-        Half the distance between the turning points, rad or m, as in a record.
+        Half the distance between the turning points, rad or m.
     rest
         The equilibrium, rad or m, such as `rest_position` returns it.
     """
@@ -140,6 +145,6 @@ def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, rest: ArrayLike)
 
     orbit = orbit_about(force, np.broadcast_to(rest, shape), np.broadcast_to(amplitude, shape))
     with np.errstate(all="ignore"):
-        # Forward and return half: the work is ∫ (F_damp(x, v) − F_damp(x, −v)) dx.
+        # The work in both halves of the cycle is ∫ (F_damp(x, v) − F_damp(x, −v)) dx.
         there, back = (osc.damping_force(orbit.x, sign * orbit.velocity, column) for sign in (1.0, -1.0))
         return Cycle(**vars(orbit), energy_lost=np.sum(orbit.weight * (there - back), axis=-1))

@@ -18,8 +18,8 @@ Parameters = Mapping[str, float | np.ndarray]
 SEARCH_REACH, SEARCH_POINTS = 10.0, 4001
 """Half-width (rad or m) and number of points of the grid on which an equilibrium is searched (conventional)."""
 NEWTON_STEPS = 4
-"""Number of Newton steps to the exact equilibrium from a position near it; from 0.1 rad away the result is right to
-1e-15."""
+"""Number of Newton steps from an approximate to the exact equilibrium. From 0.1 rad away, the error is then 1e-15 or
+less."""
 
 
 @dataclass(frozen=True, init=False)
@@ -75,33 +75,45 @@ class Oscillator:
 
     @property
     def switches(self) -> bool:
-        """Return whether any term's force depends on ε (`DampingTerm.switches`), so that ε is a parameter."""
+        """Return whether the force of any damping term depends on ε, so that ε is a parameter of the oscillator.
+
+        ε is the width of the range of velocities in which dry friction changes its sign (`DampingTerm.switches`).
+        """
         return any(term.switches for term in self.terms)
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """Return the names of all parameters of the motion.
 
-        They are the coefficients, the terms' other parameters, the parameters of the restoring law, epsilon if a term
-        needs it, and the angle and velocity at the start (theta0, omega0).
+        In this order, they are the damping coefficients, the terms' other inferred parameters, the parameters of the
+        restoring law, epsilon (width of the velocity within which dry friction changes its sign) if a term needs it,
+        and the angle and velocity at the start (theta0, omega0).
         """
         epsilon = ("epsilon",) if self.switches else ()
         return (*self.coefficients, *self.further, *self.law.parameters, *epsilon, "theta0", "omega0")
 
     @property
     def scales(self) -> tuple[str, ...]:
-        """Return the names of those numbers in `damping.GIVEN` (equilibrium, reference scales) that the terms need."""
+        """Return the names of the equilibrium and the reference scales that the damping terms need.
+
+        They are names in `damping.GIVEN`, each listed once.
+        """
         return tuple(dict.fromkeys(n for term in self.terms for n in term.given))
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Return the names of all numbers that determine a motion: `parameters`, then `scales`."""
+        """Return the names of all numbers that determine a motion.
+
+        They are the `parameters`, then the equilibrium and reference scales that the damping terms need (`scales`).
+        """
         return (*self.parameters, *self.scales)
 
     def damping_force(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> np.ndarray:
-        """Return F_damp(θ, θ̇) in rad/s², for arrays θ and θ̇ of one shape; the parameters p broadcast against it.
+        """Return the total damping force F_damp(θ, θ̇) per unit of inertia, in rad/s² (or m/s²).
 
-        theta, omega: in rad and rad/s (or m for rad). p: the damping coefficients, and what `shapes` needs.
+        theta, omega: displacements θ in rad (or m) and velocities θ̇ in rad/s (or m/s), arrays of one shape. p:
+        parameters by name, which broadcast against these arrays: the damping coefficients, and all parameters that
+        `shapes` needs.
         """
         total = np.zeros(np.shape(omega))
         for term, shape in zip(self.terms, self.shapes(theta, omega, p), strict=True):
@@ -109,18 +121,21 @@ class Oscillator:
         return total
 
     def shapes(self, theta: ArrayLike, omega: ArrayLike, p: Parameters) -> list[np.ndarray]:
-        """Return the force of each term per unit of its coefficient, as one array for each term.
+        """Return the force of each damping term per unit of its coefficient, as one array for each term.
 
-        θ and θ̇ are arrays of one shape, against which the parameters p broadcast. p must have the values that the
-        terms need: further parameters, the numbers in `scales`, and, if `rest` is one of these, the parameters of the
-        restoring law, from which the exact equilibrium is computed. If epsilon is missing in p, it is 0.
+        theta, omega: displacements in rad (or m) and velocities in rad/s (or m/s), arrays of one shape. p: parameters
+        by name, which broadcast against these arrays:
+
+        - the further parameters of the terms, and the numbers named in `scales`;
+        - if `rest` is one of these, the parameters of the restoring law, from which the exact equilibrium is computed;
+        - epsilon, the width of the velocity within which dry friction changes its sign; 0 if it is missing.
         """
         p = self.with_equilibrium(p)
         epsilon = p.get("epsilon", 0.0)
         return [t.force(theta, omega, epsilon, *(p[n] for n in t.further)) for t in self.terms]
 
     def with_equilibrium(self, p: Parameters) -> Parameters:
-        """Return the parameters with `rest` replaced by the exact equilibrium near its value (`newton_many`).
+        """Return the parameters with the approximate equilibrium `rest` replaced by the exact one (`newton_many`).
 
         They are unchanged if no damping term needs the equilibrium. p: parameters by name, among them `rest` and those
         of the restoring law, as numbers or arrays that broadcast.
@@ -134,28 +149,30 @@ class Oscillator:
     def equilibrium(self, p: Parameters, near: float = 0.0) -> float:
         """Return the stable equilibrium nearest to `near`; both are in rad, or in m if the displacement is a length.
 
-        p: only the parameters of the restoring law are used. Raises ValueError if there is no stable equilibrium within
-        the distance `SEARCH_REACH` of `near`.
+        p: parameters by name; only those of the restoring law are used. Raises ValueError if there is no stable
+        equilibrium within the distance `SEARCH_REACH` of `near`.
         """
         return _equilibrium(
             self.restoring, tuple(float(p[name]) for name in self.law.parameters), float(near)
         )
 
     def natural_frequency(self, p: Parameters, near: float = 0.0) -> float:
-        """Return ω_n = √F′_rest in rad/s at the stable equilibrium nearest to `near` (rad or m).
+        """Return the natural frequency ω_n in rad/s at the stable equilibrium nearest to `near` (rad or m).
 
-        p: only the parameters of the restoring law are used. Raises ValueError if there is no stable equilibrium within
-        `SEARCH_REACH`.
+        It is the square root of the slope of the restoring force there. p: parameters by name; only those of the
+        restoring law are used. Raises ValueError if there is no stable equilibrium within the distance `SEARCH_REACH`
+        of `near`.
         """
         at = self.equilibrium(p, near)
         return float(np.sqrt(self.law.slope(at, p)))
 
     def rough_frequency(self, p: Parameters, near: float = 0.0, reach: float = SEARCH_REACH) -> float:
-        """Return ω_n in rad/s with an error of about 0.1 %, with less work than `natural_frequency`.
+        """Return the natural frequency in rad/s with an error of about 0.1 %, with less work than `natural_frequency`.
 
-        It is the frequency at the stable equilibrium nearest to `near`. The slope of the force is its difference
-        quotient over the grid step that contains the equilibrium. p: only the parameters of the restoring law are used.
-        Raises ValueError if no stable equilibrium is within `reach` of `near` (rad or m).
+        It is the frequency at the stable equilibrium nearest to `near`. The derivative of the restoring force is
+        approximated by a difference quotient over the grid step that contains the equilibrium. p: parameters by name;
+        only those of the restoring law are used. Raises ValueError if no stable equilibrium is within the distance
+        `reach` of `near` (rad or m).
         """
         force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))
         ends = bracket(force, near, reach, SEARCH_POINTS)
@@ -179,9 +196,10 @@ def _equilibrium(restoring: str, values: tuple[float, ...], near: float) -> floa
 
 
 def check_restoring(restoring: str, known: Mapping[str, float]) -> None:
-    """Raise InputError if a known value is not above 0 and the restoring law requires this (`RestoringLaw.positive`).
+    """Raise InputError if a known parameter is not above 0 although the restoring law requires this.
 
-    restoring: name of the law. known: known values by name.
+    restoring: name of the law; `RestoringLaw.positive` names the parameters that must be above 0. known: known values
+    of parameters, by name.
     """
     for name in LAWS.get(restoring).positive:
         if name in known and not known[name] > 0:
@@ -191,10 +209,14 @@ def check_restoring(restoring: str, known: Mapping[str, float]) -> None:
 def reference_of(system: System, features: FeatureValues) -> Reference:
     """Return the reference amplitude (rad or m) and angular frequency (rad/s), with which the widths of priors scale.
 
-    Each is the value that `system` states, if it states one. Otherwise, if all parameters of the restoring law are
-    known, the frequency is ω_n at the equilibrium θ_e; and if theta0 is known too, the amplitude is |θ₀ − θ_e|, unless
-    this is 0. In all other cases they are measured on the record (the amplitude at its first sample, the mean
-    frequency) and rounded to two digits. features: features of the record.
+    Each of the two is the first of these values that is available:
+
+    - the value that `system` states;
+    - if all parameters of the restoring law are known: for the frequency, the natural frequency at the equilibrium θ_e;
+      for the amplitude, |θ₀ − θ_e|, if theta0 is known too and the result is not 0;
+    - the value measured on the record (amplitude at its first sample; mean frequency), rounded to two digits.
+
+    features: measured features of the record.
 
     Raises
     ------
@@ -227,17 +249,18 @@ def reference_of(system: System, features: FeatureValues) -> Reference:
 
 
 STEPS_PER_CYCLE = 25.0
-"""Number of steps per cycle whose errors add up; it converts the error of a trajectory to that of a step (measured at
-the default tolerance of `Solver.solve`)."""
+"""Assumed number of integration steps per cycle. The tolerance of a step is the allowed error of a trajectory, divided
+by this number and the number of cycles, because the errors of steps add up (measured at the default tolerance of
+`Solver.solve`)."""
 DERIVATIVE_LOSS = 15.0
-"""Factor by which the relative error between the nodes of the integration grows with each time derivative (measured on
-the shipped laws: 4 to 13)."""
+"""Factor by which the relative error of a trajectory between the nodes of the integration grows with each time
+derivative (measured for the shipped restoring laws: 4 to 13)."""
 MAX_TOLERANCE, MIN_TOLERANCE = 1e-6, 1e-13
 """Largest and smallest tolerance of a step of the solver, relative to the amplitude. With larger tolerances the error
 of a trajectory no longer follows the tolerance; smaller ones are below the rounding error."""
 ROUNDING = 1e-12
-"""An amplitude that is at most this fraction of the start angle and the equilibrium counts as a body at rest, because
-the difference is only a rounding error."""
+"""The body counts as at rest if the amplitude is at most this fraction of the start angle or of the equilibrium
+(whichever is larger in magnitude), because such a small amplitude is only a rounding error."""
 FORCE_STEP, RECORD_STEP = 1e-6, 1e-3
 """Relative step of central differences: `FORCE_STEP` for a force, `RECORD_STEP` for a trajectory, which is smooth in
 its parameters only within the tolerance of the solver. The relative error of a difference is of the order of the step
@@ -248,9 +271,9 @@ class Trajectories:
     """Compute trajectories of an oscillator at fixed times, for any values of its parameters.
 
     Each trajectory starts with theta0 and omega0 at the first time. If a damping term needs the equilibrium `rest`, it
-    is computed for each set of parameters; the search starts from the value of `rest` among the parameters or, without
-    it, from the equilibrium of `reference`. The numbers `reference_amplitude` and `reference_velocity` follow from
-    `reference` unless they are among the parameters.
+    is computed for each set of parameters. Newton's method then starts from the value of `rest` among the parameters
+    or, if this is missing, from the equilibrium of `reference`. The scales `reference_amplitude` and
+    `reference_velocity` follow from `reference` unless they are among the parameters.
 
     Parameters
     ----------
@@ -309,20 +332,22 @@ class Trajectories:
             )
 
     def record(self, p: Mapping[str, float]) -> np.ndarray:
-        """Return the samples of the quantity, (n,), for parameters p by name; all NaN if the trajectory diverges.
+        """Return the samples of the quantity, (n,), for one set of parameters; all NaN if the trajectory diverges.
 
-        All are also NaN if a damping term needs the equilibrium and there is none. If epsilon is missing in p, it is 0;
-        all other parameters of the oscillator are necessary.
+        p: parameters by name. All parameters of the oscillator are necessary except epsilon (width of the velocity
+        within which dry friction changes its sign), which is 0 by default. The samples are also NaN if a damping term
+        needs the equilibrium and none is found.
         """
         motion = self._solve(p, NONE)
         return np.full(self._count, np.nan) if motion is None else motion.y[: self._count]
 
     def with_slopes(self, p: Mapping[str, float], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the samples, (n,), and their derivatives by the parameters in `names`, (k, n), at p, values by name.
+        """Return the samples of the trajectory, (n,), and their derivatives by the k parameters in `names`, (k, n).
 
-        Derivatives by parameters of the restoring law include their effect on `rest`. The derivative by epsilon is a
-        central difference (0 at epsilon = 0); that by a name that the motion does not depend on is 0. All are NaN if
-        the trajectory diverges, or if a damping term needs the equilibrium and there is none.
+        p: values of all parameters, by name. Derivatives by parameters of the restoring law include their effect on the
+        equilibrium `rest`. The derivative by epsilon is a central difference, and 0 at epsilon = 0. If the motion does
+        not depend on a name, the derivative by it is 0. All results are NaN if the trajectory diverges, or if a damping
+        term needs the equilibrium and none is found.
         """
         motion, epsilon = self._solve(p, PARAMETERS), _epsilon(p)
         if motion is None:
@@ -344,10 +369,10 @@ class Trajectories:
         return motion.y[: self._count], slopes
 
     def many(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the samples, (m, n), for m sets of parameters; values: an array (m,) for each parameter, by name.
+        """Return the samples of m trajectories, (m, n), for m sets of parameters.
 
-        All samples of a row are NaN if its trajectory diverges, or if a damping term needs the equilibrium and there is
-        none.
+        values: for each parameter an array (m,), by name. All samples of a trajectory are NaN if it diverges, or if a
+        damping term needs the equilibrium and none is found.
         """
         sets = zip(*(np.asarray(v, float).tolist() for v in values.values()), strict=True)
         return np.stack([self.record(dict(zip(values, numbers))) for numbers in sets])
@@ -367,7 +392,7 @@ class Trajectories:
     def _rest(self, p: Mapping[str, float]) -> float | None:
         """Return the equilibrium of the restoring law with parameters p; None if Newton's method does not reach one.
 
-        It starts at `rest` in p or, if this is missing, at the equilibrium of the reference.
+        The method starts at `rest` in p or, if this is missing, at the equilibrium of the reference parameters.
         """
         force = _force(self.osc, p)
         return newton(lambda x: (force(x), _slope(force, x)), float(p.get("rest", self._given["rest"])))
@@ -389,16 +414,20 @@ class Trajectories:
 
 
 def _epsilon(p: Mapping[str, float]) -> float:
-    """Return the width epsilon in rad/s from the parameters p; 0 (discontinuous friction) if it is missing."""
+    """Return epsilon from the parameters p by name; 0 if it is missing.
+
+    epsilon: width in rad/s of the range of velocities in which dry friction changes its sign; with 0 the friction
+    jumps.
+    """
     return float(p.get("epsilon", 0.0))
 
 
 def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, float]:
-    """Return the equilibrium θ_e nearest to theta0, the amplitude about it, and the angular frequency ω there, rad/s.
+    """Return the equilibrium θ_e nearest to theta0, the amplitude about it, and the angular frequency ω there (rad/s).
 
-    The amplitude is √((θ₀ − θ_e)² + (θ̇₀/ω)²). p: values of all parameters except the damping's. If there is no stable
-    equilibrium in the range of the search, or no positive slope of the force there, return theta0, |theta0| and 1.
-    Raises Refusal if the restoring law has no `kernel`.
+    The amplitude is √((θ₀ − θ_e)² + (θ̇₀/ω)²). p: values of all parameters except those of the damping, by name. If
+    there is no stable equilibrium in the range of the search, or the derivative of the force there is not positive,
+    return theta0, |theta0| and 1. Raises Refusal if the restoring law has no `kernel`.
     """
     theta0, omega0 = float(p["theta0"]), float(p["omega0"])
     law = np.array([float(p[name]) for name in osc.law.parameters])
@@ -419,7 +448,7 @@ def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, floa
 
 
 def _force(osc: Oscillator, p: Mapping[str, float]) -> Callable[[float], float]:
-    """Return a function that computes the restoring force from the position only, with parameters p."""
+    """Return the restoring force as a function of the position only, with the values of the law's parameters in p."""
     law = [float(p[name]) for name in osc.law.parameters]
     return lambda x: osc.law.kernel(x, law)
 

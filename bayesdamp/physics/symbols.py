@@ -13,9 +13,9 @@ _STATE = {
 
 
 def parameter_symbol(name: str) -> Symbol | None:
-    """Return the symbol of a parameter of a damping term or restoring law, of epsilon, theta0 or omega0.
+    """Return the symbol of a parameter by its name, or None if it has no symbol or the name is unknown.
 
-    Return None for any other name, and for a parameter without a symbol.
+    Known names are those of the parameters of all damping terms and restoring laws, and epsilon, theta0 and omega0.
     """
     known = dict(_STATE)
     for law in map(LAWS.get, LAWS.present()):
@@ -48,7 +48,9 @@ def meaning_of(parameter: str) -> str:
 
 
 def parameter_unit(name: str, restoring: str, unit: str = "rad", quantity: str = "angle") -> str:
-    """Return the unit of a parameter of an oscillator or its noise; for an unknown name, the unit of the displacement.
+    """Return the unit of a parameter of an oscillator or its noise, by name.
+
+    For an unknown name, return the unit of the displacement.
 
     Parameters
     ----------

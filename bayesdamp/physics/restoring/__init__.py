@@ -28,8 +28,8 @@ SYMBOLS = {
 class LinearForm:
     """A restoring law in the form of a linear regression: F_rest(θ) = offset + columns @ coefficients, at n angles θ.
 
-    columns: regressors, (n, c). offset: the part of the force that is known, (n,). decode: function that converts
-    fitted coefficients, (c,), to the values of the law's unknown parameters by name.
+    columns: matrix of the c regressors, (n, c). offset: the part of the force that follows from known parameters, (n,).
+    decode: function that converts fitted coefficients, (c,), to the values of the law's unknown parameters by name.
     """
 
     columns: np.ndarray
@@ -38,10 +38,11 @@ class LinearForm:
 
     @classmethod
     def of_sum(cls, regressors: Mapping[str, np.ndarray], known: Mapping[str, float]) -> LinearForm:
-        """Return the form of a force that is the sum of parameter times regressor, if some parameters are known.
+        """Return the linear regression for a force that is a sum of parameters, each times a regressor.
 
-        The coefficients are the unknown parameters. regressors: the regressor of each parameter, (n,), by its name.
-        known: the values of the known parameters, by name.
+        A regressor is a known function of the angle. The coefficients are the parameters that are not in `known`.
+        regressors: values of the regressor of each parameter, (n,), by its name. known: the values of the known
+        parameters, by name.
         """
         free = [name for name in regressors if name not in known]
         zero = np.zeros_like(next(iter(regressors.values())))
@@ -65,7 +66,8 @@ class RestoringLaw(ABC):
     translates: bool = False
     """Whether the law can also describe a translation, with displacements in metres instead of angles."""
     shift: ClassVar[str] = ""
-    """Name of the parameter that only shifts the force along θ, such as the rest angle; "" if there is none."""
+    """Name of the parameter that only shifts the force along θ, such as the rest angle; "" if the law has no such
+    parameter."""
     positive: ClassVar[tuple[str, ...]] = ()
     """Names of the parameters that must be above 0."""
 
@@ -112,9 +114,9 @@ class RestoringLaw(ABC):
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
         """Convert the law's parameters to natural coordinates, which are quantities that a record determines well.
 
-        An example is the frequency. The result has the same keys as p (the law's parameters and theta0), but under each
-        key is the value of another quantity; see each law. Return None if these coordinates do not exist for p, or if
-        the law has none.
+        An example is the frequency. p: values of the law's parameters and theta0, by name. The result has the same
+        keys, but the value under a key can be another quantity; see each law. Return None if these coordinates do not
+        exist for p, or if the law has none.
         """
         return None
 
@@ -122,8 +124,8 @@ class RestoringLaw(ABC):
         """Convert natural coordinates back to the law's parameters and theta0, by name.
 
         Natural coordinates are quantities that a record determines well, such as the frequency. p: their values, under
-        the keys that `natural` returns, as numbers or arrays of one shape. At least one parameter is NaN where no valid
-        parameters have these coordinates. Return None if the law has no natural coordinates.
+        the keys that `natural` returns, as numbers or arrays of one shape. If no valid parameters have these
+        coordinates, at least one parameter in the result is NaN. Return None if the law has no natural coordinates.
         """
         return None
 

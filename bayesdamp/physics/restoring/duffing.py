@@ -1,4 +1,4 @@
-"""Duffing spring k(θ − θ_e) + β(θ − θ_e)³ with the equilibrium θ_e."""
+"""Duffing spring: restoring force k(θ − θ_e) + β(θ − θ_e)³ with stiffness k, cubic stiffness β and equilibrium θ_e."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,7 +10,8 @@ from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 class Duffing(RestoringLaw):
     """Duffing spring F = k x + β x³ per unit of inertia, with x = θ − θ_e and the equilibrium θ_e.
 
-    The cubic stiffness β may be negative; a trajectory can then escape to infinity.
+    k is the stiffness at the equilibrium. The cubic stiffness β may be negative; a trajectory can then escape to
+    infinity.
     """
 
     name = "duffing"
@@ -29,19 +30,19 @@ class Duffing(RestoringLaw):
         return (p[0] + p[2] * (x - p[1]) ** 2) * (x - p[1])
 
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return a first guess of the parameters: k = ω², θ_e = `rest`, β = 0; known ones keep their values.
+        """Return an initial guess of the parameters: k = ω², θ_e = `rest`, β = 0; known parameters keep their values.
 
-        frequency: ω in rad/s. rest: in rad or m.
+        frequency: ω in rad/s. rest: in rad or m. known: values of known parameters, by name.
         """
         return {"stiffness": frequency**2, "rest_angle": rest, "cubic": 0.0, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
         """Write the law at angles theta, (n,), as a linear regression for its unknown parameters.
 
-        known: values of the known parameters, by name.
-        If θ_e is known, the coefficients are those of k and β that are unknown. If θ_e is unknown, they are the four
-        coefficients of a general cubic polynomial in θ, from which the parameters follow; known values of k and β are
-        then not used in the fit.
+        known: values of the known parameters, by name. If the equilibrium θ_e is known, the coefficients are the
+        stiffness k and the cubic stiffness β, without those that are known. If θ_e is unknown, the coefficients are the
+        four coefficients of a general cubic polynomial in θ, from which the parameters follow. Known values of k and β
+        are then not used in the fit.
         """
         if "rest_angle" in known:
             x = theta - known["rest_angle"]

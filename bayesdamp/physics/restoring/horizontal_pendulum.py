@@ -1,4 +1,8 @@
-"""Horizontal pendulum k(θ − θ_s) − γ cos θ (with θ_s = 0 and γ = 1, equation 1 of the paper that bayesdamp tests)."""
+"""Horizontal pendulum: an arm on a torsion spring under gravity, with the restoring force k(θ − θ_s) − γ cos θ.
+
+k is the stiffness, θ_s the angle of the relaxed spring, γ the gravity term. With θ_s = 0 and γ = 1 this is equation 1
+of the paper whose claims bayesdamp tests.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -32,8 +36,9 @@ class HorizontalPendulum(RestoringLaw):
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
         """Return an initial guess of the parameters; known parameters keep their values.
 
-        An unknown γ is 0. At the equilibrium θ_e = `rest` (rad), k follows from ω² = F′(θ_e) = k + γ sin θ_e with ω =
-        `frequency` (rad/s), and θ_s from F(θ_e) = 0; if k is known to be 0, θ_s has no effect.
+        The law is F(θ) = k(θ − θ_s) − γ cos θ. If γ is unknown, it is 0. If k is unknown, it follows from ω² = F′(θ_e)
+        = k + γ sin θ_e, with the equilibrium θ_e = `rest` (rad) and ω = `frequency` (rad/s). If θ_s is unknown, it
+        follows from F(θ_e) = 0, or is θ_e if k = 0.
         """
         gravity = known.get("gravity", 0.0)
         stiffness = known.get("stiffness", frequency**2 - gravity * math.sin(rest))
@@ -43,8 +48,10 @@ class HorizontalPendulum(RestoringLaw):
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
         """Convert the parameters to natural coordinates: ω² of small oscillations, γ, equilibrium θ_e, and θ₀ − θ_e.
 
-        They are stored under the keys `stiffness`, `gravity`, `spring_angle` and `theta0`. θ_e is the equilibrium that
-        Newton's method reaches from θ₀ or, if it fails from there, from θ_s. Return None if it fails from both.
+        They are stored under the keys `stiffness`, `gravity`, `spring_angle` and `theta0`. p: the parameters, under the
+        same keys: stiffness k, gravity term γ, angle θ_s of the relaxed spring, and the start angle θ₀. θ_e is the
+        equilibrium that Newton's method reaches from θ₀ or, if it fails from there, from θ_s. Return None if it fails
+        from both.
         """
         k, gravity, spring = p["stiffness"], p["gravity"], p["spring_angle"]
 
@@ -66,10 +73,11 @@ class HorizontalPendulum(RestoringLaw):
         }
 
     def from_natural(self, p: Mapping[str, Any]) -> dict[str, Any]:
-        """Convert natural coordinates back to the parameters: k = ω² − γ sin θ_e, θ_s from F(θ_e) = 0, and θ₀.
+        """Convert natural coordinates back to the law's parameters k, γ, θ_s and the start angle θ₀, by name.
 
-        p: the natural coordinates: ω² of small oscillations, γ, the equilibrium θ_e, and θ₀ − θ_e, under the keys
-        `stiffness`, `gravity`, `spring_angle` and `theta0`. k and θ_s are NaN where k would be ≤ 0.
+        The force is F(θ) = k(θ − θ_s) − γ cos θ. p: the natural coordinates, under the keys `stiffness`, `gravity`,
+        `spring_angle` and `theta0`: ω² of small oscillations, γ, the equilibrium θ_e, and θ₀ − θ_e. The result has the
+        same keys. It follows from k = ω² − γ sin θ_e and F(θ_e) = 0. k and θ_s are NaN where k would be ≤ 0.
         """
         rest, gravity = p["spring_angle"], p["gravity"]
         k = p["stiffness"] - gravity * np.sin(rest)
@@ -81,8 +89,9 @@ class HorizontalPendulum(RestoringLaw):
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
         """Write the law at angles theta, (n,), as a linear regression for its unknown parameters.
 
-        known: values of the known parameters, by name.
-        The coefficients are k and γ, as far as they are unknown, and the product kθ_s if θ_s is unknown.
+        known: values of the known parameters, by name. The coefficients are the stiffness k and the gravity term γ,
+        without those that are known. If the angle θ_s of the relaxed spring is unknown, the product kθ_s is a further
+        coefficient.
         """
         spring = known.get("spring_angle")
         if spring is not None:

@@ -1,4 +1,4 @@
-"""Linear spring k(θ − θ_e) with the equilibrium θ_e."""
+"""Linear spring: restoring force k(θ − θ_e) with stiffness k and equilibrium θ_e."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,7 +8,7 @@ from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
 
 class LinearSpring(RestoringLaw):
-    """Linear spring F = k(θ − θ_e) per unit of inertia, with the equilibrium θ_e."""
+    """Linear spring F = k(θ − θ_e) per unit of inertia, with the stiffness k and the equilibrium θ_e."""
 
     name = "linear"
     formula = "k(θ − θe)"
@@ -35,8 +35,8 @@ class LinearSpring(RestoringLaw):
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
         """Write the law at angles theta, (n,), as a linear regression for its unknown parameters.
 
-        known: values of the known parameters, by name.
-        The coefficients are k, if it is unknown, and −kθ_e, if θ_e is unknown.
+        known: values of the known parameters, by name. The coefficients are the stiffness k, if it is unknown, and
+        −kθ_e, if the equilibrium θ_e is unknown.
         """
         rest = known.get("rest_angle")
         if rest is not None:

@@ -1,4 +1,4 @@
-"""Gravity pendulum k sin(θ − θ_e) with the hanging position θ_e."""
+"""Gravity pendulum: restoring force k sin(θ − θ_e) with stiffness k and hanging position θ_e."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,10 @@ from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 
 
 class Pendulum(RestoringLaw):
-    """Gravity pendulum F = k sin(θ − θ_e) per unit of inertia, with the hanging position θ_e."""
+    """Gravity pendulum F = k sin(θ − θ_e) per unit of inertia, with hanging position θ_e.
+
+    k is the stiffness for small displacements, which is the square of the natural frequency.
+    """
 
     name = "pendulum"
     formula = "k sin(θ − θe)"
@@ -35,9 +38,9 @@ class Pendulum(RestoringLaw):
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
         """Write the law at angles theta, (n,), as a linear regression for its unknown parameters.
 
-        known: values of the known parameters, by name.
-        The coefficients are k cos θ_e and −k sin θ_e if θ_e is unknown; a known value of k is then not used in the fit.
-        If only θ_e is known, the coefficient is k; if both are known, there is none.
+        known: values of the known parameters, by name. If the hanging position θ_e is unknown, the coefficients are k
+        cos θ_e and −k sin θ_e; a known value of the stiffness k is then not used in the fit. If only θ_e is known, the
+        coefficient is k; if both are known, there is none.
         """
         k, rest = known.get("stiffness"), known.get("rest_angle")
         if rest is not None:
