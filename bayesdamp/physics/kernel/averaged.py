@@ -3,11 +3,11 @@
 To first order in the damping, amplitude and phase of a free decay obey averaged equations that depend only on the
 product of time and damping (N. N. Bogoliubov and Y. A. Mitropolsky, Asymptotic Methods in the Theory of Non-linear
 Oscillations, 1961, chapter 1). Therefore M times the damping has the same effect in one cycle as the damping has in M
-cycles. We integrate the equation of motion with the damping times M over 1/M of the duration (the compressed
-oscillation): the amplitudes are those of the record, and the phase advances by 1/M of the record's. This works for any
-damping and restoring force. The effect of the higher orders (the defect) is computed once, by integrating the actual
-equation over all cycles, and is added for parameters near by (defect correction: H. J. Stetter, Numer. Math. 29, 425
-(1978)).
+cycles. We integrate the equation of motion with M times the damping over 1/M of the duration: this is the compressed
+oscillation. Its amplitudes are those of the record, and its phase advances by 1/M of the record's phase. This works for
+any damping and restoring force. The effect of higher orders (the defect) is the difference to the actual equation of
+motion. It is computed once, by integrating the actual equation over all cycles, and is then added to the results for
+similar parameters (defect correction: H. J. Stetter, Numer. Math. 29, 425 (1978)).
 """
 
 from __future__ import annotations
@@ -22,22 +22,23 @@ from bayesdamp.physics.kernel.solve import ALL, NONE, PARAMETERS, TOLERANCE, Mot
 
 TURNS, REAL_TURNS = 2, 4
 """Number of cycles over which one amplitude and phase are measured: `TURNS` in the compressed oscillation, which has M
-times the damping, and `REAL_TURNS` in the actual one."""
+times the damping and lasts 1/M of the time, and `REAL_TURNS` in the actual one."""
 PHASES = 16
-"""Number of times in each cycle at which the oscillation is evaluated to measure amplitude and phase (conventional)."""
+"""Number of times per cycle at which the oscillation is evaluated to measure its amplitude and phase (conventional)."""
 ODE_TOLERANCE = 1e-10
-"""Tolerance of a step when the actual equation is integrated, relative to the amplitude. Over a cycle the error is then
-1e-8 of the amplitude, or less (measured)."""
+"""Largest error of a step when the actual equation of motion is integrated, relative to the amplitude. Over a cycle the
+error is then 1e-8 of the amplitude, or less (measured)."""
 CYCLES_PER_SEGMENT = 1000.0
-"""The actual equation is integrated over at most this many cycles at once, which limits the memory (conventional)."""
+"""Greatest number of cycles over which the actual equation of motion is integrated at once; this limits the memory
+(conventional)."""
 
 
 def _window(turns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the phases in rad and the weights, (s,) each, with which one amplitude and phase are measured.
+    """Return phases in rad and weights, (s,) each, of the points from which one amplitude and phase are measured.
 
-    The phases extend over `turns` cycles, with 0 in the middle; the weights sum to 1 and are a power of a cosine (for 2
-    cycles a Hann window). They separate the midline, the fundamental and the harmonics of the oscillation; a larger
-    power separates more sharply.
+    The phases extend over `turns` cycles, with 0 in the middle. The weights are a power of a cosine (for 2 cycles a
+    Hann window), and their sum is 1. They separate the midline, the fundamental and the harmonics of the oscillation; a
+    larger power separates these more sharply.
     """
     share = (np.arange(PHASES * turns) + 0.5) / (PHASES * turns) - 0.5
     weight = np.cos(np.pi * share) ** turns
@@ -46,24 +47,29 @@ def _window(turns: int) -> tuple[np.ndarray, np.ndarray]:
 
 OFFSETS, _WEIGHTS = _window(TURNS)
 REAL_OFFSETS, _REAL_WEIGHTS = _window(REAL_TURNS)
-"""Phases in rad about the middle of a block of cycles, and their weights: `OFFSETS` for the compressed oscillation,
-`REAL_OFFSETS` for the actual one."""
+"""Phases in rad, relative to the middle of a group of cycles, at which the oscillation is evaluated to measure one
+amplitude and phase. `OFFSETS` is for the compressed oscillation, which has M times the damping and 1/M of the cycles;
+`REAL_OFFSETS` is for the actual one. `_WEIGHTS` and `_REAL_WEIGHTS` are the weights of these points."""
 NUMBERS = 3
-"""Number of values for each block of cycles: amplitude, phase and midline."""
+"""Number of values for each block (group of consecutive cycles): amplitude, phase and midline."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """Times and reference phases at which amplitude and phase of each of b blocks of cycles are measured.
+    """Times and reference phases at which the amplitudes and phases of b blocks of cycles are measured.
+
+    A block is a group of consecutive cycles with one amplitude and phase. The compressed oscillation has M times the
+    damping of the actual one, and passes through the same amplitudes in 1/M of the cycles.
 
     Attributes
     ----------
     slowness
         M ≥ 1, the number of the record's cycles for each cycle of the compressed oscillation.
     times, phases
-        Times in s and phases in rad of the compressed oscillation, at `OFFSETS` about the middle of each block, (b, s).
+        Times in s and phases in rad of the s points of each block in the compressed oscillation, (b, s). The phases of
+        a block are `OFFSETS` about the phase of its middle.
     real_times, real_phases
-        The same for the actual oscillation, at `REAL_OFFSETS`.
+        The same for the actual oscillation, with `REAL_OFFSETS`.
     weights
         Factors of the amplitudes and of the midlines, (b, 2).
     whitening
@@ -81,14 +87,15 @@ class Track:
 
     @cached_property
     def middles(self) -> np.ndarray:
-        """Return the times of the middles of the blocks in the record, in s, (b,)."""
+        """Return the middle times of the b blocks (groups of consecutive cycles) in the record, in s, (b,)."""
         return self.real_times.mean(axis=1)
 
     def combine(self, size: np.ndarray, phase: np.ndarray, midline: np.ndarray) -> np.ndarray:
-        """Multiply amplitudes, phases and midlines, (c, ...) each, of the first c blocks by the track's factors.
+        """Scale amplitudes, phases and midlines of the first c blocks so that their noise is independent and equal.
 
-        The factors are `weights` for amplitudes and midlines and the matrix `whitening` for phases. Return the products
-        in one array, (3c, ...): amplitude (argument `size`), phase (rad) and midline of each block in turn.
+        A block is a group of consecutive cycles. size, phase, midline: amplitudes, phases (rad) and midlines, (c, ...)
+        each. Amplitudes and midlines are multiplied by the factors `weights`, phases by the matrix `whitening`. Return
+        one array, (3c, ...), with amplitude, phase and midline of the first block, then of the second, and so on.
         """
         count = len(size)
         one, other = self.weights[:count].T.reshape(2, count, *[1] * (size.ndim - 1))
@@ -96,9 +103,11 @@ class Track:
         return np.stack([one * size, white, other * midline], axis=1).reshape(-1, *size.shape[1:])
 
     def separate(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return amplitudes (unit of the record), phases (rad) and midlines, (b,) each, from values y, (3b,).
+        """Return amplitudes, phases (rad) and midlines, (b,) each, of b blocks of cycles from their scaled values y.
 
-        This inverts `combine`. The phases are relative to the reference phases.
+        This inverts `combine`. y, (3b,): amplitude, phase and midline of each block in turn, multiplied by `weights`
+        and `whitening`. Amplitudes and midlines are in the unit of the record; the phases are relative to the reference
+        phases.
         """
         size, white, midline = y.reshape(-1, NUMBERS).T
         return size / self.weights[:, 0], np.linalg.solve(self.whitening, white), midline / self.weights[:, 1]
@@ -106,14 +115,17 @@ class Track:
 
 @dataclass(frozen=True)
 class AveragedSolver(Solver):
-    """A `Solver` that returns amplitudes and phases of b blocks of cycles instead of samples.
+    """A `Solver` that returns amplitudes and phases of b blocks (groups of consecutive cycles) instead of samples.
 
-    Its values, (3b,), are three for each block: the amplitude, the phase relative to the track's reference phase, and
-    the midline, each multiplied by the track's factors. t, (3b,): end of the block of each value, in compressed time
-    (1/M of the record's). Parameters are those of the record; knots and the times of a `Motion` are in compressed time.
+    It integrates the compressed oscillation, which has M times the damping and lasts 1/M of the time. Its values,
+    (3b,), are three for each block: the amplitude, the phase relative to the reference phase in `track`, and the
+    midline, multiplied by the factors in `track`. t, (3b,): for each value, the end of its block in compressed time
+    (1/M of the record's time). Parameters are those of the record. The knots, and the times of a `Motion`, are in
+    compressed time.
 
-    track: times and phases of the blocks. defect: values for the actual equation minus those for the compressed
-    oscillation, (3b,), which are added and are valid near the parameters at which they were computed; None for 0.
+    track: times and phases of the blocks. defect: values for the actual equation of motion minus those for the
+    compressed oscillation, (3b,). They are added to the values, and are valid near the parameters at which they were
+    computed. None for 0.
     """
 
     track: Track = field(kw_only=True)
@@ -121,11 +133,18 @@ class AveragedSolver(Solver):
 
     @property
     def slowness(self) -> float:
-        """Return M, the number of the record's cycles for each cycle of the compressed oscillation."""
+        """Return M, the number of cycles of the record for each cycle of the compressed oscillation.
+
+        The compressed oscillation is the one that is integrated. It has M times the damping of the record in 1/M of the
+        time.
+        """
         return self.track.slowness
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
-        """Return a solver of the actual equation of motion for a quantity at times t of the record in s, (n,)."""
+        """Return a solver that integrates the actual equation of motion, to compute a quantity at times t, (n,).
+
+        t: times of the record in s. quantity: "angle", "velocity" or "acceleration".
+        """
         return replace(self._plain(t, self.knots * self.slowness), quantity=quantity)
 
     def solve(
@@ -141,10 +160,10 @@ class AveragedSolver(Solver):
     ) -> Motion | None:
         """Return the values of the blocks, and their derivatives, in a `Motion`; None if the trajectory diverges.
 
-        The values are amplitude, phase and midline of each block in turn, multiplied by the track's factors. The
-        arguments are those of `Solver.solve`, but `stop` is the number of values to return (three for each block; None
-        for all). The times and states in the result belong to the compressed oscillation. None is also returned if an
-        amplitude is zero.
+        The values are amplitude, phase and midline of each block (group of consecutive cycles) in turn, multiplied by
+        the factors in `track`. The arguments are those of `Solver.solve`, but `stop` is the number of values to return
+        (three for each block; None for all). The times and states in the result belong to the compressed oscillation,
+        which has M times the damping in 1/M of the time. None is also returned if an amplitude is zero.
         """
         blocks = len(self.track.weights) if stop is None else -(-stop // NUMBERS)
         if blocks not in self._solvers:
@@ -153,11 +172,11 @@ class AveragedSolver(Solver):
         inner, order = self._solvers[blocks]
         p = np.array(p, float)
         p[: len(self.terms)] *= self.slowness
-        # Without g and h, `Solver.solve` would drop the last knot, which is after the last block.
+        # Without g and h, `Solver.solve` could replace the knots by two; derivatives by g and h need all.
         if tangents == ALL:
             none = np.zeros(self.knots.size)
             g, h = none if g is None else g, none if h is None else h
-        # The errors of phases are multiplied by M.
+        # The phases, with their errors, are multiplied by M below.
         tolerance = (tolerance or TOLERANCE) / self.slowness
         motion = inner.solve(p, active, g, h, tangents, tolerance=tolerance, epsilon=epsilon)
         if motion is None:
@@ -180,10 +199,11 @@ class AveragedSolver(Solver):
     def with_defect(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> AveragedSolver | None:
-        """Return a copy of this solver with the defect that `defect_at` computes at parameters p, (k,).
+        """Return a copy of this solver that adds the defect at parameters p, (k,); None if the defect is undefined.
 
-        active: which damping terms are on. g, h: relative deviations of damping and frequency at the knots; None for 0.
-        Return None if `defect_at` returns None.
+        The defect is the result for the actual equation of motion minus that for the compressed oscillation, which has
+        M times the damping in 1/M of the time (`defect_at`). active: which damping terms are on. g, h: relative
+        deviations of damping and frequency at the knots; None for 0.
         """
         defect = replace(self, defect=None).defect_at(p, active, g, h)
         return None if defect is None else replace(self, defect=defect)
@@ -191,11 +211,12 @@ class AveragedSolver(Solver):
     def defect_at(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> np.ndarray | None:
-        """Return the values for the actual equation minus those for the compressed oscillation, (3b,).
+        """Return the values for the actual equation of motion minus those for the compressed oscillation, (3b,).
 
-        p: parameters at which both are computed, in the order of `names`, (k,). active: which damping terms are on. g,
-        h: relative deviations of damping and frequency at the knots; None for 0. Return None if a trajectory diverges,
-        or if an amplitude of the compressed oscillation is zero.
+        The values are amplitude, phase and midline of each of b blocks of cycles. The compressed oscillation has M
+        times the damping in 1/M of the time. p: parameters at which both are computed, in the order of `names`, (k,).
+        active: which damping terms are on. g, h: relative deviations of damping and frequency at the knots; None for 0.
+        Return None if a trajectory diverges, or if an amplitude of the compressed oscillation is zero.
         """
         own, true = self.solve(p, active, g, h, tangents=NONE), self.integrate_all_cycles(p, active, g, h)
         if own is None or true is None:
@@ -210,10 +231,10 @@ class AveragedSolver(Solver):
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Integrate the actual equation over all cycles; return complex amplitudes and midlines of blocks, (b,) each.
 
-        The phase of each complex amplitude is relative to `real_phases` of the track. p: parameters in the order of
-        `names`, (k,). active: which damping terms are on. g, h: relative deviations of damping and frequency at the
-        knots; None for 0. Return None if the trajectory diverges. The duration is integrated in segments, each of which
-        starts from the end of the one before.
+        A block is a group of consecutive cycles. The phase of each complex amplitude is relative to the reference
+        phases `real_phases` in `track`. p: parameters in the order of `names`, (k,). active: which damping terms are
+        on. g, h: relative deviations of damping and frequency at the knots; None for 0. Return None if the trajectory
+        diverges. The duration is integrated in segments, each of which starts from the end of the one before.
         """
         t, order = _sort_times(self.track.real_times)
         knots = self.knots * self.slowness
@@ -245,18 +266,18 @@ class AveragedSolver(Solver):
     def _to_record_phase(self, phase: np.ndarray) -> np.ndarray:
         """Convert phases of the compressed oscillation, (b, ...), to phases of the record.
 
-        The phase advance since the start is multiplied by M. The phase at the start, extrapolated linearly from the
-        first two blocks, stays the same.
+        The compressed oscillation has 1/M of the record's cycles, so the phase advance since the start is multiplied by
+        M. The phase at the start, extrapolated linearly from the first two blocks, stays the same.
         """
         begun = 1.5 * phase[0] - 0.5 * phase[1] if len(phase) > 1 else phase[0]
         return self.slowness * phase - (self.slowness - 1) * begun
 
     @cached_property
     def _solvers(self) -> dict[int, tuple[Solver, np.ndarray]]:
-        """Return a cache, which is empty at first.
+        """Return a cache of solvers of the compressed oscillation, by number of blocks; it is empty at first.
 
-        For each number of blocks b it contains the solver of the compressed oscillation for the points of the first b
-        blocks, and the index of each point in the order of time.
+        A block is a group of consecutive cycles. For each number b, `solve` stores the solver for the points of the
+        first b blocks, and the index of each point in the order of time.
         """
         return {}
 
@@ -267,9 +288,9 @@ class AveragedSolver(Solver):
 
 
 def _sort_times(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sort the times of the s points of each of b blocks, (b, s); the blocks may overlap in time.
+    """Sort the times of the s points of each of b blocks of cycles, (b, s); the blocks may overlap in time.
 
-    Return the times in rising order, (b·s,), and the index of each original time in this order, (b·s,).
+    Return the times in rising order, (b·s,), and for each original time its index in this order, (b·s,).
     """
     order = np.argsort(times.ravel(), kind="stable")
     place = np.empty_like(order)
@@ -278,10 +299,11 @@ def _sort_times(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _demodulate(values: np.ndarray, order: np.ndarray, phases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the complex amplitude of each block, relative to reference phases, and its midline, (b, ...) each.
+    """Return the complex amplitude, relative to reference phases, and the midline of each block, (b, ...) each.
 
-    values: values of the oscillation in the order of time, (n, ...). order: for each of the s points of each block its
-    index in `values`, (b·s,). phases: reference phases of the points in rad, (b or more, s).
+    A block is a group of consecutive cycles, evaluated at s points. values: values of the oscillation in the order of
+    time, (n, ...). order: for each point of each block, its index in `values`, (b·s,). phases: reference phases of the
+    points in rad, (b or more, s).
     """
     points = values[order].reshape(-1, phases.shape[1], int(np.prod(values.shape[1:])))
     blocks, weights = len(points), _WEIGHTS if phases.shape[1] == OFFSETS.size else _REAL_WEIGHTS

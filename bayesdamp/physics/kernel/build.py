@@ -52,16 +52,17 @@ for the value."""
 
 
 class NoSlopeError(Exception):
-    """Exception for a source that contains something that this module cannot differentiate."""
+    """Exception for a function whose source contains an operation that this module cannot differentiate."""
 
 
 def derivative_source(source: str, name: str, seeds: list[str]) -> str:
     """Return the source of a function `name` that returns the value of a given function and its derivatives.
 
     source: source of the given function. seeds: variables by which it is differentiated: arguments, or items of an
-    argument such as `p[0]`. The new function has the same arguments, then `_sizes`, which it does not use, and returns
-    a tuple: the value, then one derivative for each seed. Raises NoSlopeError unless the given function consists of
-    assignments to names and a return, in operations that this module knows.
+    argument such as `p[0]`. The new function has the same arguments and a last argument `_sizes`, which it does not use
+    (functions from `difference_source` need it). It returns a tuple: the value, then one derivative for each seed.
+    Raises NoSlopeError unless the given function consists of assignments to names and a return, in operations that this
+    module knows.
     """
     function = ast.parse(source).body[0]
     assert isinstance(function, ast.FunctionDef)
@@ -153,8 +154,9 @@ class _Lines:
     def _chain(self, parts: list[tuple[str, dict[str, str]]]) -> dict[str, str]:
         """Append the lines of the chain rule for one operation; return the texts of its derivatives, by seed.
 
-        parts: for each argument of the operation, the text of the partial derivative of the result by it, and the
-        derivatives of the argument by seed. The result is the sum of their products.
+        A seed is a variable of differentiation. parts: for each argument of the operation, the text of the partial
+        derivative of the result by this argument, and the texts of the argument's derivatives by seed. The derivative
+        by a seed is the sum of the products of these two.
         """
         slopes_by_seed: dict[str, str] = {}
         for factor, slopes in parts:
@@ -191,15 +193,16 @@ def difference_source(call: str, arguments: list[str], steps: dict[str, str], na
 
 
 TEMPLATES, END = ("tangents", "march"), "# --- end ---"
-"""Names of the template modules, and the comment line in each at which the part that is copied ends."""
+"""Names of the template modules of this folder, part of whose source is copied into each kernel, and the comment line
+at which this part ends in each of them."""
 MAX_STORED = 50
-"""Greatest number of kernels on disk (0.6 MB each); the least recently used ones are removed first (conventional)."""
+"""Greatest number of kernels on disk (0.6 MB each); the least recently used are removed first (conventional)."""
 USUAL_TERMS = 3
-"""Number of frequent damping terms, which are the first of a kernel. The generated code tests for each of them whether
-it is switched on. The later terms, which are rarely on, are skipped by one common test if all of them are off."""
+"""Number of damping terms, the first ones in a kernel, that are expected to be on often. The generated code tests each
+of them. One common test skips the later terms if they are all off."""
 IN_USE_SECONDS = 3600.0
-"""A kernel that was last used less than this time ago (s) is not removed, because another process may be compiling it
-(conventional)."""
+"""A kernel on disk that was last used less than this time ago (s) is not removed, because another process may be
+compiling it (conventional)."""
 # First lines of each kernel's source.
 _HEAD = f"""import math
 
@@ -215,16 +218,17 @@ def _tanh(y):
     return 1.0 - 2.0 / (math.exp(2.0 * y) + 1.0)
 """
 _STAMP = (1_000_000_000, 1_000_000_000)
-"""Modification time (ns) that every kernel's file gets. Numba compiles a file again if its time has changed, and two
-processes may write the same file."""
+"""Access and modification time (s since 1970) that every kernel's file gets. Numba compiles a file again if its
+modification time has changed, and two processes may write the same file."""
 
 
 @dataclass(frozen=True)
 class Kernel:
     """Compiled functions for oscillators with any sum of the damping terms `terms` and one restoring law of `laws`.
 
-    terms, laws: names of the damping terms and restoring laws that the source contains. march: integrates the equation
-    of motion. sums: computes weighted sums of the terms' forces.
+    terms, laws: names of the damping terms and restoring laws whose forces are compiled. march: function that
+    integrates the equation of motion. sums: function that computes weighted sums of the terms' forces over given
+    points.
     """
 
     terms: tuple[str, ...]
@@ -244,10 +248,10 @@ def kernel_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _kernel_of(terms: tuple[str, ...], laws: tuple[str, ...], *_registered: object) -> Kernel:
-    """Return the kernel from a cache, or generate it.
+    """Return the kernel, the compiled equation of motion, from a cache, or generate it.
 
-    _registered: the objects of the terms and laws. They are part of the cache key, because another object can be
-    registered under the same name.
+    terms, laws: names of the damping terms and restoring laws. _registered: the objects with these names. They are part
+    of the cache key, because another object can be registered under the same name.
     """
     module = _module(source_of(terms, laws))
     return Kernel(terms, laws, module.march, module.sums)
@@ -259,9 +263,12 @@ def most_parameters(laws: tuple[str, ...]) -> int:
 
 
 def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
-    """Return the Python source of the module of a kernel for these damping terms and restoring laws."""
-    # `sums` are the lines of `damping`, `calls` of `shapes`, `slopes` of `damping_slopes`; see their stand-ins in
-    # `tangents`. `at` counts the further parameters so far.
+    """Return the Python source of the module of a kernel (compiled equation of motion).
+
+    terms, laws: names of the damping terms and restoring laws whose forces the source contains.
+    """
+    # Lines of three generated functions: `calls` for `shapes`, `sums` for `damping`, `slopes` for `damping_slopes`; the
+    # module `tangents` documents these functions. `at` counts the further parameters of the terms so far.
     parts, calls, sums, slopes, at = [_HEAD], list[str](), list[str](), list[str](), 0
     owners, switches, jumps = list[int](), list[bool](), list[bool]()
     for number, name in enumerate(terms):
@@ -328,9 +335,10 @@ def _njit(signature: str, *lines: str) -> str:
 def _derivatives(source: str, name: str, seeds: list[str], call: str, steps: list[str]) -> str:
     """Return the source of a function `name` that computes a force and its derivatives by the seeds.
 
-    Its arguments are those of the force, then `_sizes`, the typical magnitudes from which steps follow. source: source
-    of the force. call, steps: for a force whose source cannot be differentiated, the call of its function with {} in
-    the place of each seed, and the text of each step of the difference quotients.
+    seeds: the variables of differentiation. source: source of the force. The arguments of the new function are those of
+    the force, then `_sizes`, the typical magnitudes from which the steps of difference quotients follow. Difference
+    quotients are used only if the source cannot be differentiated. They need `call`, a call of the force with {} in the
+    place of each seed, and `steps`, the text of the step for each seed.
     """
     try:
         return derivative_source(source, name, seeds)
@@ -341,8 +349,8 @@ def _derivatives(source: str, name: str, seeds: list[str], call: str, steps: lis
 def _sources_of_laws(laws: tuple[str, ...]) -> list[str]:
     """Return the sources of the functions of all restoring laws, and of `restoring` and `restoring_slopes`.
 
-    The latter two call the functions of the one law whose index is the last element of their argument `p`; the elements
-    before it are the law's parameters.
+    In the compiled kernel, the latter two select one of the laws and call its functions. The last element of their
+    argument `p` is the index of the law; the elements before it are the law's parameters.
     """
     sizes = [len(LAWS.get(name).parameters) for name in laws]
     parts = [f"LAW_SIZES = np.array({sizes}, np.int64)\n"]
@@ -362,9 +370,10 @@ def _sources_of_laws(laws: tuple[str, ...]) -> list[str]:
 def _slopes_of_law(source: str, number: int, count: int) -> list[str]:
     """Return the sources of two functions that compute a restoring law's force and its derivatives.
 
-    For law number N, `_numbers_of_law_N` returns force and derivatives; `_slopes_of_law_N` calls it, returns the force
-    and its derivative by x, and writes the derivatives by the parameters, times `share`, into `out`. source: source of
-    the law's force. count: number of its parameters.
+    For law number N, `_numbers_of_law_N` returns the force and its derivatives. `_slopes_of_law_N` calls it, and
+    returns the force and its derivative by the position x. It also writes the derivatives by the parameters, times the
+    factor `share`, into the array `out`. source: source of the law's force. number: N. count: number of the law's
+    parameters.
     """
     x, p = _arguments(source)
     name, seeds = f"_numbers_of_law_{number}", [f"{p}[{i}]" for i in range(count)]
@@ -440,10 +449,10 @@ def _module(text: str) -> ModuleType:
 
 
 def _store(name: str, text: str) -> Path:
-    """Write a module's source to a folder of its own, called `name`, in the user's cache; return the path of the file.
+    """Write a kernel's source to a folder of its own, called `name`, in the user's cache; return the path of the file.
 
-    If the cache is not writable, use a temporary folder. The least recently used kernels in the cache are removed if
-    there are more than `MAX_STORED`, except those that may be in use.
+    If the cache is not writable, use a temporary folder. If the cache has more than `MAX_STORED` kernels, remove the
+    least recently used, except those that may be in use (`IN_USE_SECONDS`).
     """
     home = cache_folder() / "kernels"
     try:
@@ -458,7 +467,7 @@ def _store(name: str, text: str) -> Path:
 
 
 def _write(folder: Path, text: str) -> Path:
-    """Write the source to `kernel.py` in a folder, if this file is missing; return its path.
+    """Write a kernel's source to `kernel.py` in a folder, if this file is missing; return its path.
 
     The modification time of the folder is set to now, which records the last use. Raises PermissionError if the folder
     is not writable.

@@ -1,8 +1,8 @@
 """Evaluate a solution of the equation of motion between the nodes of the integration (dense output).
 
-Between two nodes the solution is the quintic Hermite polynomial through value, slope and curvature (first and second
-time derivative) at both, plus a correction k u³(1 − u)³, where u is the fraction of the step and k is such that the
-curvature in the middle of the step is right.
+Nodes are the ends of the integration steps. Between two nodes the solution is the quintic Hermite polynomial through
+value, slope and curvature (first and second time derivative) at both, plus a correction k u³(1 − u)³. Here u is the
+fraction of the step. k is chosen such that the curvature in the middle of the step is right.
 """
 
 from collections.abc import Callable
@@ -58,10 +58,10 @@ def quintic(before, after, step, order):
 
 @compiled
 def end_of_step(times, node, t, first):
-    """Return where a step of the integration ends among the samples: the index of the first sample after the step.
+    """Return the index of the first sample after a given step of the integration.
 
-    times: start of each step and end of the last one, (s,). node: number of the step. t: times of the samples,
-    increasing. first: index of the first sample in this step. Samples after the last step belong to the last step.
+    times: start of each step and end of the last one, in s, (s,). node: index of the step. t: times of the samples in
+    s, increasing. first: index of the first sample in this step. Samples after the last step belong to the last step.
     """
     end = first
     if node == times.size - 2:
@@ -74,9 +74,11 @@ def end_of_step(times, node, t, first):
 @interruptible
 @compiled
 def at_times(times, states, t, order):
-    """Return the order-th time derivative (0 to 2) of the solution at increasing times t, (n,).
+    """Return the order-th time derivative (0 to 2) of the solution of the motion at increasing times t, (n,).
 
-    times: times of the nodes, (s,). states: value, slope, curvature and factor k (see `quintic`) at the nodes, (s, 4).
+    The result is interpolated between the nodes (ends of the integration steps). times: times of the nodes, (s,).
+    states: value, slope and curvature (first and second time derivative) at the nodes, and the factor k of the
+    correction k u³(1 − u)³ in the step after each node, where u is the fraction of the step, (s, 4).
     """
     values, first = np.empty(t.size), 0
     for node in range(times.size - 1):
@@ -94,12 +96,14 @@ def at_times(times, states, t, order):
 
 @compiled
 def node_factors(m0, m1, m2, m3, m4, m5, m6, step, order):
-    """Return the seven factors that turn node values into a weighted sum of the solution over samples within one step.
+    """Return seven factors with which a weighted sum over the samples in one step follows from the values at its ends.
 
-    The sum, over the samples, is that of weight times the order-th time derivative (0 to 2) of the solution. It equals
-    the sum of factor times node value. The seven node values are value, slope, curvature and correction k (see
-    `quintic`) at the start of the step, then value, slope and curvature at its end. m0 to m6: sums over the samples of
-    weight times power 0 to 6 of u, the fraction of the step. step: its length in s.
+    The sum is Σ weight · (order-th time derivative, 0 to 2, of the solution) over the samples. It equals the sum of
+    each factor times its end value. The seven end values are value, slope, curvature (first and second time derivative)
+    and correction k (see `quintic`) at the start of the step, then value, slope and curvature at its end.
+
+    m0 to m6: sums over the samples of weight · uⁿ for n = 0 to 6, where u is the time from the start of the step as a
+    fraction of its length. step: this length in s.
     """
     if order == 1:
         m0, m1, m2, m3, m4, m5, m6 = 0.0, m0, 2.0 * m1, 3.0 * m2, 4.0 * m3, 5.0 * m4, 6.0 * m5
@@ -120,12 +124,12 @@ def node_factors(m0, m1, m2, m3, m4, m5, m6, step, order):
 @interruptible
 @compiled
 def slopes_at_times(times, slopes, columns, t, size, order):
-    """Return means over windows of the order-th time derivative (0 to 2) of tangents: shape (n, columns.size).
+    """Return the order-th time derivative (0 to 2) of tangents, averaged over n windows of samples: (n, columns.size).
 
-    A tangent is the derivative of the motion by one parameter. times: times of the nodes, (s,). slopes: value, slope,
-    curvature and factor k (see `quintic`) of all p tangents at the nodes, (s, p, 4). columns: indices of the
-    tangents to evaluate. t: increasing times, (n × size,): `size` for each of n windows; with size 1 the means are the
-    values at t.
+    A tangent is the derivative of the motion by one parameter. It is interpolated between the nodes (ends of the
+    integration steps). times: times of the nodes, (s,). slopes: value, first and second time derivative, and factor k
+    (see `quintic`) of all p tangents at the nodes, (s, p, 4). columns: indices of the tangents to evaluate. t:
+    increasing times of the samples, `size` for each window, (n × size,). With size 1 the means are the values at t.
     """
     k, share = columns.size, 1.0 / size
     means, c, first = np.zeros((t.size // size, k)), np.zeros((7, k)), 0

@@ -3,19 +3,21 @@
     θ̈ + (1 + g(t)) Σ c_j shape_j(θ, θ̇) + (1 + 2 h(t)) F_rest(θ) = 0.
 
 Here c_j is the coefficient of damping term j, shape_j its force per unit of the coefficient, and F_rest the restoring
-force; g and h, relative deviations of the damping and of the frequency, are linear between given times (knots). The
-integration uses Verner's Runge–Kutta pair of orders 7 and 6 (J. H. Verner, Numer. Algorithms 53, 383 (2010)); steps end
-on the knots. `build` puts the forces of an oscillator before this source and compiles both together; the forces that
-this module imports from `tangents` are only placeholders. The derivatives of the motion by its parameters (tangents)
-are computed together with it. In each step all tangents are propagated by the same transition matrix, so that their
-cost hardly grows with the number of knots.
+force. g and h are relative deviations of the damping and of the frequency; they are linear between given times (knots).
+The integration uses Verner's Runge–Kutta pair of orders 7 and 6 (J. H. Verner, Numer. Algorithms 53, 383 (2010)). Steps
+end on the knots. The derivatives of the motion by its parameters (tangents) are computed together with it. In each step
+all tangents are propagated by the same transition matrix, so that their cost hardly grows with the number of knots.
 
-If ε = 0 and a term jumps with the sign of the velocity, dry friction is exact. The sign of the velocity is then
-constant from one turning point to the next, steps end on turning points, and a second node at the same time has the
-acceleration after the turning point. At a turning point, the tangents of the velocity are multiplied by the ratio of
-the accelerations (the saltation matrix: R. I. Leine and H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth
-Mechanical Systems, 2004, section 7.3). A body that comes to rest sticks if the restoring force is not larger than the
-static friction at this time. It then stays at rest: later changes of g and h do not release it.
+`build` copies this source behind the source of an oscillator's forces, and compiles both together. The forces that this
+module imports from `tangents` are only placeholders.
+
+The friction is exact (discontinuous) if ε, the width in velocity of its change of sign, is 0 and a term jumps with the
+sign of the velocity. The sign of the velocity is then constant from one turning point to the next. Steps end on turning
+points; a second node at the same time has the acceleration after the turning point. At a turning point, the tangents of
+the velocity are multiplied by the ratio of the accelerations (the saltation matrix: R. I. Leine and H. Nijmeijer,
+Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, section 7.3). A body that comes to rest sticks if the
+restoring force is not larger than the static friction at this time. It then stays at rest: later changes of g and h do
+not release it.
 """
 
 import math
@@ -91,29 +93,30 @@ E = B - np.array(
     ]
 )  # fmt: skip
 DENSE_ERROR = 0.022 / 64
-"""The error of the dense output (interpolation within a step) is estimated as `DENSE_ERROR` · |k| ωh. Here k is the
-factor of the correction k u³(1 − u)³ (see `dense`), ω the angular frequency and h the length of the step (derived for a
-sine, by comparison with the Hermite polynomial of one degree more)."""
+"""Factor that estimates the error of the dense output (interpolation within a step): `DENSE_ERROR` · |k| ωh. Here k is
+the factor of the correction k u³(1 − u)³ (see `dense`) at the fraction u of a step, ω the angular frequency and h the
+length of the step (derived for a sine, by comparison with the Hermite polynomial of one degree more)."""
 EDGE, WIDE, PARTS = 4.0, 3.0, 4.0
 """Limits of the length of a step near v = 0, where friction that is smoothed within ε > 0 changes its sign.
 
-The change of sign takes place while |v| < EDGE · ε, which lasts for the time T = 2 EDGE ε/|θ̈|. A step that reaches
-this range from outside and is longer than T/WIDE is shortened such that it ends at |v| = EDGE · ε; within the range,
-steps are not longer than T/PARTS. Otherwise a long step would evaluate the force at hardly any time during the change
-of sign, and its error estimate would be too small (measured: with these limits errors are 10 to 30 times smaller at a
-tolerance of 1e-6, and trajectories depend smoothly on the parameters).
+The velocity is v, and ε the width in which the sign changes. The change takes place while |v| < EDGE · ε, which lasts
+for the time T = 2 EDGE ε/|θ̈|. A step that reaches this range from outside and is longer than T/WIDE is shortened such
+that it ends at |v| = EDGE · ε. Within the range, steps are not longer than T/PARTS. Otherwise a long step would
+evaluate the force at hardly any time during the change of sign, and its error estimate would be too small (measured:
+with these limits errors are 10 to 30 times smaller at a tolerance of 1e-6, and trajectories depend smoothly on the
+parameters).
 """
 
 
 AT_TURN, NEAR_TURN = 1e-4, 0.1
-"""Times between the end of a step and a turning point, in units of 1/ω (radians of the oscillation). If the time is
-shorter than `AT_TURN`, the end of the step is moved to the turning point, whose time then follows from the
-accelerations to rounding error. If it is shorter than `NEAR_TURN`, the step is repeated with its length corrected by
-Newton's method (measured)."""
+"""Limits of the time between the end of a step and a turning point (v = 0), in units of 1/ω (radians of the
+oscillation). If this time is shorter than `AT_TURN`, the end of the step is moved to the turning point, whose time
+follows from the accelerations to rounding error. If it is shorter than `NEAR_TURN`, the step is repeated, and its
+length is corrected by Newton's method (measured)."""
 STILL = 1e-12
-"""A body at rest sticks if its acceleration is not larger than `STILL` · ω²A, where ω²A is the peak acceleration of a
-harmonic oscillation with the scales of amplitude A and frequency ω (conventional). `STILL` is also the relative
-difference of time below which a turning point and a knot count as simultaneous."""
+"""Two limits. A body at rest sticks if its acceleration is not larger than `STILL` · ω²A, where ω²A is the peak
+acceleration of a harmonic oscillation with typical amplitude A and frequency ω (conventional). A turning point and a
+knot count as simultaneous if the relative difference of their times is below `STILL`."""
 
 
 @njit
@@ -121,10 +124,10 @@ def acceleration(x, v, w, g, h, c, q, epsilon, rounding, law):
     """Return the acceleration θ̈ at displacement x and velocity v, in rad/s² or m/s².
 
     w: position of the time between two knots, from 0 at the left knot to 1 at the right one. g, h: relative deviations
-    of the damping and of the frequency, two numbers each, for the left and the right knot. c, q, law: tuples of the
-    coefficients, further parameters, and parameters of the restoring law, as returned by `to_tuples`. epsilon: width ε
-    of the velocity within which dry friction changes its sign. rounding: the ε of terms whose force is steep but
-    continuous at v = 0.
+    of the damping and of the frequency, two numbers each, for the left and the right knot; between them they are
+    linear. c, q, law: tuples of the coefficients of the damping terms, their further parameters, and the parameters of
+    the restoring law, as returned by `to_tuples`. epsilon: width ε of the range of velocities in which dry friction
+    changes its sign. rounding: the same width for terms whose force is steep but continuous at v = 0.
     """
     damps, pulls = g[0] + w * (g[1] - g[0]), h[0] + w * (h[1] - h[0])
     return -(1.0 + damps) * damping(x, v, epsilon, rounding, q, c) - (1.0 + 2.0 * pulls) * restoring(x, law)
@@ -132,10 +135,10 @@ def acceleration(x, v, w, g, h, c, q, epsilon, rounding, law):
 
 @njit
 def acceleration_with_sign(x, v, w, g, h, c, q, rounding, sign, law):
-    """Return the acceleration θ̈ (rad/s² or m/s²) with dry friction that has exactly the sign `sign` (1 or −1).
+    """Return the acceleration θ̈ (rad/s² or m/s²) if dry friction has exactly the sign `sign` (1 or −1).
 
-    The sign is this one even if the velocity v is 0 or has the other sign. The other arguments are those of
-    `acceleration`.
+    Friction has this sign even if the velocity v is 0 or has the other sign. x: displacement. The other arguments are
+    those of `acceleration`.
     """
     v, epsilon = exact_sign(v, sign)
     return acceleration(x, v, w, g, h, c, q, epsilon, rounding, law)
@@ -161,8 +164,8 @@ def fraction_until(v, a, new_v, new_a, step, wanted):
     """Return the fraction of a step (0 to 1) after which the velocity equals `wanted`, a value between v and new_v.
 
     v, a: velocity and acceleration at the start of the step. new_v, new_a: those at its end. step: length of the step
-    in s. The velocity within the step is the cubic polynomial through these four values; its root is found by Newton's
-    method, with bisection where that fails.
+    in s. The velocity within the step is the cubic Hermite polynomial through these four values. Its root is found by
+    Newton's method, or by bisection where Newton's method fails.
     """
     low, high, at = 0.0, 1.0, (wanted - v) / (new_v - v)
     for _ in range(30):
@@ -193,7 +196,8 @@ def fraction_until(v, a, new_v, new_a, step, wanted):
 def enlarge(times, states, slopes, count, room):
     """Copy the first `count` nodes to longer arrays of times, states and tangents with space for `room` nodes.
 
-    Return these three arrays. times: (s,). states: (s, 4). slopes: the tangents, (s, k, 4). The numbers are copied in
+    Return these three arrays. times: (s,). states: displacement, velocity, acceleration and interpolation factor, (s,
+    4). slopes: the tangents, which are derivatives of the states by k parameters, (s, k, 4). The numbers are copied in
     loops, because array slices take longer to compile.
     """
     more_times, more_states = np.zeros(room), np.zeros((room, 4))
@@ -211,10 +215,11 @@ def enlarge(times, states, slopes, count, room):
 def sums(x, v, weight, epsilon, rounding, q, active, out):
     """Compute weighted sums over n points of the damping terms' forces, each per unit of its coefficient.
 
-    The sums are written into `out`, (d, m). x, v, weight: displacement, velocity and weight of each point, (n,).
-    epsilon: width of the velocity within which dry friction changes its sign; with 0 it jumps with the sign of v.
-    rounding: the ε of terms whose force is steep but continuous at v = 0. q: d sets of the e further parameters of all
-    m terms, (d, e); each set gives one row of `out`. active: which terms are on, (m,); the sums of the others are 0.
+    The sums are written into `out`, (d, m), for d sets of parameters and m terms. x, v, weight: displacement, velocity
+    and weight of each point, (n,). epsilon: width of the range of velocities in which dry friction changes its sign;
+    with 0 it jumps with the sign of v. rounding: the same width for terms whose force is steep but continuous at v = 0.
+    q: d sets of the e further parameters of all m terms, (d, e); each set gives one row of `out`. active: which terms
+    are on, (m,); the sums of the others are 0.
     """
     work = np.zeros(out.shape[1])
     for d in range(out.shape[0]):
@@ -234,7 +239,7 @@ def sums(x, v, weight, epsilon, rounding, q, active, out):
 def march(
     coefficients, q, active, law, epsilon, rounding, start, knots, g, h, tolerance, sizes, tangents, max_steps
 ):
-    """Integrate the equation of motion and return the times of the nodes (ends of steps), the states and the tangents.
+    """Integrate the equation of motion; return times of the nodes (ends of steps), states there, and tangents.
 
     All three arrays are empty if the trajectory escapes to infinity or needs more than `max_steps` steps. With exact
     friction there are two nodes at the same time at each turning point. A body that sticks stays at rest until the end.
@@ -249,9 +254,9 @@ def march(
         Parameters of the restoring law, padded to the largest number r of any law in the kernel, then the index of the
         law, (r + 1,).
     epsilon
-        Width of the velocity within which dry friction changes its sign; 0 for exact friction.
+        Width of the range of velocities in which dry friction changes its sign; 0 for exact (discontinuous) friction.
     rounding
-        The ε of terms whose force is steep but continuous at v = 0.
+        The same width for terms whose force is steep but continuous at v = 0.
     start
         θ and θ̇ at the first knot, (2,).
     knots
@@ -261,7 +266,8 @@ def march(
     tolerance
         Largest error of a step, relative to `sizes[0]` for θ and to `sizes[1]` for θ̇.
     sizes
-        Typical magnitudes of θ and θ̇, then of each parameter of the law (for difference quotients).
+        Typical magnitudes of θ and θ̇, then of each parameter of the law. The latter set the steps of difference
+        quotients.
     tangents
         0 to compute no tangents; 1 for derivatives by the coefficients, the further parameters, the r padded parameters
         of the law, θ₀ and θ̇₀, in this order; 2 for these, then by the n values of g and the n values of h.
@@ -278,10 +284,11 @@ def march(
     slopes
         The tangents: derivatives of these four numbers by k parameters, (s, k, 4); 0 for terms that are off.
     """
-    # --- Sizes and work arrays. base: index of the tangent by θ₀; sources_of: indices of the parameters whose tangents
-    # have a source (those of the law and of terms that are on); carried: these indices, and those of θ₀ and θ̇₀. rows:
-    # results of `linearise` at `POINTS`; hats: first of the four columns in them for sources by g and h; sources: all
-    # columns for sources that are not zero. c, q_p, law_p: coefficients, further parameters and law as tuples.
+    # --- Sizes and work arrays. The source of a tangent is the derivative of the force by its parameter.
+    # base: index of the tangent by θ₀. sources_of: indices of the parameters whose tangents have a source; they belong
+    # to the law and to terms that are on. carried: these indices, and those of θ₀ and θ̇₀. rows: results of `linearise`
+    # at `POINTS`. hats: first of the four columns in `rows` for sources by g and h. sources: all columns in `rows` for
+    # sources that are not zero. c, q_p, law_p: coefficients, further parameters and law as tuples.
     m, e, r, n = coefficients.size, q.size, law.size - 1, knots.size
     end_of_law = m + e + LAW_SIZES[int(law[r])]
     base = m + e + r
@@ -341,7 +348,7 @@ def march(
         if count + 2 > room:
             room *= 2
             times, states, slopes = enlarge(times, states, slopes, count, room)
-        if is_stuck:  # it does not move until the last knot; tangents of its velocity are zero
+        if is_stuck:  # the body stays at rest until the last knot; tangents of its velocity are 0
             times[count], states[count, 0] = knots[n - 1], x
             for p in range(k):
                 slopes[count, p, 0] = slopes[count - 1, p, 0]
@@ -349,7 +356,7 @@ def march(
         remaining = knots[piece + 1] - t
         since_knot, width = t - knots[piece], knots[piece + 1] - knots[piece]
         at_g, at_h = (g[piece], g[piece + 1]), (h[piece], h[piece + 1])
-        if at_turn:  # turning point: add a second node at the same time, with the acceleration after it
+        if at_turn:  # add a second node at the turning point, with the acceleration after it
             w, before = since_knot / width, a
             sign, a = release_direction(x, w, at_g, at_h, c, q_p, rounding, law_p, -sign, a_min)
             at_turn, is_stuck = False, sign == 0.0
@@ -394,8 +401,8 @@ def march(
         if error > 1.0:
             step, is_aimed = taken * max(0.2, 0.9 * error ** (-1 / 7)), False
             continue
-        # --- With exact friction, let the step end on the turning point: `at_turn` if it does, `is_aimed` if the next
-        # attempt should. `usual_step` is the step length to return to afterwards.
+        # --- With exact friction, let the step end on the turning point. `at_turn`: this step ends there. `is_aimed`:
+        # the next attempt should end there. `usual_step`: length to which the steps return afterwards.
         if not exact:
             pa = acceleration(px, pv, w, at_g, at_h, c, q_p, epsilon, rounding, law_p)
         else:
@@ -420,7 +427,7 @@ def march(
                 is_aimed, usual_step = True, max(usual_step, taken)
                 step = taken * (0.5 if v == 0.0 else fraction_until(v, a, pv, pa, taken, 0.0))
                 continue
-        # --- Correction of the dense output from the acceleration at the middle, and its error.
+        # --- Correction of the dense output, from the acceleration at the middle of the step, and its error.
         last, now = states[count - 1], states[count]
         times[count], now[0], now[1], now[2] = t + taken, px, pv, pa
         mx, mv, curvature = middle(last, now, taken)

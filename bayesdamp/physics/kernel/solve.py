@@ -13,35 +13,49 @@ from bayesdamp.physics.kernel.build import Kernel, kernel_of, most_parameters
 from bayesdamp.physics.restoring import LAWS
 
 TOLERANCE = 3e-8
-"""Default tolerance of a step: its error relative to the amplitude (conventional)."""
+"""Default of the largest error of an integration step, relative to the amplitude (conventional)."""
 MAX_STEPS_PER_CYCLE = 4000
-"""Greatest mean number of steps per cycle; a trajectory that needs more counts as one that escapes to infinity
-(conventional)."""
+"""Greatest mean number of integration steps per cycle. If a trajectory needs more, it is treated like one that escapes
+to infinity (conventional)."""
 ROUNDED = 5e-4
-"""If ε = 0, forces that are steep but continuous at v = 0 are smoothed within this fraction of the peak velocity
-(conventional)."""
+"""Fraction of the peak velocity within which forces that are steep but continuous at v = 0 are smoothed if ε, the width
+in which dry friction changes its sign, is 0 (conventional)."""
 PARTS = 3
-"""Number of parts into which `Motion.refined` divides each step, so that they are short enough for integrals by the
-trapezoidal rule (conventional)."""
+"""Number of parts into which `Motion.refined` divides each integration step, so that integrals over time by the
+trapezoidal rule are accurate enough (conventional)."""
 QUANTITIES = ("angle", "velocity", "acceleration")
-"""Quantities that a record can contain; the index of each is its order as a time derivative."""
+"""Quantities that a record can contain; the index in this tuple is the order of the time derivative of the angle."""
 NONE, PARAMETERS, ALL = 0, 1, 2
-"""Values of the argument `tangents` of `Solver.solve`, which selects the derivatives to compute: none, by the
-parameters, or by the parameters and by the deviations g and h."""
+"""Values of the argument `tangents` of `Solver.solve`, which selects the derivatives to compute. `NONE`: none.
+`PARAMETERS`: by the parameters. `ALL`: by the parameters, and by the relative deviations g of the damping and h of the
+frequency."""
 SHIPPED = (*PAPER_TERMS, "displacement", "stribeck", "power", "cubic", "structural", "dry_position")
-"""Names of the damping terms in the shared kernel, which is compiled only once for all oscillators with these terms."""
+"""Names of the damping terms in the shared kernel (compiled equation of motion). It is compiled only once for all
+oscillators with these terms and the restoring laws in `SHIPPED_LAWS`."""
 SHIPPED_LAWS = ("horizontal_pendulum", "linear", "pendulum", "duffing")
-"""Names of the restoring laws in the shared kernel, together with the terms in `SHIPPED`."""
+"""Names of the restoring laws in the shared kernel (compiled equation of motion), together with the damping terms in
+`SHIPPED`."""
 
 
 @dataclass(frozen=True)
 class Slopes:
-    """Tangents (derivatives of a motion by parameters) at the nodes of the integration, for interpolation.
+    """Tangents (derivatives of a motion by its parameters) at the nodes of the integration.
 
-    times: of the s nodes, in s, (s,). slopes: tangents by all k parameters of the kernel, with their first and second
-    time derivative and a correction (see `dense`), (s, k, 4). columns: indices of the solver's own p parameters among
-    these k, (p,). t: times of the samples, (n, m), over each row of which tangents are averaged. order: 0 for tangents
-    of the angle, 1 of the velocity, 2 of the acceleration.
+    Nodes are the ends of the integration steps; tangents at the samples are interpolated between them.
+
+    Attributes
+    ----------
+    times
+        Times of the s nodes in s, (s,).
+    slopes
+        For all k parameters of the kernel: the tangent, its first and second time derivative, and the factor of the
+        correction between the nodes (see `dense`), (s, k, 4).
+    columns
+        Indices among these k of the p parameters of the solver, (p,). The kernel can have more parameters.
+    t
+        Times of the samples in s, (n, m). Each tangent is averaged over the m times of a row.
+    order
+        0 for tangents of the angle, 1 of the velocity, 2 of the acceleration.
     """
 
     times: np.ndarray
@@ -51,7 +65,10 @@ class Slopes:
     order: int
 
     def at_samples(self) -> np.ndarray:
-        """Return the means of the tangents over the samples of each row of `t`, (n, p), by interpolation."""
+        """Return the tangents by interpolation, averaged over the times in each row of `t`, (n, p).
+
+        A tangent is the derivative of the recorded quantity by one of p parameters.
+        """
         from bayesdamp.physics.kernel.dense import slopes_at_times
 
         return slopes_at_times(
@@ -61,18 +78,19 @@ class Slopes:
 
 @dataclass(frozen=True)
 class Motion:
-    """A trajectory at the times of the samples and at the nodes of the integration.
+    """A trajectory at the times of the samples and at the nodes (ends of the steps) of the integration.
 
     Attributes
     ----------
     y : ndarray, shape (n,)
-        Values of the recorded quantity at the samples, or its means over the `Solver.samples` of each.
+        Values of the recorded quantity at the samples. If `Solver.samples` is given: its means over the n windows.
     slopes : ndarray, shape (n, k), or Slopes
         Derivatives of y by the k parameters, or an object from which `tangents` computes them.
     times : ndarray, shape (s,)
         Times of the nodes in s.
     states : ndarray, shape (s, 4)
-        θ, θ̇, θ̈ at the nodes, and the correction of the dense output in the step after each (see `dense`).
+        θ, θ̇, θ̈ at the nodes, and the factor of the correction by which values between the nodes are interpolated in
+        the step after each node (see `dense`).
     """
 
     y: np.ndarray
@@ -91,7 +109,7 @@ class Motion:
 
     @cached_property
     def refined(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return times, (r,), that divide each step into `PARTS` parts, and θ, θ̇, θ̈ at these times, (r, 3).
+        """Return times, (r,), that divide each integration step into `PARTS` parts, and θ, θ̇, θ̈ at them, (r, 3).
 
         A time at which the acceleration jumps occurs twice, with the values before and after the jump.
         """
@@ -113,7 +131,7 @@ class Solver:
     Attributes
     ----------
     terms, restoring
-        Names of the damping terms, any of which can be switched off in `solve`, and of the restoring law.
+        Names of the damping terms, any of which can be switched off in `solve`, and name of the restoring law.
     t
         Times of the samples in s, (n,).
     quantity
@@ -121,10 +139,11 @@ class Solver:
     amplitude, frequency
         Scales from which the tolerances follow, in rad or m and in rad/s.
     epsilon
-        Width ε of the velocity, rad/s or m/s, within which dry friction changes its sign. With 0 friction is
+        Width ε of the range of velocities, rad/s or m/s, in which dry friction changes its sign. With 0 friction is
         discontinuous, and the body may stick.
     knots
-        Times in s between which the deviations g and h are interpolated linearly, (k,).
+        Times in s, (k,), at which the relative deviations g of the damping and h of the frequency are given; between
+        these times, g and h are linear.
     samples
         Times in s of the m samples in each of n windows, (n, m), increasing. If given, values are means over these
         windows instead of values at t, and the last knot must not be before the last sample.
@@ -142,11 +161,11 @@ class Solver:
 
     @property
     def slowness(self) -> float:
-        """Return the number of the record's cycles for each integrated cycle: here 1, but more in `AveragedSolver`."""
+        """Return the number of the record's cycles for each integrated cycle: 1 here, and more in `AveragedSolver`."""
         return 1.0
 
     def at(self, t: np.ndarray, quantity: str) -> Solver:
-        """Return a solver for another quantity at other times t in s, (n,), which does not average.
+        """Return a solver for another quantity at other times t in s, (n,), without averages over windows.
 
         The times must not be after the last knot. quantity: one of `QUANTITIES`.
         """
@@ -154,20 +173,29 @@ class Solver:
 
     @cached_property
     def kernel(self) -> Kernel:
-        """Return the compiled kernel for the terms and the law; all shipped terms and laws share one kernel."""
+        """Return the compiled equation of motion for the damping terms and the restoring law.
+
+        All terms that ship with bayesdamp are in one kernel, together with all laws that ship. If a term is not among
+        them, the kernel contains only the solver's terms; if the law is not among them, it contains only this law.
+        """
         terms = SHIPPED if set(self.terms) <= set(SHIPPED) else self.terms
         return kernel_of(terms, SHIPPED_LAWS if self.restoring in SHIPPED_LAWS else (self.restoring,))
 
     @cached_property
     def further(self) -> tuple[str, ...]:
-        """Return the names of the terms' arguments after ε (`DampingTerm.further`), term by term."""
+        """Return the names of the parameters that the damping forces need besides coefficients and ε, term by term.
+
+        They include the equilibrium and the reference scales (`DampingTerm.further`). ε is the width of the range of
+        velocities in which dry friction changes its sign.
+        """
         return tuple(n for name in self.terms for n in TERMS.get(name).further)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Return the names of the parameters that `solve` takes, in order.
 
-        They are the coefficients, `further`, the parameters of the restoring law, theta0 and omega0.
+        They are the coefficients of the damping terms, their other parameters (`further`), the parameters of the
+        restoring law, and the angle and velocity at the start (theta0, omega0).
         """
         coefficients = tuple(TERMS.get(name).parameter for name in self.terms)
         return (*coefficients, *self.further, *LAWS.get(self.restoring).parameters, "theta0", "omega0")
@@ -180,14 +208,18 @@ class Solver:
 
     @cached_property
     def inferred(self) -> tuple[str, ...]:
-        """Return the names of the terms' inferred parameters other than their coefficients, term by term."""
+        """Return the names of the parameters, other than coefficients, that are inferred for the damping terms.
+
+        They are listed term by term.
+        """
         return tuple(p.name for name in self.terms for p in TERMS.get(name).inferred)
 
     @cached_property
     def _sections(self) -> np.ndarray:
-        """Return the 3 indices that split the kernel's parameters: coefficients, further ones, those of the law, start.
+        """Return three indices that split the array of the kernel's parameters into four parts, (3,).
 
-        The kernel may have more terms and laws than the solver. The start are angle and velocity.
+        The parts are: coefficients, further parameters of the damping terms, parameters of the restoring law, and angle
+        and velocity at the start. The kernel may have more damping terms and restoring laws than the solver.
         """
         terms, laws = self.kernel.terms, self.kernel.laws
         further = sum(len(TERMS.get(name).further) for name in terms)
@@ -229,22 +261,23 @@ class Solver:
         active
             Which terms are switched on, (m,) of bool.
         g, h
-            Relative deviations of the damping (factor 1 + g) and of the frequency (the restoring force has the factor 1
-            + 2h) at the knots; 0 by default.
+            Relative deviations of the damping and of the frequency at the knots, (knots,); 0 by default. The damping
+            force has the factor 1 + g, the restoring force the factor 1 + 2h.
         tangents
             Which derivatives to compute: `NONE`, by `PARAMETERS`, or by `ALL` (parameters, g and h).
         stop
             Number of samples to compute, from the first on; all by default.
         tolerance
-            Error of a step, relative to the amplitude; `TOLERANCE` by default.
+            Largest error of a step, relative to the amplitude; `TOLERANCE` by default.
         epsilon
-            Width ε in rad/s or m/s; by default the solver's.
+            Width ε in rad/s or m/s of the range of velocities in which dry friction changes its sign; by default the
+            solver's.
 
         Returns
         -------
         Motion
-            Its values are means over `samples` if these are given. Its derivatives are by p, in the order of `names`,
-            and with `ALL` also by g and h at the knots.
+            Its values are means over `samples` if these are given. Its derivatives are by p, in the order of `names`.
+            With `ALL`, derivatives by g, then by h, at the knots follow.
         """
         from bayesdamp.physics.kernel.dense import at_times
 
@@ -282,18 +315,20 @@ class Solver:
         active: np.ndarray,
         epsilon: float | None = None,
     ) -> np.ndarray:
-        """Return sums over n points of weight times force, (d, m), for each of m terms per unit of its coefficient.
+        """Return sums over n points of weight times damping force, (d, m), for each of the solver's m terms.
+
+        The force of each term is per unit of its coefficient.
 
         Parameters
         ----------
         x, v, weight
             Displacement (rad), velocity (rad/s) and weight of each point, (n,).
         further
-            Values of the terms' parameters in `further`, (d, e): d sets, each of which gives one row of sums.
+            Values of the parameters named in `Solver.further`, (d, e): d sets, each of which gives one row of sums.
         active
             Which terms are switched on, (m,) of bool; the sums of the others are 0.
         epsilon
-            Width ε in rad/s; by default the solver's.
+            Width ε in rad/s of the range of velocities in which dry friction changes its sign; by default the solver's.
         """
         m, first_of_law, _ = self._sections
         terms, own = np.split(self._places, [len(self.terms), self.law_places.start])[:2]
@@ -306,15 +341,19 @@ class Solver:
         return out[:, terms]
 
     def _widths(self, epsilon: float) -> tuple[float, float]:
-        """Return the ε of dry friction, and the ε of forces that are steep but continuous at v = 0.
+        """Return two velocity widths: of the sign change of dry friction, and of forces that are steep at v = 0.
 
-        They are equal to `epsilon`, except that the second is never 0 (see `ROUNDED`).
+        They are equal to `epsilon` (rad/s), except that the second is never 0: it is then `ROUNDED` times the peak
+        velocity.
         """
         return float(epsilon), float(epsilon) or ROUNDED * self.amplitude * self.frequency
 
 
 def warm() -> None:
-    """Compile the shared kernel of all terms and laws that ship, so that the first record does not wait for it."""
+    """Compile the shared kernel in advance, so that the first record does not wait for it.
+
+    The shared kernel is the equation of motion with all damping terms and restoring laws that ship with bayesdamp.
+    """
     t = np.linspace(0.0, 1.0, 5)
     solver = Solver(SHIPPED, "linear", t, "angle", 0.1, 4.0, 0.01, np.linspace(0.0, 1.0, 4))
     p = np.full(len(solver.names), 0.1)

@@ -1,9 +1,9 @@
 """Template of the part of a kernel that integrates the tangents (derivatives of the motion by the parameters).
 
 The tangents obey the variational equations, which are the derivatives of the equation of motion by the parameters.
-These are linear; their coefficients depend on the motion and are evaluated at five points of each step. The equations
-are solved by a power series in time. `build` copies only the part between two marked lines; the functions and constants
-before it are placeholders for the forces of an oscillator, which `build` generates.
+These equations are linear. Their coefficients depend on the motion and are evaluated at five points of each step. The
+equations are solved by a power series in time. `build` copies only the part between two marked lines. The functions and
+constants before this part are placeholders for the forces of an oscillator, which `build` generates.
 
 In all functions, m is the number of damping terms, e the number of their further parameters (those besides the
 coefficients), and r the largest number of parameters of a restoring law in the kernel. A tangent at a node consists of
@@ -17,23 +17,23 @@ from numba import njit
 from bayesdamp.physics.damping import EXACT, TINY
 
 OWNERS = np.array([0], np.int64)
-"""For each of the e further parameters, the index of the damping term to which it belongs."""
+"""For each of the e further parameters of damping terms (those besides the coefficients), the index of its term."""
 SWITCHES = np.array([False])
-"""For each of the m damping terms, whether its force changes rapidly near v = 0, within the width ε of the velocity."""
+"""For each of the m damping terms, whether its force changes rapidly near the velocity v = 0, within the width ε."""
 LAW_SIZES = np.array([1], np.int64)
 """For each restoring law, by its index, the number of its parameters."""
 JUMPS = np.array([False])
-"""For each of the m damping terms, whether its force jumps at v = 0 if ε = 0, as dry friction does. It is false for a
-force that is smooth there, or steep but continuous."""
+"""For each of the m damping terms, whether its force jumps at the velocity v = 0 if the smoothing width ε is 0, as dry
+friction does. It is false for a force that is smooth there, or steep but continuous."""
 
 
 @njit
 def shapes(x, v, epsilon, rounding, q, active, out):
     """Write the force of each damping term, per unit of its coefficient, into `out`, (m,); 0 for terms that are off.
 
-    x, v: displacement and velocity. epsilon: width of the velocity within which dry friction changes its sign.
-    rounding: the ε of terms whose force is steep but continuous at v = 0. q: further parameters of all terms, term by
-    term, (e,). active: which terms are on, (m,).
+    x, v: displacement and velocity. epsilon: width ε of the range of velocities in which dry friction changes its sign.
+    rounding: the same width for terms whose force is steep but continuous at v = 0. q: further parameters of all terms,
+    term by term, (e,). active: which terms are on, (m,).
     """
     out[:] = 0.0
 
@@ -43,7 +43,8 @@ def damping(x, v, epsilon, rounding, q, c):
     """Return the damping force per unit of inertia, summed over all terms, at displacement x and velocity v.
 
     Terms with coefficient 0 are not evaluated. c, q: tuples of coefficients and further parameters (see `to_tuples`).
-    epsilon, rounding: as in `shapes`.
+    epsilon: width of the range of velocities in which dry friction changes its sign. rounding: the same width for terms
+    whose force is steep but continuous at v = 0.
     """
     return 0.0
 
@@ -52,10 +53,10 @@ def damping(x, v, epsilon, rounding, q, c):
 def damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, share, out):
     """Return the damping force per unit of inertia, and its derivatives by displacement x and velocity v.
 
-    Its derivatives by the m coefficients, then by the e further parameters, are multiplied by the factor `share` and
-    written into `out` from index 2 on; those of terms that are off are not written. sizes: typical magnitudes of x and
-    v, from which the steps of difference quotients follow. c, q: as in `damping`. epsilon, rounding, active: as in
-    `shapes`.
+    The derivatives by the m coefficients, then by the e further parameters of the terms, are multiplied by the factor
+    `share` and written into `out` from index 2 on. For terms that are off nothing is written. sizes: typical magnitudes
+    of x and v, from which the steps of difference quotients follow. c, q: tuples of coefficients and further parameters
+    (see `to_tuples`). active: which terms are on, (m,). epsilon, rounding: as in `shapes`.
     """
     return 0.0, 0.0, 0.0
 
@@ -64,10 +65,13 @@ def damping_slopes(x, v, epsilon, rounding, q, c, active, sizes, share, out):
 def to_tuples(coefficients, q, active, law):
     """Return coefficients, further parameters and law as three tuples, which Numba passes faster than arrays.
 
-    The first, (m + 1,), has the coefficients, with 0 for terms that are off, and then 1 if any term after the first
-    `build.USUAL_TERMS` is on, else 0. The second, (e + 1,), has the further parameters q, term by term, and a 0. The
-    third, (r + 1,), has the parameters of the restoring law, padded to r, and the index of the law. active: which terms
-    are on, (m,).
+    The arguments are the coefficients of the m damping terms, their e further parameters q, which terms are on
+    (`active`, (m,)), and `law`: the parameters of the restoring law, padded to the number r that the largest law has,
+    then the index of the law.
+
+    The first tuple, (m + 1,), has the coefficients, with 0 for terms that are off, and then 1 if any term after the
+    first `build.USUAL_TERMS` is on, else 0. The second, (e + 1,), has q, term by term, and a 0. The third, (r + 1,),
+    has the values in `law`.
     """
     return (coefficients[0],), (0.0,), (law[0], law[1])
 
@@ -76,7 +80,8 @@ def to_tuples(coefficients, q, active, law):
 def restoring(x, p):
     """Return the restoring force per unit of inertia at displacement x.
 
-    p: parameters of the law, padded to r, then the index of the law, as returned by `to_tuples`.
+    p: tuple from `to_tuples` with the parameters of the restoring law, then the index of the law. The parameters are
+    padded to the number of the law with the most.
     """
     return p[0] * x
 
@@ -85,9 +90,9 @@ def restoring(x, p):
 def restoring_slopes(x, p, sizes, share, out, first):
     """Return the restoring force per unit of inertia at displacement x, and its derivative by x.
 
-    Its derivatives by the law's parameters are multiplied by the factor `share` and written into `out` from index
-    `first` on. p: as in `restoring`. sizes: typical magnitudes of x, of the velocity, and of the law's parameters, from
-    which the steps of difference quotients follow.
+    The derivatives by the law's parameters are multiplied by the factor `share` and written into `out` from index
+    `first` on. p: parameters of the law, then its index, as in `restoring`. sizes: typical magnitudes of x, of the
+    velocity, and of the law's parameters, from which the steps of difference quotients follow.
     """
     out[first] = share * x
     return p[0] * x, p[0]
@@ -96,26 +101,29 @@ def restoring_slopes(x, p, sizes, share, out, first):
 # --- tangents ---
 
 POINTS = np.array([0.0, 0.5 - np.sqrt(3 / 28), 0.5, 0.5 + np.sqrt(3 / 28), 1.0])
-"""Fractions of a step at which the coefficients and sources of the variational equations are evaluated: the five nodes
-of Gauss–Lobatto quadrature, which has order eight."""
+"""Fractions of a step at which the variational equations (derivatives of the equation of motion by the parameters) are
+evaluated: the five nodes of Gauss–Lobatto quadrature, which has order eight."""
 POWERS = np.linalg.inv(np.vander(POINTS, increasing=True))
-"""Matrix, (5, 5), that converts the values of a polynomial at `POINTS` to its coefficients of powers 0 to 4."""
+"""Matrix, (5, 5), that converts the values of a polynomial at the five `POINTS` of a step to its coefficients of powers
+0 to 4."""
 WHOLE, HALF = (POWERS.T @ (end ** np.arange(1.0, 6.0) / np.arange(1.0, 6.0)) for end in (1.0, 0.5))
-"""Weights for the values of a function at `POINTS`, (5,) each. The weighted sum of the values is the integral of the
-function over a whole step (`WHOLE`), or over the first half of a step (`HALF`), if the step has length 1."""
+"""Weights for the values of a function at the five `POINTS` of a step, (5,) each. The weighted sum of the values is the
+integral of the function over the whole step (`WHOLE`), or over its first half (`HALF`), if the step has length 1."""
 MAX_TERMS, SMALL = 30, 1e-13
-"""Largest number of terms of the power series in time that solves the homogeneous variational equations in a step. The
-series ends earlier when its last two terms are together smaller than `SMALL`, relative to the sum."""
+"""Limits of the power series in time that solves the homogeneous variational equations in a step: `MAX_TERMS` is the
+greatest number of its terms. The series ends earlier when the sum of its last two terms is smaller than `SMALL`,
+relative to the sum of the series."""
 SLOW = 2e-6
-"""With exact friction, derivatives of the force are evaluated at no smaller |v| than this fraction of the peak
-velocity. It is twice the step of the central differences, which must not cross v = 0."""
+"""Smallest |v|, relative to the peak velocity, at which derivatives of the force are evaluated if friction is exact
+(discontinuous at v = 0). It is twice the step of the central differences, which must not cross v = 0."""
 
 
 @njit
 def exact_sign(v, sign):
-    """Return v and an ε such that tanh(v/ε) is exactly `sign` (1 or −1), even if v has the other sign.
+    """Return v and an ε such that tanh(v/ε) is exactly `sign` (1 or −1), even if the velocity v has the other sign.
 
-    If v is 0, a tiny velocity with this sign is returned in its place.
+    ε is the width of the change of sign of friction, negative if v has the other sign. If v is 0, a tiny velocity with
+    the given sign is returned in its place.
     """
     if v == 0.0:
         v = sign * TINY
@@ -126,15 +134,18 @@ def exact_sign(v, sign):
 def linearise(x, v, w, g_at, h_at, c, q, epsilon, rounding, sign, active, law, sizes, row):
     """Write the derivatives of the total force at one point of the motion into `row`, (2 + m + e + r + 4,).
 
-    The total force is (1 + g) times the damping force plus (1 + 2h) times the restoring force. Elements 0 and 1 are its
-    derivatives by x and v, the coefficients of the variational equations. The others are their sources: the derivatives
-    by the m coefficients, the e further parameters and the r parameters of the law, then by g at the knots to the left
-    and right, and by h at these two knots.
+    The total force is (1 + g) times the damping force plus (1 + 2h) times the restoring force. g and h are the relative
+    deviations of damping and frequency, given at knots. The derivatives are, in this order:
 
-    x, v: displacement and velocity. w: position of the time between the two knots, from 0 to 1. g_at, h_at: two values
-    each, of g and of h at the two knots. sign: sign of the velocity (1 or −1) if friction is exact; 0 if it is
-    smoothed. c, q, law: tuples from `to_tuples`. epsilon, rounding, active: as in `shapes`. sizes: as in
-    `restoring_slopes`.
+    - by displacement x and velocity v, 2 numbers: the coefficients of the variational equations;
+    - by the m coefficients and e further parameters of the damping terms, and by the r parameters of the law;
+    - by g at the knots to the left and right, then by h at these two knots, 4 numbers.
+
+    All but the first two are sources of the variational equations.
+
+    w: position of the time between the two knots, from 0 to 1. g_at, h_at: values of g and of h at the two knots. sign:
+    sign of the velocity (1 or −1) if friction is exact (discontinuous); 0 if it is smoothed. c, q, law: tuples from
+    `to_tuples`. epsilon, rounding, active: as in `shapes`. sizes: as in `restoring_slopes`.
     """
     damps = 1.0 + g_at[0] + w * (g_at[1] - g_at[0])
     pulls = 1.0 + 2.0 * (h_at[0] + w * (h_at[1] - h_at[0]))
@@ -167,10 +178,11 @@ def middle(before, after, step):
 
 @njit
 def along(before, after, step, more, share):
-    """Return value and slope (time derivative) of the solution at the fraction u = `share` of a step.
+    """Return value and slope (time derivative) of the solution at the fraction u = `share` of an integration step.
 
-    The solution is the quintic Hermite polynomial plus the correction k u³(1 − u)³ with k = `more`. before, after,
-    step: as in `middle`.
+    The solution is the quintic Hermite polynomial between two nodes plus the correction k u³(1 − u)³ with k = `more`.
+    before, after: value, slope and curvature (first and second time derivative) at the start and end of the step. step:
+    its length in s.
     """
     u, r = share, 1.0 - share
     value = (
@@ -203,8 +215,8 @@ def along(before, after, step, more, share):
 def polynomial_coefficients(read, column):
     """Return the coefficients of powers 0 to 4 of the polynomial through the values in one column of `read`.
 
-    read: rows of `linearise` at `POINTS`, (5, l). column: index of the column. The variable of the polynomial is the
-    fraction of the step.
+    The polynomial's variable is the fraction of an integration step. read: values at the five fractions `POINTS`, one
+    row for each, as written by `linearise`, (5, l). column: index of the column.
     """
     r0, r1, r2, r3, r4 = read[0, column], read[1, column], read[2, column], read[3, column], read[4, column]
     return (
@@ -220,15 +232,16 @@ def polynomial_coefficients(read, column):
 def homogeneous_solutions(x, v, step):
     """Return two solutions of the homogeneous variational equation in a step, at the last four of `POINTS`, (8,) each.
 
-    The equation is ÿ = −x(u) y − v(u) ẏ, where u is the fraction of the step. The first solution starts with
-    displacement y = 1 and velocity ẏ = 0, the second with y = 0 and ẏ = 1. Each result contains displacement and
-    velocity at the first of the four points, then at the second, and so on. x, v: derivatives of the force by
-    displacement and velocity, as coefficients of the powers 0 to 4 of u, (5,). step: length of the step in s.
+    The variational equation is the derivative of the equation of motion by a parameter: ÿ = −x(u) y − v(u) ẏ, where u
+    is the fraction of the step. The first solution starts with displacement y = 1 and velocity ẏ = 0, the second with y
+    = 0 and ẏ = 1. Each result contains displacement and velocity at the first of the four points, then at the second,
+    and so on. x, v: derivatives of the force by displacement and velocity, as coefficients of the powers 0 to 4 of u,
+    (5,). step: length of the step in s.
     """
     # The equation is ÿ = -x(u) y - v(u) ẏ. y0 to y4 and s0 to s4 are the last five terms of the power series of
-    # displacement and velocity of the first solution at the end of the step, z and t those of the second. p1 to p3 are
-    # powers of `POINTS`. a and b are the sums of the series of the first solution at the last four of `POINTS`, c and d
-    # those of the second.
+    # displacement and velocity of the first solution at the end of the step; z0 to z4 and t0 to t4 are these terms of
+    # the second solution. p1 to p3 are powers of `POINTS`. a and b are the sums of the series of displacement and
+    # velocity of the first solution at the last four of `POINTS`; c and d are these sums of the second solution.
     y0, y1, y2, y3, y4, s0, s1, s2, s3, s4 = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     z0, z1, z2, z3, z4, t0, t1, t2, t3, t4 = 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
     a1, a2, a3, a4, b1, b2, b3, b4 = 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0
@@ -265,12 +278,13 @@ def homogeneous_solutions(x, v, step):
 def solve_step(read, step, sources, local, half):
     """Solve the variational equations over a step, separately for each source, by variation of constants.
 
-    read: rows of `linearise` at the five `POINTS`, (5, l): columns 0 and 1 are the coefficients of the equations, and
-    each other column is one source. The solutions have the same l columns: displacement and velocity at the end of the
-    step are written into `local`, (2, l), and displacement at the middle into `half`, (l,). Columns 0 and 1 of these
-    are the solutions without source that start with displacement 1 and velocity 0, or 0 and 1; each other column is the
-    solution that starts from zero and has the source of its column. sources: indices of the columns from 2 on that are
-    computed; the others stay as they are. step: length of the step in s.
+    The source is the derivative of the force by a parameter. read: the derivatives of the force at the five `POINTS` of
+    the step, as written by `linearise`, (5, l). Columns 0 and 1 are the coefficients of the equations; each other
+    column is one source. The results have the same l columns: `local`, (2, l), gets displacement and velocity at the
+    end of the step, and `half`, (l,), the displacement at the middle. Columns 0 and 1 of the results are the solutions
+    without source that start with displacement 1 and velocity 0, or 0 and 1. Each other column is the solution that
+    starts from zero and has the source of its column. sources: indices of the columns from 2 on that are computed; the
+    others stay as they are. step: length of the step in s.
     """
     of_x, of_v = homogeneous_solutions(
         polynomial_coefficients(read, 0), polynomial_coefficients(read, 1), step
@@ -307,10 +321,12 @@ def solve_step(read, step, sources, local, half):
 def curvatures(slopes, row, live, base, piece, knots, by_knots):
     """Compute the second time derivatives of all k tangents at one node and write them into `slopes[:, 2]`.
 
-    slopes: the tangents at the node, (k, 4); their values and first derivatives, columns 0 and 1, must be given. row:
-    derivatives of the force at the node, as written by `linearise`. live: indices of the parameters that have a source,
-    without g and h. base: index of the tangent by the initial displacement θ₀. piece: index of the knot before the
-    node. knots: number of knots. by_knots: whether the last tangents are those by the values of g and h at the knots.
+    A tangent is the derivative of the motion by one parameter. slopes: the tangents at the node, (k, 4); columns 0 and
+    1, their values and first time derivatives, must be given. row: derivatives of the force at the node, as written by
+    `linearise`. live: indices of the parameters on which the force depends directly, without g and h (deviations of
+    damping and frequency). base: index of the tangent by the initial displacement θ₀. piece: index of the knot before
+    the node. knots: number of knots. by_knots: whether the last tangents are those by the values of g and h at the
+    knots.
     """
     for p in range(slopes.shape[0]):
         slopes[p, 2] = -(row[0] * slopes[p, 0] + row[1] * slopes[p, 1])
@@ -325,13 +341,14 @@ def curvatures(slopes, row, live, base, piece, knots, by_knots):
 
 @njit
 def carry(old, new, local, half):
-    """Advance a tangent (derivative of the motion by one parameter) over a step, without its source.
+    """Advance a tangent (derivative of the motion by one parameter) over a step, without the effect of its source.
 
     The source is the derivative of the force by the parameter; `add` adds its effect. old, new: the tangent at the
     start and at the end of the step, (4,) each: derivatives of displacement, velocity and acceleration, and the factor
-    of the correction of the dense output. local, half: results of `solve_step`. The displacement and velocity are
-    written into `new`, and the displacement at the middle of the step into `old[3]`, which `close` replaces by the
-    factor. The acceleration in `new` is set to 0; `add` and `close` complete it.
+    of the correction of the interpolation. local, half: results of `solve_step`.
+
+    The displacement and velocity are written into `new`, and the acceleration in `new` is set to 0; `add` and `close`
+    complete it. The displacement at the middle of the step is written into `old[3]`; `close` replaces it by the factor.
     """
     new[0] = local[0, 0] * old[0] + local[0, 1] * old[1]
     new[1] = local[1, 0] * old[0] + local[1, 1] * old[1]
@@ -343,8 +360,10 @@ def carry(old, new, local, half):
 def add(old, new, local, half, read, place):
     """Add the effect of a source in a step to a tangent that `carry` has computed.
 
-    place: column of the source in `read`, the rows of `linearise` at `POINTS`, and in `local` and `half`, the results
-    of `solve_step`. old, new: as in `carry`.
+    A tangent is the derivative of the motion by one parameter, and its source the derivative of the force by it. read:
+    derivatives of the force at the five `POINTS` of the step, as written by `linearise`. local, half: results of
+    `solve_step`. place: column of the source in these three. old, new: the tangent at the start and end of the step, as
+    in `carry`.
     """
     new[0] += local[0, place]
     new[1] += local[1, place]
@@ -356,8 +375,10 @@ def add(old, new, local, half, read, place):
 def close(old, new, read, step):
     """Complete a tangent after `carry` and `add`: its second derivative at the end of a step, and its correction.
 
-    old, new: as in `carry`; `old[3]` becomes the factor k of the correction k u³(1 − u)³ in the step. read: rows of
-    `linearise` at `POINTS`, (5, l). step: length of the step in s.
+    A tangent is the derivative of the motion by one parameter. old, new: the tangent at the start and end of the step,
+    as in `carry`. `old[3]` becomes the factor k of the correction k u³(1 − u)³ of the interpolation in the step, where
+    u is the fraction of the step. read: derivatives of the force at the five `POINTS` of the step, as written by
+    `linearise`, (5, l). step: length of the step in s.
     """
     new[2] -= read[4, 0] * new[0] + read[4, 1] * new[1]
     value, _, _ = middle(old, new, step)
