@@ -1,8 +1,8 @@
 """Test the tests: do they fail if an operator, a number or a condition in the code is changed?
 
 `make mutation` changes a copy of the tree, never the tree itself, and runs the tests of the changed part. The changes
-are those of Cosmic Ray, except changes of `|`, which is mostly in annotations, and these are not executed. A change
-that does not alter the result counts as not noticed.
+are those of the program Cosmic Ray, except changes of the operator `|`: it occurs mostly in annotations, which are not
+executed. A change that cannot alter any result also counts as not noticed.
 """
 
 import argparse
@@ -26,9 +26,9 @@ ROOT = Path(__file__).resolve().parents[1]
 TREE = ROOT / ".mutation"
 """Folder of the copy of the project that is changed; it is removed at the end."""
 TYPES = "BinaryOperator_BitOr_"
-"""Part of the names of the operators that are left out."""
+"""Kinds of changes whose name (in Cosmic Ray) contains this text are left out: those of the operator `|`."""
 PATIENCE = 10
-"""A change also counts as noticed if the tests take more than this many times as long as without it."""
+"""A change also counts as noticed if the tests take more than this many times as long as without a change."""
 
 
 PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -57,12 +57,12 @@ PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "verdict": (("verdict/*.py",), ("tests/verdict",)),
 }
-"""The parts of the package that are changed: glob patterns of the modules, relative to bayesdamp/, and the tests that
-must fail then."""
+"""The parts of the package that are changed, by name. For each: glob patterns of its modules, relative to bayesdamp/,
+and the tests that must fail if one of these is changed."""
 
 
 def changes(modules: Iterable[str]) -> list[Any]:
-    """Return all changes that Cosmic Ray can make to these modules of the current folder, as its work items."""
+    """Return all changes that Cosmic Ray can make to modules (glob patterns in bayesdamp/), as its work items."""
     from cosmic_ray.commands import init  # pyright: ignore[reportMissingImports]
     from cosmic_ray.work_db import use_db  # pyright: ignore[reportMissingImports]
 
@@ -73,9 +73,10 @@ def changes(modules: Iterable[str]) -> list[Any]:
 
 
 def try_changes(part: str, count: int, seed: int) -> Iterator[tuple[bool, str]]:
-    """Make `count` random changes one after the other; yield whether the tests fail, and the lines before and after.
+    """Make random changes one after the other; for each, yield whether the tests fail, and the lines before and after.
 
-    Raises CalledProcessError if the tests fail without a change.
+    part: name in `PARTS`. count: number of changes. seed: seed of the random choice. Raises CalledProcessError if the
+    tests fail without a change.
     """
     from cosmic_ray.mutating import mutate_and_test  # pyright: ignore[reportMissingImports]
 
@@ -97,7 +98,7 @@ def try_changes(part: str, count: int, seed: int) -> Iterator[tuple[bool, str]]:
 def main() -> None:
     """Run the command line: print each change, and for each part the noticed fraction with its 95 % interval."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=40, help="changes of each part")
+    parser.add_argument("--count", type=int, default=40, help="number of changes in each part")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--parts", nargs="*", default=list(PARTS), choices=list(PARTS))
     options = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Answer records whose truth is known, one row for each record and peer, score the rows, and write pages on them.
+"""Let peers answer records with a known truth, one table row for each record and peer; score the rows, and write pages.
 
 A peer is a method that answers: bayesdamp with certain options, or another program.
 """
@@ -34,24 +34,25 @@ COLUMNS = (
     "decided", "right",
     *(f"{what}_{i + 1}" for i in range(AMPLITUDES) for what in ("amplitude", "true", "value", "low", "high")),
 )  # fmt: skip
-"""The columns of a row, which record and peer identify. `true_i`, `value_i`, `low_i` and `high_i` are the true damping
-ratio at the amplitude `amplitude_i`, the ratio in the answer, and its 95 % interval. `named`: the damping that the
-answer gives as the most probable. `decided`: whether the answer states this damping without reservation (named
-outright). `right`: whether it is the true one."""
+"""The columns of a table of answers, with one row for each record and peer (a method that answers). `true_i`,
+`value_i`, `low_i` and `high_i` are the true damping ratio at the amplitude `amplitude_i`, the ratio in the answer, and
+its 95 % interval. `named`: the most probable damping according to the answer. `decided`: 1 if the answer states this
+damping without reservation (named outright), otherwise 0. `right`: 1 if it is the true damping, otherwise 0."""
 
 
 Peer = Callable[[Signal, tuple[float, ...]], Verdict]
-"""A function that answers a record: it maps the record, and amplitudes in its unit, to a verdict. If the method has no
-answer, it raises Refusal or InputError, or the verdict has no damping ratio."""
+"""A method that answers records, as a function: it maps the record, and amplitudes in its unit, to a verdict. If the
+method has no answer, it raises Refusal or InputError, or the verdict has no damping ratio."""
 Work = Callable[..., Mapping[str, Any]]
 """A function that computes one row of a table, as a mapping from columns to values. It must be importable by its name,
 because other processes call it."""
 
 
 def row_of(case: Case, peer: Peer, name: str = "bayesdamp") -> dict[str, Any]:
-    """Let a peer answer a record, and return the row, values of `COLUMNS`, with its answer and the truth.
+    """Let a peer (a method) answer a record; return a row of the table, with values of `COLUMNS`: answer and truth.
 
-    name: of the peer. The column `seconds` is the CPU time of the answer. Without an answer, `outcome` is the reason.
+    case: the record and its truth. name: name of the peer. The column `seconds` is the CPU time of the answer in s. If
+    there is no answer, `outcome` is the reason.
     """
     row: dict[str, Any] = {"record": case.name, "peer": name, "group": case.group, "damping": case.damping}
     row |= {"outcome": OK, "decided": 0, "right": 0}
@@ -86,7 +87,7 @@ def terms_of(damping: str) -> frozenset[str]:
 def probability_of(verdict: Verdict, damping: str) -> float:
     """Return the probability that a verdict gives to a damping sum.
 
-    The sums that it does not list share the remaining probability equally.
+    The sums that the verdict does not list share the remaining probability equally.
     """
     listed = {terms_of(name): float(p) for name, p in verdict.probabilities.items()}
     unlisted = sum(terms_of(name) not in listed for name in SUMS)
@@ -111,8 +112,8 @@ class Share(NamedTuple):
 def share(hits: float, count: int) -> Share:
     """Return the share of hits in a number of trials, with its interval (Wilson 1927); NaN if the number is 0.
 
-    SciPy's function requires a whole number of hits. Here hits may be a fraction, because a record counts as the share
-    of its intervals that contain the truth.
+    SciPy's function requires a whole number of hits. Here the number of hits need not be whole, because a record counts
+    as the fraction of its intervals that contain the truth.
     """
     if not count:
         return Share(math.nan, math.nan, math.nan)
@@ -129,15 +130,16 @@ def hits_of(hits: int, count: int) -> str:
 
 
 def three(rows: pd.DataFrame, what: str) -> np.ndarray:
-    """Return a quantity at the amplitudes of each row, shape (n, 3): the columns `what`_1 to `what`_3."""
+    """Return a quantity at the three amplitudes of each row, shape (n, 3): the columns `what`_1 to `what`_3."""
     return rows[[f"{what}_{i + 1}" for i in range(AMPLITUDES)]].to_numpy(float)
 
 
 def coverage(rows: pd.DataFrame) -> Share:
     """Return the coverage of the 95 % intervals of damping ratios: the fraction that contains the truth, by records.
 
-    It is the mean over all records with intervals of the fraction of a record's intervals that contain the truth. The
-    interval of this mean counts each record once, because the ratios of a record are not independent.
+    For each record with intervals, the fraction of its intervals that contain the truth is computed; the result is the
+    mean over these records. Its own interval counts each record as one trial, because the ratios of a record are not
+    independent.
     """
     low, true, high = (three(rows, what) for what in ("low", "true", "high"))
     stated = np.isfinite(low) & np.isfinite(high)
@@ -198,7 +200,8 @@ def score_table(
 ) -> str:
     """Return a Markdown table with a line for each group of rows that is not empty.
 
-    scores: its columns, names of `SCORES`. more: further columns, as in `SCORES`.
+    groups: rows of each group, by its name. scores: columns of the table, as names of `SCORES`. more: further columns;
+    as in `SCORES`, a function of the rows for each header.
     """
     columns = {name: SCORES[name] for name in scores} | dict(more or {})
     lines = [
@@ -232,7 +235,7 @@ def read_rows(table: Path, columns: Sequence[str] = ()) -> pd.DataFrame:
         return pd.DataFrame(columns=list(columns))
     rows = pd.read_csv(table, keep_default_na=False, na_values=[""])
     if columns and list(rows.columns) != list(columns):
-        raise InputError(f"{table}: the columns differ from those of this table; please give another file")
+        raise InputError(f"{table}: the columns differ from those of the rows to be added; give another file")
     return rows
 
 
@@ -252,8 +255,8 @@ def complete_rows(
     table : Path
         The CSV file. It may not exist yet.
     todo : mapping
-        The requested rows: the name of each, such as "family-1/bayesdamp" (record and peer), and its arguments of
-        `work`.
+        The requested rows: by the name of each, such as "family-1/bayesdamp" (record and peer), the arguments with
+        which `work` computes it.
     work : callable
         Function that returns a row.
     columns : sequence of str
@@ -285,9 +288,11 @@ def complete_rows(
 
 
 def page_options(description: str | None, **numbers: int) -> argparse.ArgumentParser:
-    """Return the parser of a page's command line: its table of rows, its folder, the number of processes, and numbers.
+    """Return the parser of the command line that makes a page.
 
-    numbers: names of further options whose values are whole numbers, and their defaults.
+    Its options are the table of rows, the folder of the page, the number of processes (`--workers`), and those in
+    `numbers`. description: text for `--help`. numbers: names and default values of further options, whose values are
+    whole numbers.
     """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("table", type=Path, help="CSV file of the rows; missing rows are added")
@@ -305,18 +310,18 @@ def make_page(
     columns: Sequence[str] = COLUMNS,
     shipped: str = "rows.csv",
 ) -> None:
-    """Compute the rows that the table lacks; write README.md and a copy of the requested rows into the folder.
+    """Compute the rows that the table lacks; write the page (README.md) and the requested rows into its folder.
 
     Parameters
     ----------
     options : Namespace
         The parsed options of `page_options`.
     todo, work, columns
-        As in `complete_rows`.
+        Requested rows, function that computes one, and columns of the table, as in `complete_rows`.
     page : callable
         Function that returns the page in Markdown, from the rows.
     shipped : str
-        Name of the file with the rows in the folder.
+        Name of the CSV file in the folder to which the requested rows are written.
     """
     for folder in (options.table.parent, options.folder):
         folder.mkdir(parents=True, exist_ok=True)

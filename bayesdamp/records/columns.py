@@ -36,35 +36,38 @@ _DERIVED = re.compile(r"\b(abs|absolute|magnitude|total|norm|resultant|rms|energ
 _MAX_BACKWARD = 0.02
 """A column is not taken for times if more than this fraction of its steps decrease."""
 _MUCH_LARGER = 10.0
-"""Among columns without units, one whose oscillation is at least this many times larger than that of the next is used
-as the record, and the others are left out."""
+"""Among columns without units, one is used alone as the record if its oscillation is at least this many times larger
+than the second largest oscillation."""
 _MAX_COMPARED = 40
-"""Columns that are copies of others are recognised by correlation only if there are at most this many columns."""
+"""Columns that are copies of other columns are recognised by correlation only if at most this many columns are to be
+compared."""
 _ABOUT_G, _ABOUT_TWICE = 0.25, 0.1
-"""A column of accelerations may contain gravity if its mean differs from 9.81 m/s² by less than the fraction `_ABOUT_G`
-(large amplitudes of a pendulum lower the mean). An axis of the accelerometer oscillates at twice the frequency of
-another one if the ratio of their periods differs from 2 by less than the fraction `_ABOUT_TWICE`."""
+"""Relative tolerances with which an accelerometer's axis along gravity is recognised. Its mean differs from 9.81 m/s²
+by less than the fraction `_ABOUT_G` (large amplitudes of a pendulum lower the mean). It oscillates at twice the
+frequency of another axis: the ratio of the periods differs from 2 by less than the fraction `_ABOUT_TWICE`."""
 _MIN_RELATIVE_SIZE = 1 / 3
-"""Among several columns with the same unit and quantity, those whose oscillation is smaller than this fraction of the
-largest one are not used as records."""
+"""Among several columns with the same unit and quantity, a column is not used as a record if its oscillation is smaller
+than this fraction of the largest oscillation."""
 MIN_CYCLES = 2.5
-"""Smallest number of periods of a column that oscillates; with fewer it may be a drift."""
+"""A column counts as oscillating only if it contains at least this many periods; with fewer it may be a drift."""
 MAX_FINAL_SIZE = 0.8
-"""A column decays if the size of its oscillation at the end is less than this fraction of the largest size."""
+"""A column decays if its oscillation at the end is smaller than this fraction of the largest (measured by standard
+deviations within one period)."""
 MAX_REGROWTH = 0.2
-"""A column grows again, unlike a free decay, if the size of its oscillation, after it has fallen, grows by more than
-this fraction of its largest value."""
+"""A column is not a free decay if its oscillation, after it has become smaller, grows again by more than this fraction
+of the largest (measured by standard deviations within one period)."""
 SMOOTHING_PERIODS = 3
-"""Number of periods over which the size of an oscillation is averaged before its growth is measured."""
+"""Number of periods over which the size of an oscillation (its standard deviation within a period) is averaged before
+its growth is measured."""
 SAME_SIGNAL = 0.9999
-"""Two columns with a larger correlation are the same signal in two units."""
+"""Two columns whose correlation is larger than this, in absolute value, are the same signal, perhaps in two units."""
 LARGEST_VALUE = 1e100
 """Largest absolute value of a record that is accepted, so that squares do not overflow; larger values are refused."""
 
 
 @dataclass(frozen=True)
 class OscillationMeasure:
-    """Coarse measures of the oscillation in a column, by which a record is recognised among a file's columns.
+    """Coarse measures of the oscillation in a column, by which the records among the columns of a file are recognised.
 
     Attributes
     ----------
@@ -78,10 +81,10 @@ class OscillationMeasure:
     fills_periods
         Whether the oscillation fills at least `MIN_CYCLES` periods, which a single spike does not.
     decays
-        Whether the size of the oscillation at the end is less than `MAX_FINAL_SIZE` times the largest.
+        Whether the oscillation at the end is smaller than `MAX_FINAL_SIZE` times the largest.
     grows_again
-        Whether the oscillation grows again after it has decayed, by more than `MAX_REGROWTH` times the largest size, as
-        beats and the residuals of a fit do.
+        Whether the oscillation, after it has decayed, grows again by more than `MAX_REGROWTH` times the largest, as
+        beats do.
     """
 
     period: float
@@ -93,7 +96,7 @@ class OscillationMeasure:
 
 
 def measure_oscillation(y: np.ndarray) -> OscillationMeasure:
-    """Measure the oscillation in values.
+    """Measure coarsely the oscillation in values: its period, its size, and whether it decays or grows again.
 
     Parameters
     ----------
@@ -103,8 +106,8 @@ def measure_oscillation(y: np.ndarray) -> OscillationMeasure:
     Returns
     -------
     OscillationMeasure
-        The measures; period inf, size 0 and the rest False if the values are constant, fewer than ten, or too large
-        to compute with.
+        The measures. If the values are constant, fewer than ten, or too large to compute with, the period is inf, the
+        size 0, and the others are False.
     """
     y = np.asarray(y[np.isfinite(y)], float)
     scale = float(np.abs(y).max()) if y.size else 0.0
@@ -135,7 +138,7 @@ def measure_oscillation(y: np.ndarray) -> OscillationMeasure:
 
 @dataclass(frozen=True, eq=False)
 class RecordColumns:
-    """The columns of one record.
+    """The columns of a file that form one record: the values, and the times or a sampling rate.
 
     Attributes
     ----------
@@ -163,7 +166,7 @@ class RecordColumns:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """The columns of one run and group, with their times or sampling rate.
+    """The columns of one run in one group (sheet, structure) of a file, with their times or sampling rate.
 
     run: label of the run; "" without runs. time: column of the times; None if there is none. rate: sampling rate in Hz;
     None if it is not known. why: sentences on the choice of times or rate.
@@ -179,8 +182,8 @@ class _Block:
     def values(self) -> list[Column]:
         """Return the columns that may contain recorded values.
 
-        They contain neither times nor sample numbers, and have as many values as the column of times or a sampling rate
-        of their own. If the block has no times, the number of values does not matter.
+        Columns of times and of sample numbers are left out. If the block has a column of times, a column must have as
+        many values as the times, or a sampling rate of its own.
         """
         size = self.time.values.size if self.time is not None else None
         return [
@@ -194,16 +197,16 @@ class _Block:
 
     @property
     def candidates(self) -> list[Column]:
-        """Return the columns of `values` that change.
+        """Return the columns of `values` that change, and may therefore be a record.
 
-        They have at least `MIN_SAMPLES` numbers, of which more than `MAX_STILL_LEVELS` are different.
+        They have at least `MIN_SAMPLES` numbers, and more than `MAX_STILL_LEVELS` different ones.
         """
         return [c for c in self.values if _is_not_constant(c)]
 
     def record(self, value: Column, choice: str = "") -> RecordColumns:
-        """Return the columns of the record whose values are in the column `value`.
+        """Return the columns of the record with the values `value` and the times or sampling rate of this block.
 
-        choice: sentence on the choice of this column.
+        choice: sentence on the choice of this column, for the user; "" if there was no choice.
         """
         time = None if self.time is value else self.time
         why = (*self.why, choice) if choice else self.why
@@ -235,8 +238,9 @@ def choose_columns(
     Raises
     ------
     InputError
-        If a column does not exist, the choice is not clear, or there are neither times nor a rate. Also if all columns
-        that are chosen automatically contain gravity (if only some do, these are left out).
+        If a column does not exist, the choice is not clear, or there are neither times nor a rate. Columns of
+        accelerations that contain gravity are left out of an automatic choice; the error is also raised if no other
+        column remains.
     """
     columns = content.columns
     wanted = [column for value in values for column in find_columns(columns, value)]
@@ -259,7 +263,9 @@ def choose_columns(
             record = replace(home[0].record(column), run=run)
             chosen.append(_with_clock(record, content))
         if not chosen:
-            raise InputError("the selected column is not in the selected runs; leave out one of the two")
+            raise InputError(
+                "the selected column is not in the selected runs; select other runs or another column"
+            )
         return chosen
     blocks = [block for block in blocks if block.candidates] or [block for block in blocks if block.values]
     if not blocks:
@@ -287,10 +293,10 @@ def choose_columns(
 
 
 def _make_block(content: Contents, run: str, group: str, timed: list[Column], rate: float | None) -> _Block:
-    """Return the columns of a run and group, with their times or sampling rate if the file has these.
+    """Return the columns of one run in one group of a file, with their times or sampling rate if the file has these.
 
     timed: columns that the user gives as times. rate: sampling rate in Hz that the user gives; it replaces all times.
-    Without any clock, a column that is named like times is used even if it does not increase.
+    If there are neither times nor a rate, a column that is named like times is used even if it does not increase.
     """
     columns = tuple(c for c in content.columns if c.group == group and split_run(c)[1] in (run, ""))
     own = tuple(c for c in columns if split_run(c)[1] == run) if run else columns
@@ -304,7 +310,7 @@ def _make_block(content: Contents, run: str, group: str, timed: list[Column], ra
         c for c in content.columns if c.group == "" and group and names_time(c) and c.values.size == size
     ]
     time = _time_column(own) or _time_column(columns) or _time_column(outside)
-    facts = {  # those of the group that contains the columns
+    facts = {  # facts (named numbers, texts) of the group that contains the columns
         name: value
         for name, value in content.facts.items()
         if any(c.name.startswith(f"{name.rpartition('.')[0]}.") for c in own)
@@ -316,7 +322,7 @@ def _make_block(content: Contents, run: str, group: str, timed: list[Column], ra
         and seconds_of_unit(time) is None
         and _is_sample_numbers(time.values)
     ):
-        own, time = tuple(c for c in own if c is not time), None  # they number the samples
+        own, time = tuple(c for c in own if c is not time), None  # this column only numbers the samples
     if time is not None:
         named = time.name and len(content.columns) > 2
         return _Block(run, own, time, None, (f"Times are those of column {time.name!r}.",) if named else ())
@@ -330,16 +336,17 @@ def _make_block(content: Contents, run: str, group: str, timed: list[Column], ra
         )
     if any(c.rate is not None for c in own):
         return _Block(run, own)
-    # Without any clock: the column that is named like times, even if it does not increase, which cleaning reports.
+    # Neither times nor a rate: use a column that is named like times. If it does not increase, the cleaning reports
+    # this.
     return _Block(run, own, next((c for c in own if names_time(c) and not names_index(c)), None))
 
 
 def separate_clocks(content: Contents) -> Contents:
-    """Group each column of times with its values, if a table has several columns of times.
+    """Put each column of times into one group with its columns of values, if a table has several columns of times.
 
-    Such a table is `Time A, A, Time B, B`; or each column of times follows its values instead. The times must differ,
-    unless the same names are repeated (`Time, A, Time, A`), to which the name of the group is then added. A table
-    whose column names mark runs is not changed.
+    Such a table has the columns `Time A, A, Time B, B`, or `A, Time A, B, Time B`. It is changed only if the times
+    differ, or if the same names are repeated (`Time, A, Time, A`); to repeated names, the name of the new group is
+    added. A table whose column names mark runs is not changed.
 
     Parameters
     ----------
@@ -349,7 +356,7 @@ def separate_clocks(content: Contents) -> Contents:
     Returns
     -------
     Contents
-        The columns in new groups, marked as `paired`; the same contents if there are no such columns of times.
+        The contents with the columns in new groups, and `paired` true; unchanged if there are no such columns of times.
     """
     columns = list(content.columns)
     for group in dict.fromkeys(c.group for c in columns):
@@ -380,9 +387,9 @@ def separate_clocks(content: Contents) -> Contents:
 
 
 def _time_column(columns: Sequence[Column]) -> Column | None:
-    """Return the column that most probably contains the times; None if no column can.
+    """Return the column that most probably contains the times, the first if several are equally probable.
 
-    Of equally probable columns it is the first.
+    Return None if no column can contain times.
     """
     scores = [_time_score(column, i == 0) for i, column in enumerate(columns)]
     best = max(scores, default=0)
@@ -390,9 +397,10 @@ def _time_column(columns: Sequence[Column]) -> Column | None:
 
 
 def _time_score(column: Column, first: bool) -> int:
-    """Return a score from 0 (cannot be times) to 6 of how probably a column contains times.
+    """Return how probably a column contains times, as a number from 0 (it cannot) to 6.
 
-    first: whether it is the first column, which may be the times even if its name does not say so.
+    first: whether it is the first column of the table. The first column may contain the times even if its name does not
+    say so.
     """
     y = column.values[np.isfinite(column.values)]
     if y.size < 2 or column.rate is not None or names_index(column):
@@ -420,9 +428,9 @@ def _is_sample_numbers(y: np.ndarray) -> bool:
 
 
 def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
-    """Return the record; if it has neither times nor a sampling rate, add the rate that its column states.
+    """Return the record unchanged if it has times or a sampling rate; otherwise add the rate that its column states.
 
-    Raises InputError if the column states no rate. content: contents of the file, of which the message names columns.
+    Raises InputError if the column states no rate. content: contents of the file, whose columns the message lists.
     """
     if record.time is not None or record.rate is not None:
         return record
@@ -438,13 +446,11 @@ def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:
 
 
 def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumns]:
-    """Choose the columns of values in each block (the columns of one run and group); each gives a `RecordColumns`.
+    """Choose the columns of values in each block (the columns of one run in one group), and return one record for each.
 
     The records of all blocks are in one list, in the order of the blocks. If there are several runs, the columns that
-    most of them would choose are used in each run that has them.
-
-    Raises InputError if several columns of a run are chosen and neither their unit nor the file shows that each is a
-    record of its own.
+    are chosen in most of them are used in each run that has them. Raises InputError if several columns of a run are
+    chosen, and neither their unit nor the file shows that each is a record of its own.
     """
     picks = [_choose_in_block(content, block) for block in blocks]
     usual = Counter(tuple(split_run(c)[0] for c in chosen) for chosen, _ in picks).most_common(1)[0][0]
@@ -474,7 +480,7 @@ def _choose_in_all(content: Contents, blocks: list[_Block]) -> list[RecordColumn
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """A column that may be a record, its oscillation, and the unit and quantity that the file states."""
+    """A column that may be a record, its oscillation, and the unit and quantity that the file states ("" if none)."""
 
     column: Column
     oscillation: OscillationMeasure
@@ -488,11 +494,12 @@ class _Candidate:
 
 
 def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], str]:
-    """Return the columns of one block that are a record each, and a sentence on the choice; "" if nothing is left out.
+    """Choose the columns of a block (one run in one group) that are records; return also a sentence on the choice.
 
-    Columns that do not oscillate or decay, derived quantities, copies, and small signals beside large ones are left out
-    as long as others remain. If the file declares channels of sensors, small signals remain, and without units all that
-    oscillate.
+    These columns are left out, as long as others remain: columns that do not oscillate or decay, derived quantities,
+    copies, and oscillations that are much smaller than others. If the file declares its columns as channels of sensors,
+    small oscillations are not left out; if the units are not stated either, all columns that oscillate are records. The
+    sentence is "" if there was no choice.
     """
     values = block.candidates or block.values
     if len(values) == 1:
@@ -514,7 +521,7 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
                 for other in level
             )
         ]
-        # Leave out time derivatives of other columns, such as a velocity beside the displacement.
+        # Leave out time derivatives of other columns, such as a velocity if there is a displacement.
         lowest = {
             base: min(_ORDER[c.quantity] for c in left if c.base == base) for base in {c.base for c in left}
         }
@@ -543,9 +550,10 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
 
 
 def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
-    """Return the candidates without those that equal another one up to a factor and an offset (correlation ≈ 1).
+    """Return the candidates without copies: those equal to another candidate up to a factor and an offset.
 
-    If two such candidates have the same unit, the one with the larger oscillation is kept, otherwise the first one.
+    Their correlation with it is nearly 1 or −1 (`SAME_SIGNAL`). Of two candidates with the same unit, that with the
+    larger oscillation is kept, otherwise the first.
     """
     independent: list[_Candidate] = []
     for candidate in candidates:
@@ -568,10 +576,10 @@ def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
 
 
 def _contains_gravity(column: Column) -> bool:
-    """Return whether a column may be an acceleration whose mean equals gravity in size within `_ABOUT_G` (25 %).
+    """Return whether a column is perhaps an acceleration that contains gravity, because its mean is near 9.81 m/s².
 
-    It may be an acceleration if the file says so, or states neither a unit nor a quantity. If it has no unit, m/s² is
-    assumed.
+    "Near" means within the fraction `_ABOUT_G`, with either sign. The column may be an acceleration if the file says
+    so, or if the file states neither unit nor quantity. Without a unit, m/s² is assumed.
     """
     gravity, (unit, quantity) = UNITS["g"].factor, unit_of_column(column)
     y = column.values[np.isfinite(column.values)]

@@ -57,8 +57,9 @@ HEAD_BYTES = 65536
 LONGEST_MESSAGE = 280
 """Largest number of characters of an error message about a file; longer messages are cut."""
 MOST_LISTED = 5000
-"""Largest number of files in a folder that are examined to suggest one: a name similar to that of a missing file, or
-the most frequent kind of readable file if the user gives the folder."""
+"""Largest number of files in a folder that are examined for the suggestion in an error message. If a file is missing,
+the message suggests a similar name; if the user gives a folder, it suggests the most frequent kind of readable file
+(conventional)."""
 FALLBACK = "text"
 """Name of the reader that is tried last, because it accepts any text."""
 _ONE_AT_A_TIME = threading.Lock()
@@ -82,12 +83,12 @@ Path(out).write_bytes(pickle.dumps(result))
 def load_isolated(
     load: Callable[..., Loaded], path: Path, patience: float = TIME_LIMIT, **options: bool
 ) -> Loaded:
-    """Load a file in a child process.
+    """Call a function that reads a file, in a child process, so that a crash does not end this process.
 
     Parameters
     ----------
     load
-        Function that takes the path and the options; it must be at the top level of a module.
+        Function that reads the file, called as `load(path, **options)`. It must be at the top level of a module.
     path
         The file.
     patience
@@ -130,7 +131,7 @@ def load_isolated(
 
 
 def file_error(path: Path, text: object, arguments: Sequence[str] = ()) -> InputError:
-    """Return an error about a file whose message is one line, cut to LONGEST_MESSAGE characters.
+    """Return an InputError that names a file; its message is one line of at most LONGEST_MESSAGE characters.
 
     Parameters
     ----------
@@ -139,7 +140,7 @@ def file_error(path: Path, text: object, arguments: Sequence[str] = ()) -> Input
     text
         What is wrong, and what to do.
     arguments
-        Arguments of `read` with which the user can solve the problem.
+        Names of the arguments of `read` with which the user can solve the problem.
     """
     name = " ".join((path.name or str(path)).split())
     where = name if len(name) <= 80 else f"{name[:50]}...{name[-27:]}"
@@ -150,14 +151,14 @@ def file_error(path: Path, text: object, arguments: Sequence[str] = ()) -> Input
 
 
 def read_contents(path: Path | str, isolate: bool = True) -> Contents:
-    """Read all columns and facts of a file, with the reader for its format.
+    """Read all columns and facts (named numbers and texts) of a file, with the reader for its format.
 
     Parameters
     ----------
     path
         The file.
     isolate
-        Whether readers that use compiled code run in a child process.
+        Whether a reader that uses compiled code runs in a child process, because a damaged file may crash it.
 
     Returns
     -------
@@ -205,14 +206,14 @@ def read_contents(path: Path | str, isolate: bool = True) -> Contents:
 
 
 def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[list[Loaded], list[InputError]]:
-    """Read several files; one that cannot be read does not stop the others.
+    """Read several files, and continue with the other files if one cannot be read.
 
     Parameters
     ----------
     paths
         The files, at least one.
     read
-        Function that reads the file with a given path.
+        Function that takes the path of a file and returns its content. It raises InputError if the file cannot be read.
 
     Returns
     -------
@@ -237,9 +238,10 @@ def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[li
 
 
 def reader_of(path: Path) -> Reader:
-    """Return the first reader whose `claims` accepts the start of a file; the reader of text tables is tried last.
+    """Return the reader for a file, which is recognised by the first bytes of its content (`Reader.claims`).
 
-    Raises InputError if none does or the file is empty, OSError if it cannot be opened.
+    The reader of text tables is tried last, because it accepts any text. Raises InputError if no reader accepts the
+    file, or if the file is missing, empty or too large; OSError if it cannot be opened.
     """
     head = _read_head(path)
     readers = {name: READERS.get(name) for name in READERS.names() if name != FALLBACK}
@@ -258,8 +260,8 @@ def reader_of(path: Path) -> Reader:
 def _read_head(path: Path) -> bytes:
     """Return the first `HEAD_BYTES` bytes of a file.
 
-    Raises InputError if it is missing, empty, larger than LARGEST_FILE or not a regular file, or if these bytes are all
-    blank; OSError if it cannot be opened.
+    Raises InputError if the file is missing, empty, larger than LARGEST_FILE or not a regular file, or if these bytes
+    contain only blanks. Raises OSError if it cannot be opened.
     """
     try:
         mode = path.stat().st_mode
@@ -296,20 +298,21 @@ SLOWEST_RATE, FASTEST_RATE = 1e-9, 1e12
 """Smallest and largest sampling rate in Hz; others are refused (conventional)."""
 
 FAR = 10.0
-"""A repeated value of nines, such as −9999, is taken for a mark of missing values, and the record is refused, if its
-distance from the median of all other values is more than this many times their range (conventional)."""
+"""A record is refused if a repeated value of nines, such as −9999, seems to mark missing samples. It does if it differs
+from the median of all other values by more than this many times the range of these values (conventional)."""
 
 FIRST_DATE = 1e4
-"""Times in days from this number on are dates; times are then counted from midnight of the first day (conventional)."""
+"""Times in days that begin at this number or later are taken for dates. They are then counted from midnight of the
+first day (conventional)."""
 
 FIRST_EPOCH = 1e8
-"""Times in s from this number (three years) on count from an epoch such as 1970; times are then counted from the first
-sample (conventional)."""
+"""Times in s that begin at this number (about three years) or later count from an epoch such as 1970. They are then
+counted from the first sample (conventional)."""
 FROM_FIRST = "Times are counted from the first sample"
-"""First words of the note that says that a file's times count from an epoch."""
+"""First words of the note that is added to a record if the times in its file count from an epoch such as 1970."""
 
 ColumnName = str | int
-"""A column, by name or by number from 1."""
+"""A column of a file: its name, or its number, counted from 1."""
 
 
 def read_record(
@@ -322,11 +325,11 @@ def read_record(
     channel: str | None = None,
     time_unit: str | None = None,
 ) -> RawRecord:
-    """Return the record of a run and channel of a file, or the only record of the file.
+    """Read one record from a file: that of the given run and channel, or the only record of the file.
 
-    The arguments are those of `read_records`, with one `run` and one `channel`; `value` and `channel` both give the
-    column of the recorded quantity, so only one of them may be given. Raises InputError also if the arguments select
-    several records.
+    The arguments are those of `read_records`, but with only one `run` and one `channel`. `value` and `channel` both
+    select the column of the recorded quantity, so only one of them may be given. Raises InputError also if the
+    arguments select several records.
     """
     records = read_records(
         path,
@@ -354,7 +357,7 @@ def read_records(
     channels: Sequence[str] = (),
     time_unit: str | None = None,
 ) -> list[RawRecord]:
-    """Return the records of a file: one for each selected run, and each channel that is given or chosen automatically.
+    """Read the records of a file: one for each selected run and each channel, given or chosen automatically.
 
     Parameters
     ----------
@@ -363,7 +366,8 @@ def read_records(
     time, value
         Column of the times and of the recorded quantity: a name, or a number from 1. In MATLAB, HDF5, NumPy and JSON
         files a name is a path with dots, such as `Theta1.signals.values`; a number at its end is a column of a matrix.
-        A column that is not given is chosen automatically if the choice is clear, and a note says so.
+        A column that is not given is chosen automatically if the choice is clear. If there are several possible
+        columns, a note in the record states the choice.
     rate
         Sampling rate in Hz; replaces the times and the rate that the file states. Only one of `time` and `rate` may be
         given.
@@ -372,7 +376,8 @@ def read_records(
     channels
         Further columns of recorded quantities, each as in `value`; each gives a record.
     time_unit
-        Unit of the times in the file (s, ms, us, ns, ps, min, h or d); by default that which it states, else s.
+        Unit of the times in the file (s, ms, us, ns, ps, min, h or d). By default it is the unit that the file states,
+        or s if it states none.
 
     Returns
     -------
@@ -405,10 +410,11 @@ def read_records(
 
 
 def _record(content: Contents, chosen: RecordColumns, time_unit: str | None) -> RawRecord:
-    """Return the record in the chosen columns of a file. Raises InputError if its times or values cannot be used.
+    """Return the record that the chosen columns of a file contain: times in s or sampling rate, values, unit and notes.
 
-    content: contents of the file. time_unit: unit of the times that the user gives; None if the unit that the file
-    states is used.
+    Raises InputError if the times or values cannot be used. content: contents of the file. chosen: its columns of times
+    and values, or the sampling rate. time_unit: unit of the times that the user gives; None to use that of the file, or
+    s if it states none.
     """
     value, time = chosen.value, chosen.time
     value_name = selector(content.columns, value)
@@ -468,9 +474,9 @@ def _record(content: Contents, chosen: RecordColumns, time_unit: str | None) -> 
 def _stated_unit(value: Column, time: Column | None, content: Contents) -> tuple[str, str]:
     """Return the unit and the quantity that a file states for a column of values; each is "" if it states none.
 
-    If the column itself has no unit, it is searched among the facts: all facts (except those about the times) if the
-    file has only this column of values, or else the facts of the column's structure or group, if that has only this
-    column.
+    The unit of the column itself comes first. Otherwise the unit is searched in the facts (named numbers and texts) of
+    the file. If the file has only this column of values, all facts are searched except those about the times. If the
+    column is the only one in its structure or group, the facts of this structure or group are searched.
     """
     unit, quantity = unit_of_column(value)
     if unit:
@@ -489,9 +495,10 @@ def _stated_unit(value: Column, time: Column | None, content: Contents) -> tuple
 
 
 def _complete_rows(value: Column, time: Column | None, content: Contents) -> tuple[np.ndarray, list[str]]:
-    """Return a mask (n,) of the rows with filled cells in the columns of times and values, and notes on other rows.
+    """Return a mask (n,), true for rows with filled cells in the columns of times and values, and a list of notes.
 
-    Raises InputError if a filled cell has no finite number, such as NA, null or nan, or if no row is complete.
+    The list has one note with the number of rows that are left out, or none. Raises InputError if a filled cell is not
+    a finite number (NA, null, nan), or if no row is complete.
     """
     columns = [(what, c) for what, c in (("time", time), ("value", value)) if c is not None]
     complete = np.ones(value.values.size, bool)
@@ -523,8 +530,8 @@ def _complete_rows(value: Column, time: Column | None, content: Contents) -> tup
 def _refuse_unusable(y: np.ndarray) -> None:
     """Raise InputError for values y (n,) that are too large, constant, or change too little to compute with.
 
-    It is also raised if some values mark missing ones: a repeated value of nines, such as −9999, that is far from all
-    other values.
+    It is also raised if a repeated value of nines, such as −9999, seems to mark missing samples: if it is far from all
+    other values (`FAR`).
     """
     largest = float(np.abs(y).max())
     if largest > LARGEST_VALUE:
@@ -547,11 +554,11 @@ def _refuse_unusable(y: np.ndarray) -> None:
 
 
 def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]) -> np.ndarray:
-    """Convert times (n,) to s. Raises InputError for implausible times.
+    """Convert times (n,) to s. Raises InputError if they are implausibly large, or too close together.
 
-    given: unit of the times, a key of SECONDS; None for that of the column `time`, or s if that states none. Times in
-    days that are dates (from FIRST_DATE on) are counted from midnight of the first day. If the unit is not s, `notes`
-    gets a note.
+    time: the column that contains the times. given: their unit, a key of SECONDS; None to use the unit that the column
+    states, or s if it states none. Times in days that are dates (from FIRST_DATE on) are counted from midnight of the
+    first day. notes: list to which a note is appended if the unit is not s.
     """
     seconds = SECONDS[given.lower()] if given is not None else seconds_of_unit(time)
     if seconds not in (None, 1.0):

@@ -1,4 +1,4 @@
-"""Define a raw record (before cleaning) and its unit, and find doubts about it, with the option that settles each."""
+"""Define the record as read from a file, choose its unit, and find doubts about it and the option that settles each."""
 
 import math
 import re
@@ -15,31 +15,36 @@ from bayesdamp.records.oscillation.noise import SHORTEST_PERIOD
 from bayesdamp.types import UNITS, InputError, Provenance
 
 GUESSED = "counts"
-"""Unit of a record whose unit is not known, and whose values are too large for an angle in rad."""
+"""Unit that is assumed for a record without a stated unit, if its values are too large for radians and degrees are not
+plausible either."""
 HALF_TURN, FULL_TURN = math.pi, 360.0
-"""Values without a stated unit are not taken for radians if their amplitude is above `HALF_TURN` (a pendulum would go
-over the top), and not for degrees if it is above `FULL_TURN` (conventional)."""
+"""Limits of half the range of values whose unit is not stated: above `HALF_TURN` they are not taken for radians (a
+pendulum would go over the top), above `FULL_TURN` not for degrees (conventional)."""
 _ANGLE = re.compile(
     r"^$|angle|angular|theta|phi|alpha|roll|pitch|yaw|tilt|pendul|rotation|encoder|winkel|angolo|[θφϕα]",
     re.IGNORECASE,
 )
-"""Column names that may stand for an angle; a column without a name may be an angle too."""
-# An angle counts as wrapped (jumping by a whole turn) under these conditions; all values are conventional.
+"""Regular expression for column names that may mean an angle. An empty name also matches."""
+# An angle is wrapped if it jumps by a turn at the end of its scale, for example from 360 to 0 degrees. These limits
+# decide whether values are a wrapped angle; all are conventional.
 MIN_JUMPS = 3
-"""Values count as a wrapped angle only if they have at least this many jumps by a turn."""
+"""Values count as a wrapped angle (one that jumps by a turn, as from 360 to 0 degrees) only if they have at least this
+many such jumps."""
 JUMP_TOLERANCE = 0.1
-"""The step from one value to the next counts as a jump if it differs from a turn by less than this fraction of a
-turn."""
+"""To recognise a wrapped angle: the step between two successive values counts as a jump by a turn (360 degrees) if it
+differs from a turn by less than this fraction of a turn."""
 MAX_SPAN = 1.001
-"""Largest range of the values of a wrapped angle, in turns; values with a larger one are not unwrapped."""
+"""Largest range, in turns (360 degrees), of the values of a wrapped angle (one that jumps by a turn). Values with a
+larger range are not unwrapped."""
 MAX_STEP = 0.25
-"""Largest step of a wrapped angle other than the jumps, in turns; values with a larger one are not unwrapped."""
+"""Largest step between successive values of a wrapped angle, except for its jumps by a turn, in turns (360 degrees).
+Values with a larger step are not unwrapped."""
 MAX_EXCESS = 1.5
-"""A jump of a wrapped angle must differ from a turn by at most this multiple of the largest step other than the jumps;
-the difference is the change of the angle between the two samples."""
+"""The jumps of a wrapped angle may differ from a turn (360 degrees) by at most this multiple of its largest other step.
+The difference is the change of the angle between the two samples."""
 MIN_SPAN = 3.0
-"""An unwrapped angle must span more than this multiple of its largest step other than the jumps. A signal that is noise
-about two levels spans less."""
+"""After unwrapping (removing the jumps by a turn), an angle must span more than this multiple of its largest step other
+than the jumps. Noise about two levels, which also jumps, spans less."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +62,11 @@ class RawRecord:
     rows
         Row of each sample in the file, shape (n,), counted from 0 at the first row of numbers.
     provenance
-        How the record was read.
+        How the record was read: notes, warnings, facts of the file, and names of the columns.
     run
         Label of the run in the file; "" if the file has no runs.
     channel
-        Name of the column, without the run.
+        Name of the column of values, without the run.
     unit
         Unit of the displacement that the file states: a name in UNITS if the unit is known, else as it is written; ""
         if the file states none.
@@ -87,16 +92,16 @@ class RawRecord:
 
     @cached_property
     def oscillation(self) -> OscillationMeasure:
-        """Return coarse measures of the oscillation in y: period in samples, size in the unit of y, and its kind."""
+        """Return coarse measures of the oscillation in y: its period, its size, and whether it decays."""
         return measure_oscillation(self.y)
 
 
 def choose_unit(unit: str | None, quantity: str | None, stated: str, what: str) -> tuple[str, str]:
-    """Return unit and quantity of a record as the user or else the file states them; by default an angle in rad.
+    """Return unit and quantity of a record: those of the user, else those of its file, else "rad" and "angle".
 
-    unit, quantity: given by the user, None if not given. stated, what: unit and quantity that the file states, "" if it
-    states none. If the given unit belongs to only one quantity, as g to acceleration, this quantity is used instead of
-    the file's. A unit of the file that is not in UNITS is not used: rad is returned instead.
+    unit, quantity: given by the user; None if not given. stated, what: unit and quantity that the file states; "" if it
+    states none. If the unit that the user gives belongs to only one quantity (g is an acceleration), this quantity is
+    used instead of that of the file. A unit of the file that is not in UNITS is ignored.
     """
     only = UNITS[unit].quantity if unit in UNITS else None
     chosen = unit or (stated if stated in UNITS else "rad")
@@ -104,11 +109,11 @@ def choose_unit(unit: str | None, quantity: str | None, stated: str, what: str) 
 
 
 def unit_or_guess(raw: RawRecord, unit: str | None, quantity: str | None) -> tuple[str, str]:
-    """Return the unit and the quantity of a record's values; guess the unit if it is neither given nor stated.
+    """Return unit and quantity of a record, as `choose_unit`; guess the unit of an angle that is too large for radians.
 
-    The result is that of `choose_unit`, which guesses rad. But the guess is different for an angle if half the range of
-    the values exceeds π: "deg" if the column's name allows an angle (or is empty) and half the range is at most 360,
-    otherwise "counts" (of a sensor).
+    unit, quantity: given by the user; None if not given. The guess is made only if neither the user nor the file states
+    a unit, and half the range of the values exceeds π. It is "deg" if the name of the column is empty or may mean an
+    angle, and half the range is at most 360; otherwise it is "counts" (of a sensor).
     """
     resolved, what = choose_unit(unit, quantity, raw.unit, raw.quantity)
     if unit is not None or raw.unit or what != "angle" or half_swing(raw) <= HALF_TURN:
@@ -122,9 +127,10 @@ def half_swing(raw: RawRecord) -> float:
 
 
 def count_jumps(y: np.ndarray, turn: float) -> int:
-    """Return how often values y (n,) jump by a turn; 0 if they are not a wrapped angle. turn: a turn in the unit of y.
+    """Return how often values y (n,) jump by a turn (360 degrees); 0 if they are not a wrapped angle.
 
-    A rectangular signal is not a wrapped angle: without its jumps it is constant, or noise.
+    turn: a turn in the unit of y. A rectangular signal, which also jumps, is not a wrapped angle: without its jumps
+    only a constant or noise remains.
     """
     if y.size < 2 or not 0 < np.ptp(y) <= MAX_SPAN * turn:
         return 0
@@ -139,11 +145,11 @@ def count_jumps(y: np.ndarray, turn: float) -> int:
 
 
 def unwrap(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
-    """Return the record with its wrapped angle unwrapped, and a note; a record without jumps by a turn is unchanged.
+    """Return a record with its wrapped angle unwrapped, and a note on this; a record without such jumps is unchanged.
 
-    An encoder's angle jumps at the end of its scale, for example between 360 and 0 degrees. unit, quantity: those in
-    which the record is read; only an "angle" in a unit of angles is unwrapped, or one without any unit (`GUESSED`), for
-    which turns of 360 and of 2π are tried.
+    A wrapped angle jumps by a turn at the end of its scale, as that of an encoder between 360 and 0 degrees. unit,
+    quantity: unit and quantity in which the record is read. Only an "angle" is unwrapped: in a unit of angles, or in
+    "counts" (`GUESSED`) if the file states no unit. For counts, turns of 360 and of 2π are tried.
     """
     if quantity != "angle" or unit not in UNITS:
         return raw
@@ -168,39 +174,40 @@ _ASSUMED = {
     "counts": ("a signal of unknown scale, in counts", "--unit deg, rad, mm, V ... if its scale is known"),
 }
 """For each unit that is assumed for values which have no stated unit and are too large for radians: its description,
-and the command-line option that changes it."""
+and the command-line option with which the user changes it."""
 # The following limits are conventional.
 LONGEST_PERIOD, SHORT = 600.0, 1e-6
-"""Longest and shortest plausible period of an oscillation in s; the user is warned if a sampling rate gives a period
+"""Longest and shortest plausible period of an oscillation in s. The user is warned if the sampling rate gives a period
 outside these limits."""
 RATE_TOLERANCE = 0.01
-"""A sampling rate that differs by more than this fraction from that which the file states is reported to the user."""
+"""The user is warned if the sampling rate that is used differs by more than this fraction from the rate that the file
+states."""
 SLOW_PERIOD = 30.0
-"""Times without a stated unit are probably not in s if they step by at least COARSE_STEP and the period would be longer
-than this many s; the user must then state their unit."""
+"""Times without a stated unit are probably not in s if, taken as s, they step by at least `COARSE_STEP` and give a
+period of at least this many s. The user must then state their unit."""
 LARGEST_VELOCITY = {"rad": 300.0, "m": 340.0}
-"""Largest plausible velocity in rad/s and m/s: the balance wheel of a watch reaches about 130 rad/s, sound 340 m/s. If
-the velocity would be larger, the user must confirm the unit of the times."""
+"""Largest plausible velocity, in rad/s and in m/s: the balance wheel of a watch reaches about 130 rad/s, sound 340 m/s.
+If the times of a record give a larger velocity, the user must confirm their unit."""
 COARSE_STEP = 0.5
-"""Times without a stated unit are probably not in s if they step by at least this, read as s, and the period is longer
-than `SLOW_PERIOD`."""
+"""Times without a stated unit are probably not in s if, taken as s, they step by at least this many s and give a period
+of at least `SLOW_PERIOD`."""
 DAY_NUMBERS = ((25e3, 60e3), (710e3, 780e3), (2.44e6, 2.48e6))
-"""Ranges (lowest, highest) of numbers that may be dates between about 1970 and 2060, counted in days: in spreadsheets
-or as modified Julian days, in MATLAB, and as Julian days."""
+"""Ranges (lowest, highest) of numbers of days that are dates between about 1970 and 2060: in spreadsheets and as
+modified Julian days, in MATLAB, and as Julian days."""
 SHORT_DAYS = 5e-4
-"""Times without a stated unit that begin in one of the ranges DAY_NUMBERS may count days, if the period is shorter than
-this number of days (43 s); the user must then state their unit."""
+"""The user must state the unit of times without a stated unit if they may count days: if they begin in one of the
+ranges `DAY_NUMBERS`, and the period is shorter than this number of days (43 s)."""
 _BRACKETS = re.compile(r"[(\[{]\s*([^\W\d][^()\[\]{}\s\d]{0,19}|\d[^()\[\]{}]{1,19})\s*[)\]}]\s*$")
-"""Text in brackets at the end of a name of times that may be a unit: a word, or text that begins with a number, such as
-`1e-3 s` but not `probe 1`."""
+"""Regular expression for text in brackets at the end of the name of a column of times, which may be a unit: a word, or
+text that begins with a number, such as `1e-3 s` but not `probe 1`."""
 _NO_UNITS = ("utc", "gmt", "local", "local time", "elapsed", "relative", "rel", "abs", "absolute", "raw", "x")
-"""Words in brackets that are not units."""
+"""Words in brackets after the name of a column of times that are not units."""
 TIME_UNIT_NAMES = "ms, us, ns, ps, min, h, d"
-"""Units of time for messages."""
+"""Units of time that a message lists."""
 
 
 class Kind(Enum):
-    """Kinds of findings: what the doubt about a record is about."""
+    """Kinds of doubts about a record, which a `Finding` states."""
 
     DEGREES = "a unit that was assumed"
     PERIOD = "a rate that makes the period absurd"
@@ -211,8 +218,8 @@ class Kind(Enum):
 
 
 QUESTIONS = (Kind.TIME_UNIT, Kind.SAMPLE_NUMBERS, Kind.UNIT)
-"""Kinds of findings that the user must settle before anything is computed, because times or values may be wrong by
-large factors."""
+"""Kinds of doubts about a record that the user must settle before anything is computed, because its times or values may
+be wrong by large factors."""
 
 
 @dataclass(frozen=True)
@@ -241,7 +248,7 @@ class Finding:
 
 
 def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> tuple[Finding, ...]:
-    """Return the doubts about a record, without changing it.
+    """Return the doubts about the unit, the times and the sampling rate of a record; the record is not changed.
 
     Parameters
     ----------
@@ -250,7 +257,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     unit, quantity
         Unit (of UNITS) and quantity in which it is read.
     given
-        Whether the user gave the unit, which is then not doubted.
+        Whether the user gave the unit. If true, the unit is not doubted.
 
     Returns
     -------
@@ -294,9 +301,9 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
 
 
 def refuse_questions(doubts: Iterable[Finding], where: str = "") -> None:
-    """Raise InputError for the first doubt that the user must settle before anything is computed, if there is one.
+    """Raise InputError for the first doubt (`Finding`) that the user must settle before anything is computed, if any.
 
-    where: the file, for the message.
+    where: name of the file, for the message.
     """
     for doubt in doubts:
         if doubt.kind in QUESTIONS:
@@ -304,9 +311,10 @@ def refuse_questions(doubts: Iterable[Finding], where: str = "") -> None:
 
 
 def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
-    """Return a finding if times t (n,) may not be in s: sample numbers, days, an unknown unit or a unit shorter than s.
+    """Return a doubt if times t (n,) may not be in s: sample numbers, days, an unknown unit or a unit shorter than s.
 
-    Return None if they are plausible, if their unit is given or stated by the file, or if no column contains them.
+    Return None if they are plausible. None is also returned if the user or the file states their unit, or if they do
+    not come from a column of the file.
     """
     if raw.columns[0] is None or raw.provenance.time_unit:
         return None
@@ -336,10 +344,10 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
 
 
 def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
-    """Return a finding if the file's unit of the times t (n,) gives an implausibly large velocity; else None.
+    """Return a doubt if the time unit that the file states gives an implausibly large velocity; otherwise None.
 
-    t: times converted to s. unit: unit of the displacement, a name in UNITS; the limits are `LARGEST_VELOCITY`. The
-    result is also None if nothing oscillates, or if no longer unit of time (s, ms or us) would give a plausible
+    t: times converted to s, (n,). unit: unit of the displacement, a name in UNITS. The limits are `LARGEST_VELOCITY`.
+    The result is also None if nothing oscillates, or if no longer unit of time (s, ms or us) would give a plausible
     velocity and period.
     """
     base = UNITS[unit].base

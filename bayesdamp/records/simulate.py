@@ -36,14 +36,14 @@ def simulate_signal(
     Parameters
     ----------
     osc, p
-        The oscillator, and the values of all its parameters by name (`Oscillator.parameters`), with the start `theta0`
-        and `omega0`, in rad or m (see `unit`) and s.
+        The oscillator, and the values of all its parameters by name (`Oscillator.parameters`), in rad or m (see `unit`)
+        and s. These include the initial displacement `theta0` and the initial velocity `omega0`.
     duration
         Duration in s.
     samples
         Number of samples, before gaps are removed.
     noise_sd
-        Standard deviation of the noise in the unit of the recorded quantity; for "student_t" its scale.
+        Standard deviation of the noise in the unit of the recorded quantity; for "student_t" its scale parameter.
     noise
         "gaussian" (white), "correlated", with a correlation of exp(−Δt/noise_time), or "student_t".
     noise_time
@@ -51,16 +51,16 @@ def simulate_signal(
     noise_dof
         Degrees of freedom of Student's t; 1 by default.
     outliers
-        Number of spikes or, if it is below 1, the fraction of samples that are spikes. The size of a spike is 0.3 to 1
-        times half of the range of the motion, up or down.
+        Number of spikes or, if it is below 1, the fraction of samples that are spikes. The height of a spike is 0.3 to
+        1 times half of the range of the motion, up or down.
     gaps
-        Number of missing stretches, each 1/50 of the record; none is at the ends.
+        Number of gaps. Each contains 1/50 of the samples, which are removed; the first and the last sample remain.
     quantum
         Recording step to which the values are rounded, in the unit of the recorded quantity; 0 for none.
     quantity
         The recorded quantity: "angle" (the displacement), "velocity" or "acceleration".
     unit
-        Unit of the displacement, "rad" or "m": that in which p is given. Nothing is converted.
+        Unit of the displacement, "rad" or "m", in which `p` is given too. Nothing is converted.
     name
         Name of the record.
     rng

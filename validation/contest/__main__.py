@@ -15,9 +15,10 @@ from validation.truth.records import Case
 
 
 def row(record: Case, name: str) -> dict[str, Any]:
-    """Let the peer `name` answer a record, and return the row of the table.
+    """Let a peer (a method of the contest, by its name) answer a record, and return the row of the table.
 
-    A verdict without a law gives ratios near the requested amplitudes; they are judged at the requested ones.
+    If a verdict names no law, its damping ratios may be at amplitudes near the requested ones. They are judged as if
+    they were at the requested amplitudes.
     """
 
     def answer(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:

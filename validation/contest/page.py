@@ -1,4 +1,4 @@
-"""Write the page of the contest from its rows."""
+"""Write the page of the contest (bayesdamp and an engineer's script on the same records) from the rows of its table."""
 
 import math
 
@@ -46,7 +46,10 @@ HOW = """## How each was run
 
 
 def page(rows: pd.DataFrame) -> str:
-    """Return the page of the contest in Markdown, from its rows. Its tables have a line for each method."""
+    """Return the page of the contest in Markdown, from the rows of its table (one for each record and method).
+
+    Its tables of scores have a line for each method.
+    """
     parts = {"all records": rows, **groups_of(rows, order=GROUPS)}
     ours = rows.loc[rows["peer"] == OURS]
     more = {"error over bayesdamp's": lambda part: paired(part, ours)}
@@ -71,10 +74,11 @@ Seed {seeds}; `python -m validation.contest ROWS.csv FOLDER --seed 1` draws othe
 
 
 def paired(theirs: pd.DataFrame, ours: pd.DataFrame) -> str:
-    """Return the error of a method over that of bayesdamp on the records that both answered, with its 95 % interval.
+    """Return the error of a method divided by that of bayesdamp, with its 95 % interval, as text.
 
-    It is the geometric mean over records of the ratio of their mean errors. The interval assumes that the logarithms of
-    these ratios are normal. Above 1, bayesdamp is nearer to the truth. A dash stands for fewer than two records.
+    It is the geometric mean, over the records that both answered, of the ratio of their mean errors. Above 1, bayesdamp
+    is nearer to the truth. The interval assumes that the logarithms of these ratios are normal. The result is a dash
+    for fewer than two records, or if all ratios are 1. theirs, ours: rows of the method and of bayesdamp.
     """
     means = (pd.Series(errors(rows).mean(axis=1), rows["record"]) for rows in (theirs, ours))
     logs = (next(means) / next(means)).dropna().map(math.log)

@@ -1,4 +1,4 @@
-"""Simulate the records of the contest. Their groups alternate, so that the first five records are of all groups."""
+"""Simulate the records of the contest. Their groups alternate, so that each group is among the first five records."""
 
 from dataclasses import replace
 
@@ -11,28 +11,30 @@ from validation.truth.ratio import RatioCurve
 from validation.truth.records import FAMILY, FROM_END, Case, case
 
 GROUPS = ("family", "discrepant", "noisy", "short", "gappy")
-"""Names of the groups of simulated records, in turn; `simulate_record` explains them."""
+"""Names of the groups of simulated records, to which successive records belong in turn; `simulate_record` explains
+them."""
 NOISE = (0.05, 0.15)
-"""Range of the standard deviation of the noise in records of the group "noisy", as a share of the first amplitude."""
+"""Range of the standard deviation of the noise in records of the group "noisy", as a fraction of the first
+amplitude."""
 SHORT = (3.0, 6.0)
 """Range of the number of cycles in records of the group "short"."""
 GAPS, LOST = 3, 0.4
-"""Number of gaps in a record of the group "gappy", and their share of its duration."""
+"""Number of gaps in a record of the group "gappy", and the fraction of its duration that they have together."""
 APART = 1000
-"""The groups number their oscillators from multiples of this, so that no two groups share an oscillator."""
+"""The oscillators of each group are numbered from a multiple of this, so that no two groups contain the same one."""
 
 
 def simulate_record(seed: int, number: int) -> Case:
-    """Return record `number` of a seed, with the truth by SciPy's DOP853, as in `validation.truth.records`.
+    """Simulate record `number` of a seed; return it with its truth, which SciPy's DOP853 computes.
 
     Its group is `GROUPS[number % 5]`.
 
-    - family: one of the seven sums of viscous, Coulomb and quadratic damping with one of four restoring laws, noise of
-      0.3 to 3 % of the first amplitude, 8 to 60 cycles.
-    - discrepant: as family, with an effect that no compared law contains, one of ten in turn.
-    - noisy: noise of 5 to 15 %.
-    - short: the first 3 to 6 cycles.
-    - gappy: three gaps with 40 % of the time in total.
+    - family: one of the seven sums of viscous, Coulomb and quadratic damping with one of four restoring laws. The noise
+      is 0.3 to 3 % of the first amplitude; the record has 8 to 60 cycles.
+    - discrepant: as family, with one of ten effects in turn that none of the compared laws contains.
+    - noisy: as family, with noise of 5 to 15 %.
+    - short: as family, but only the first 3 to 6 cycles.
+    - gappy: as family, with three gaps that have 40 % of the duration in total.
     """
     group, again = GROUPS[number % len(GROUPS)], number // len(GROUPS)
     rng = np.random.default_rng([seed, number])
@@ -63,9 +65,10 @@ def simulate_record(seed: int, number: int) -> Case:
 
 
 def _gaps(rng: np.random.Generator, duration: float) -> list[tuple[float, float]]:
-    """Draw begin and end of each gap in a record of this duration (s).
+    """Draw the gaps in a record that begins at time 0; return the start and end of each gap in s.
 
-    Each piece before, between and after the gaps has a tenth or more of the remaining samples.
+    duration: duration of the record in s. Each of the four pieces before, between and after the gaps has a tenth or
+    more of the remaining time.
     """
     left = 1 - LOST
     pieces = 0.1 * left + 0.6 * left * rng.dirichlet(np.ones(GAPS + 1))

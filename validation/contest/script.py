@@ -1,7 +1,8 @@
-"""Do what a script of an afternoon could do: solve the motion, fit seven damping sums, and compare them by BIC.
+"""Answer a record by a simple script, which an engineer could write in an afternoon, as a peer in the contest.
 
-The motion is x″ + 2z x′ + c sign(x′) + q x′|x′| + k x + b x³ = 0, or with k sin(x) for a pendulum. The unit of time
-is the period of the spectral peak over 2π, and the unit of displacement is the largest displacement of the record.
+The script solves the motion, fits seven sums of damping terms on two springs, and compares them by BIC. The motion is
+x″ + 2z x′ + c sign(x′) + q x′|x′| + k x + b x³ = 0, or with k sin(x) for a pendulum. The unit of time is the period of
+the spectral peak divided by 2π, and the unit of displacement is the largest displacement of the record.
 """
 
 import math
@@ -19,45 +20,50 @@ from validation.truth.oscillator import LAWS, SUMS, TERMS
 from validation.truth.trajectory import advance
 
 POSITIONS = [[TERMS.index(term) for term in name.split("+")] for name in SUMS]
-"""Positions of the coefficients z, c and q of each of `SUMS` in the vector of parameters p."""
+"""For each damping sum in `SUMS`, the positions of its coefficients in the vector of parameters p: 0 for z (viscous), 1
+for c (Coulomb), 2 for q (quadratic)."""
 K, B, REST, X0, V0 = range(3, 8)
 """Positions in the vector of parameters p: stiffness k, cubic stiffness b, rest position, initial displacement and
 velocity. Positions 0 to 2 are the damping coefficients z, c and q."""
 SCALE = np.array([0.01, 0.01, 0.01, 0.01, 0.1, 0.1, 1.0, 1.0])
 """Typical change of each parameter in a fit, (8,), by which the least-squares method scales its steps."""
 PENDULUM, DUFFING = (list(LAWS).index(law) for law in ("pendulum", "duffing"))
-"""Numbers of the two restoring laws."""
+"""Numbers of these two restoring laws in `LAWS`."""
 STEP = 2 * math.pi / 40
-"""Largest step of the solver in normalised time: 40 steps in a cycle."""
+"""Largest step of the solver, in periods of the spectral peak divided by 2π: 40 steps in a cycle."""
 FIRST_CYCLES, GROWTH = 3, 2
-"""Length in cycles of the window in which a fit starts, and the factor by which each next window is longer."""
+"""A fit starts with a window of the first `FIRST_CYCLES` cycles of a record; each next window is longer by the factor
+`GROWTH`."""
 NAMED = 0.95
-"""Least weight of a damping sum that is stated without reservation."""
+"""Smallest weight (by BIC) at which a damping sum is stated without reservation."""
 EXPLAINED = 0.5
-"""Least share of the record's variance that the best fit must explain."""
+"""Smallest fraction of the record's variance that the best fit must explain; otherwise there is no answer."""
 FAR = 10.0
-"""Largest absolute residual, in largest displacements of the record, so that residuals of an unbounded motion are
-finite."""
+"""Largest absolute value of a residual, in units of the largest displacement of the record. Larger residuals are set to
+this value, so that the residuals of an unbounded motion are finite."""
 LEAST_RATIO = 1e-6
 """Damping ratios up to this value count as no damping, and the record is refused."""
 TINY = 1e-200
-"""Smallest sum of squares that is used, so that its logarithm is finite for a record without noise."""
+"""Smallest sum of squares that is used; for a record without noise, its logarithm would otherwise be infinite. Also the
+smallest variance of a damping ratio."""
 PADDING = 8
 """Factor by which padding with zeros lengthens the record before its spectral peak is searched."""
 GAP = 1.5
-"""Two samples that are more than this many median steps apart have a gap between them."""
+"""A record has a gap where two successive samples are more than this many median steps apart."""
 POINTS = 24
-"""Number of points in a quarter cycle at which the power is evaluated for the energy loss."""
+"""Number of points in a quarter cycle at which the damping power is evaluated to compute the energy loss."""
 
 
 @njit(cache=True)
 def solve(times: np.ndarray, p: np.ndarray, radians: float) -> np.ndarray:
-    """Return the displacements at times; steps end at turning points, where friction may stop the motion.
+    """Solve the motion, and return the displacements at given times, (n,).
+
+    A step of the solver ends at each turning point, because friction may stop the motion there.
 
     Parameters
     ----------
     times : (n,) array
-        Increasing times.
+        Increasing times, in units of the period of the spectral peak divided by 2π.
     p : (8,) array
         z, c, q, k, b, rest, and displacement and velocity at the first time.
     radians : float
@@ -80,7 +86,7 @@ def solve(times: np.ndarray, p: np.ndarray, radians: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Fit:
-    """The fit of a damping sum.
+    """The fit of one damping sum on one spring to a record.
 
     Attributes
     ----------
@@ -89,9 +95,9 @@ class Fit:
     p : (8,) array
         z, c, q, k, b, rest, and displacement and velocity at the first time.
     free : list of int
-        Positions of the fitted parameters in p.
+        Positions in p of the parameters that are fitted; the others are 0.
     covariance : (m, m) array
-        Covariance of the fitted parameters.
+        Covariance of the m fitted parameters.
     squares, bic : float
         Sum of squares of the residuals, and Bayesian information criterion.
     """
@@ -104,7 +110,7 @@ class Fit:
     bic: float
 
     def ratio(self, amplitude: float) -> tuple[float, float]:
-        """Return the damping ratio at an amplitude (in largest displacements), and its standard deviation."""
+        """Return the damping ratio at an amplitude, in units of the largest displacement, and its standard error."""
         value = ratio(self.p, amplitude, self.radians)
         moved = self.p + 1e-6 * np.eye(self.p.size)[self.free]
         slope = (np.array([ratio(p, amplitude, self.radians) for p in moved]) - value) / 1e-6
@@ -114,9 +120,10 @@ class Fit:
 def fit(times: np.ndarray, x: np.ndarray, guess: np.ndarray, terms: list[int], radians: float) -> Fit:
     """Fit a damping sum on one spring to a record by least squares.
 
-    The window grows from `FIRST_CYCLES` to the whole record, so that the phase of the trajectory stays within a cycle
-    of the record's. times, x: the record in normalised units, (n,). guess: first parameters, (8,). terms: positions
-    of the coefficients in p. radians: as in `Fit`.
+    The fit starts with the first `FIRST_CYCLES` cycles and is repeated on longer windows up to the whole record, so
+    that the fitted motion does not lose a cycle. times, x: the record in normalised units, (n,). guess: initial
+    parameters, (8,). terms: positions of the damping coefficients in the vector of parameters. radians: unit of
+    displacement of a pendulum in rad; 0 for the cubic spring.
     """
     free = [*terms, K, *([] if radians else [B]), REST, X0, V0]
     p = np.where(np.isin(np.arange(guess.size), free), guess, 0.0)
@@ -142,7 +149,7 @@ def fit(times: np.ndarray, x: np.ndarray, guess: np.ndarray, terms: list[int], r
 
 
 def ratio(p: np.ndarray, amplitude: float, radians: float) -> float:
-    """Return the equivalent damping ratio: energy lost in a cycle over 4π times the potential energy at the amplitude.
+    """Return the equivalent damping ratio: energy loss in a cycle, divided by 4π times the energy at the amplitude.
 
     amplitude: in units of the largest displacement of the record. p: the eight parameters z, c, q, k, b, rest, and
     displacement and velocity at the start. radians: unit of displacement of a pendulum in rad; 0 for the cubic spring.
@@ -160,7 +167,7 @@ def ratio(p: np.ndarray, amplitude: float, radians: float) -> float:
 
 
 def _quantile(level: float, means: np.ndarray, sds: np.ndarray, weights: np.ndarray) -> float:
-    """Return the quantile at `level` (0 to 1) of a mixture of n normal distributions; the weights sum to 1."""
+    """Return the quantile at `level` (0 to 1) of a mixture of n normal distributions, whose weights have the sum 1."""
     ends = float(np.min(means - 10 * sds)), float(np.max(means + 10 * sds))
     return float(brentq(lambda x: weights @ ndtr((x - means) / sds) - level, *ends, xtol=1e-12))  # pyright: ignore[reportArgumentType]
 
@@ -168,7 +175,8 @@ def _quantile(level: float, means: np.ndarray, sds: np.ndarray, weights: np.ndar
 def start(times: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return the parameters (8,) from which fits start, for a record in normalised units, (n,) each.
 
-    They follow from a sinusoid fitted to the first cycle, and from the ratio of the last amplitude to the first.
+    They follow from a sinusoid fitted to the first cycle, and from the last amplitude divided by the first. times, x:
+    the record in normalised units.
     """
     first = times <= 2 * np.pi
     phase = times[first]
@@ -180,7 +188,7 @@ def start(times: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def frequency(t: np.ndarray, y: np.ndarray) -> float:
-    """Return the frequency in Hz of the largest spectral line in the longest piece of a record between gaps, (n,)."""
+    """Return the frequency in Hz of the largest spectral line, in the longest piece of a record without a gap."""
     cuts = np.flatnonzero(np.diff(t) > GAP * np.median(np.diff(t))) + 1
     t, y = max(zip(np.split(t, cuts), np.split(y, cuts), strict=True), key=lambda piece: piece[0].size)
     step = float(np.median(np.diff(t)))
@@ -192,9 +200,11 @@ def frequency(t: np.ndarray, y: np.ndarray) -> float:
 
 
 def answer(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
-    """Return damping ratios averaged over the fits of seven sums on two springs, weighted by exp(−BIC/2).
+    """Answer a record: average damping ratios over the fits of seven damping sums on two springs.
 
-    A sum is named if its weight is at least `NAMED`. Raises Refusal if no sum fits, or the record is too short.
+    The weight of a fit is exp(−BIC/2). A sum is stated without reservation if its weight is at least `NAMED`.
+    amplitudes: amplitudes at which the ratios are computed, in the unit of the record. Raises Refusal if no sum fits,
+    the record is too short, or a ratio is not positive.
     """
     t, y = signal.t, signal.y
     times = 2 * np.pi * frequency(t, y) * (t - t[0])

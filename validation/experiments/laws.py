@@ -1,7 +1,7 @@
 """Answer simulated records with damping terms that are not in the paper, and write the page on the results.
 
-`python -m validation.experiments.laws TABLE FOLDER [--seed 87000 --each 6]`: the seed, to which each next term adds
-1000, and the number of records of each term.
+`python -m validation.experiments.laws TABLE FOLDER [--seed 87000 --each 6]`. EACH is the number of records of each
+term. SEED is the seed of the first record of the first term; the seeds of each next term begin 1000 later.
 """
 
 import math
@@ -35,19 +35,20 @@ from validation.truth.ratio import harmonic_ratio
 from validation.truth.records import NATS, Case
 
 PARAMETERS = ("nats", "intervals", "held")
-"""Further columns of the table: by how many nats the true sum is ahead, how many of its parameters have intervals, and
-how many of these contain the truth."""
+"""Further columns of the table. `nats`: by how many nats (difference in log likelihood) the true damping sum is ahead
+of the best sum that lacks one of its terms. `intervals`: number of true damping parameters with a 95 % interval.
+`held`: number of these intervals that contain the truth."""
 TERMS = ("cubic", "displacement", "power", "dry_position", "structural", "stribeck")
 """The damping terms that are tested, by their names in bayesdamp."""
 LEAST_SHARE, LEAST_FALL = 0.3, 0.6
-"""Least fraction of the energy loss that the term must cause, and least fraction by which the amplitude must fall; a
-record with less is drawn again."""
+"""Smallest fraction of the energy loss that the tested term must cause, and smallest fraction by which the amplitude
+must fall. A record with less is drawn again."""
 
 
 def truth_of(
     term: str, rng: np.random.Generator, size: float, speed: float
 ) -> tuple[Discrepancy, dict[str, float]]:
-    """Draw the parameters of a term, except its coefficient, for motions of this amplitude and peak velocity.
+    """Draw the parameters of a damping term, except its coefficient, for motions of this amplitude and peak velocity.
 
     term: a name of `TERMS`. size, speed: amplitude (rad) and peak velocity (rad/s). Return its force per unit of the
     coefficient, and the values of its other parameters.
@@ -78,11 +79,12 @@ def truth_of(
 
 
 def case(term: str, seed: int) -> Case:
-    """Simulate a record of a term, alone or with viscous damping.
+    """Simulate a record whose damping is a given term (a name of `TERMS`), alone or with viscous damping.
 
-    Its `parameters` are those of its damping, its `shares` has only the share of the term. Its amplitude falls by 60 to
-    88 % within 15 to 40 cycles, with noise of 0.5 to 2 % of the amplitude. A draw that sticks, falls less, or whose
-    term has less than 30 % of the loss is repeated.
+    The amplitude falls by 60 to 88 % within 15 to 40 cycles, with noise of 0.5 to 2 % of the amplitude. A draw is
+    repeated if the motion sticks, the amplitude falls less, or the term causes less than 30 % of the energy loss.
+    `parameters` of the result contains the damping parameters, `shares` only the fraction of the energy loss that the
+    term causes.
     """
     rng = np.random.default_rng(seed)
     while True:
@@ -106,9 +108,10 @@ def _simulate(term: str, rng: np.random.Generator, name: str) -> Case:
         """Return the equivalent damping ratio of the term at an amplitude a (rad), per unit of its coefficient."""
         return harmonic_ratio(lambda x, v: unit.damping(x, v, math.copysign(1.0, v)), a, frequency)
 
-    rate = (1 - share) / share * ratio(size * math.sqrt(left))  # viscous ratio per unit of the coefficient
+    # Damping ratio of the viscous damping, per unit of the coefficient of the term.
+    rate = (1 - share) / share * ratio(size * math.sqrt(left))
     grid = np.geomspace(size, left * size, 60)
-    # dA/dn = −2π ratio A
+    # The amplitude A decreases with the number n of cycles as dA/dn = −2π ratio(A) A.
     each = np.array([1 / (2 * np.pi * (ratio(a) + rate)) for a in grid])
     coefficient = float(np.sum(0.5 * (each[1:] + each[:-1]) * -np.diff(np.log(grid)))) / cycles
     zeta = coefficient * rate * frequency
@@ -138,11 +141,11 @@ def _simulate(term: str, rng: np.random.Generator, name: str) -> Case:
 
 
 def nats_ahead(comparison: ModelComparison, c: Case) -> float:
-    """Return by how many nats the best fit of the true sum is ahead of the best of all sums that lack one of its terms.
+    """Return by how many nats the true damping sum fits better than the best sum that lacks one of its terms.
 
     comparison: the comparison of all sums on the record. c: the record and its truth. The result is the difference of
-    the log likelihoods if the laws hold exactly, with the true noise. It is infinite if no such
-    sum was fitted, because all were expected to be hopeless, and NaN if the true sum was not fitted.
+    the log likelihoods of the best fits under exact laws with the true noise. It is infinite if no sum without a true
+    term was fitted (because none was expected to fit), and NaN if the true sum was not fitted.
     """
     true = terms_of(c.damping)
     squares = {frozenset(r.candidate.damping): r.fit.squares for r in comparison.results}
@@ -153,7 +156,7 @@ def nats_ahead(comparison: ModelComparison, c: Case) -> float:
 def row(term: str, seed: int) -> dict[str, Any]:
     """Simulate a record of a term and answer it; return the row of the table.
 
-    The sums that are compared are the paper's seven, the term alone, and the term with viscous damping.
+    These damping sums are compared: the seven of the paper, the term alone, and the term with viscous damping.
     """
     c = case(term, seed)
     results: dict[str, ModelComparison] = {}
@@ -177,7 +180,7 @@ def row(term: str, seed: int) -> dict[str, Any]:
 
 
 def page(rows: pd.DataFrame) -> str:
-    """Return the page on these rows in Markdown."""
+    """Return the page on the results in Markdown, from the rows of the table (one for each record)."""
     more = {
         "named correctly, of the distinguishable": _of_distinguishable,
         "intervals of parameters with the truth": lambda part: (
@@ -206,7 +209,7 @@ laws.csv has every record. `make reports` makes this report again.
 
 
 def _of_distinguishable(rows: pd.DataFrame) -> str:
-    """Return how many dampings are named outright and correctly, of those that the record can distinguish, as text."""
+    """Return, as text, how many of the records whose true sum is distinguishable are named outright and correctly."""
     clear = rows.loc[rows["nats"] >= NATS]
     return hits_of(named(clear, right=1), len(clear))
 

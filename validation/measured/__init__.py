@@ -1,1 +1,1 @@
-"""Compute answers on published measurements of decays, for which no truth is known."""
+"""Compute the answers of bayesdamp on published measurements of decays, whose true damping is not known."""

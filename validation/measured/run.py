@@ -1,8 +1,8 @@
 """Answer measured decays: `python -m validation.measured.run FOLDER`.
 
-Each record is read with its columns and unit as the only options, and answered as `bayesdamp compare` does. Several
-runs in a file are also answered together as one specimen. `verdicts.csv` and `README.md` in FOLDER have a row for each
-answer.
+Each record is read with only its columns, sampling rate and unit as options, and answered as `bayesdamp compare` does.
+Ten runs of one rig are also answered together, as repeated records of one specimen. `verdicts.csv` and `README.md` in
+FOLDER have a row for each answer.
 """
 
 import sys
@@ -21,15 +21,16 @@ from bayesdamp.verdict.types import Verdict, columns
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 """Folder of the measured records."""
 RECORDS = Path(__file__).with_name("records.toml")
-"""File that states the records by name: the file of each, relative to the data folder, and its options of reading."""
+"""File that lists the measured records by name. It states the file of each record, relative to the data folder, and the
+options with which it is read."""
 RUNS = "ten-runs"
-"""Name of the file with ten runs of one rig, which are also answered together as one specimen."""
+"""Name of the record that consists of ten runs of one rig, which are also answered together as one specimen."""
 
 
 def signals() -> Iterator[tuple[str, list[Signal]]]:
     """Yield the name of each record and its free decays.
 
-    Only the file of ten runs gives several decays; of every other file the first one is used.
+    The record `RUNS` gives all decays in its file; every other record gives only the first one.
     """
     for name, options in tomllib.loads(RECORDS.read_text(encoding="utf-8")).items():
         results = records_in(DATA / options.pop("file"), ReadingOptions(**options))

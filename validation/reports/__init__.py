@@ -1,1 +1,1 @@
-"""Make the shipped reports, record which code made each of them, and find out which ones are stale."""
+"""Make the shipped reports, record which code made each of them, and list those whose code has changed since then."""

@@ -1,4 +1,4 @@
-"""Make the stale reports: `python -m validation.reports [NAME ...] [--check]`."""
+"""Make the reports whose sources have changed (stale ones): `python -m validation.reports [NAME ...] [--check]`."""
 
 import argparse
 import datetime
@@ -49,9 +49,10 @@ def main() -> int:
 
 
 def _make(recipe: Recipe) -> bool:
-    """Run the commands of a recipe, and return whether the report was made.
+    """Make a report by the commands of its recipe, and return whether this succeeded.
 
-    It is stamped as made only if the commands succeed and it does not contradict the truth of its records.
+    The report is stamped as made by this code only if the commands succeed and it does not contradict the truth of its
+    simulated records.
     """
     now = digest(recipe, ROOT)
     work, out = ROOT / WORK / f"{recipe.name}-{now[:12]}", ROOT / "reports" / recipe.name

@@ -1,12 +1,13 @@
 """Write a page on the accuracy of the answer: `python -m validation.reports.accuracy ROWS.csv FOLDER PAGE`.
 
-PAGE "deviation": records of the truth's family, and records with a discrepancy from all laws that are compared.
+PAGE "deviation" tests answers on records for which one of the compared laws holds exactly (the family), and on records
+with a discrepancy from all compared laws.
 
-PAGE "light": damping ratios of 1e-2 to 1e-4 for oscillations, 1e-5 and 1e-6 for envelopes. It tests whether the quality
-of the answer depends on how small the damping is. Therefore the records of all decades come from the same distribution,
-and the noise grows with the number of samples.
+PAGE "light" tests whether the quality of the answer depends on how small the damping is: damping ratios of 1e-2 to 1e-4
+for oscillations, 1e-5 and 1e-6 for envelopes. Therefore the records of all damping ratios come from the same
+distribution, and the noise grows with the number of samples.
 
-Records count as simulated, so that their probabilities are not capped.
+The records are answered as simulated ones (`measured=False`), so that their probabilities are not limited.
 """
 
 import math
@@ -39,35 +40,36 @@ from validation.truth.oscillator import Oscillator
 from validation.truth.records import FAMILY, KINDS, Case, case, name_of
 
 SEED, LIGHT_SEED = 903, 3141
-"""Seeds of the records of the two pages. No threshold and no prior was chosen on them."""
+"""Seeds of the records of the two pages, "deviation" and "light". No threshold and no prior was chosen on these
+records."""
 FAMILY_COUNT, DISCREPANT_COUNT, DENSE_COUNT = 100, 60, 20
-"""Numbers of records of the family, of those with a discrepancy, and of those of the latter that are also sampled
-densely."""
+"""Numbers of records for which one of the compared laws holds exactly (the family), of records with a discrepancy from
+these laws, and of records with a discrepancy that are sampled densely."""
 DENSE = 10
-"""Factor by which the sampling rate of densely sampled records is higher."""
+"""Factor by which the sampling rate of densely sampled records is higher than that of the other records."""
 ALL = "all discrepancies, auto"
-"""Name of the line of the table with all records that have a discrepancy."""
+"""Name of the table's line for all records that have a discrepancy from the compared laws."""
 COUNTS = {1e-2: 100, 1e-3: 100, 1e-4: 20, 1e-5: 100, 1e-6: 100}
 """Nominal damping ratios of the page on light damping, and the number of records of each."""
 ENVELOPES = (1e-5, 1e-6)
-"""Nominal damping ratios of the records that are envelopes."""
+"""Nominal damping ratios at which the records are envelopes (amplitudes against time), not oscillations."""
 DAMPINGS = ("viscous", "viscous+coulomb", "viscous+quadratic")
-"""True damping sums of the records, in turn."""
+"""True damping sums of the records on light damping, in turn."""
 SPREAD = 0.25
-"""Largest difference, in decades, between the ratio of a record and the nominal ratio."""
+"""Largest difference, in decades, between the damping ratio of a record and the nominal damping ratio."""
 SHARES, FALLS = (0.2, 0.5), (5.0, 11.0)
-"""Range of the second term's fraction of the energy loss at the middle amplitude, and range of the first amplitude over
-the last."""
+"""Range of the fraction of the energy loss, at the middle amplitude, that the second damping term causes; and range of
+the ratio of the first amplitude to the last."""
 NOISES = (0.003, 0.06)
-"""Range of the standard deviation of the noise over the first amplitude, for a record of 40 cycles.
+"""Range of the standard deviation of the noise, divided by the first amplitude, for a record of 40 cycles.
 
-The noise grows with the square root of the number of samples, so that the information does not depend on the damping
-ratio.
+In longer records the noise is larger, in proportion to the square root of the number of samples, so that the
+information does not depend on the damping ratio.
 """
 CYCLES, A_CYCLE, READINGS = 40.0, 30.0, 600
 """Number of cycles to which `NOISES` refers, number of samples in a cycle, and number of readings of an envelope. The
-600 readings contain as much information on the amplitude as the 1,200 samples of 40 cycles, half of whose information
-is on the phase."""
+600 readings contain as much information on the amplitude as the 1,200 samples of 40 cycles, because half of the
+information in the samples is on the phase."""
 SIZES, RATES = (1e-3, 0.1), (0.5, 20.0)
 """Ranges of the first amplitude in m and the frequency in Hz."""
 DEVIATION_TEXT = """The records are simulated, with a truth from an independent solver (`validation.truth.records`,
@@ -80,21 +82,21 @@ Targets. Family, *none*: named outright at least 0.90, right at least 0.97, cove
 outright at least 0.75, right at least 0.95, coverage at least 0.95, intervals at most twice as wide. Discrepant
 records, *auto*: coverage at least 0.92 (0.90 at ten times the sampling rate); named wrongly and *deviates* at most 0.05
 each."""
-"""Explanation of the page "deviation"."""
+"""Text of the page "deviation" that explains how it was computed."""
 LIGHT_TEXT = f"""The true damping is viscous, or viscous with Coulomb friction, or viscous with quadratic drag, in turn;
 the second term has {SHARES[0]:g} to {SHARES[1]:g} of the loss at the middle amplitude, at which ratios are judged. The
 amplitude falls by a factor of {FALLS[0]:g} to {FALLS[1]:g}. Oscillations (1e-2 to 1e-4) have {A_CYCLE:g} samples in a
 cycle and a linear spring, and are answered under exact laws; envelopes (1e-5 and 1e-6) have {READINGS} readings. The
 noise is {NOISES[0]:g} to {NOISES[1]:g} of the first amplitude for {CYCLES:g} cycles, and grows with the square root of
 the number of samples, so that the information does not depend on the damping ratio."""
-"""Explanation of the page "light"."""
+"""Text of the page "light" that explains how it was computed."""
 
 
 def simulate(decade: float, number: int) -> tuple[Case, float]:
-    """Return record `number` of a nominal damping ratio, and its frequency in rad/s.
+    """Simulate record `number` with the nominal damping ratio `decade`; return it and its frequency in rad/s.
 
-    It is an oscillation or an envelope, to be judged at the geometric mean of its first and last amplitude. Its
-    `parameters` are the coefficients by term.
+    The record is an oscillation, or an envelope if `decade` is in `ENVELOPES`. Answers are judged at the geometric mean
+    of its first and last amplitude. Its `parameters` are the coefficients of the damping terms, by term.
     """
     rng = np.random.default_rng([LIGHT_SEED, round(-math.log10(decade)), number])
     damping = DAMPINGS[number % len(DAMPINGS)]
@@ -132,11 +134,11 @@ def simulate(decade: float, number: int) -> tuple[Case, float]:
 
 
 def row(kind: str, number: int, mode: str, oversample: int = 1) -> dict[str, Any]:
-    """Simulate a record, answer it, and return its row.
+    """Simulate a record, answer it, and return its row of the table.
 
     kind: "family", the name of a discrepancy, or a nominal damping ratio such as "0.01". number: number of the record
-    of this kind. mode: "none" (the laws hold exactly) or "auto" (also approximate laws). oversample: factor on the
-    sampling rate of a record with a discrepancy.
+    of this kind. mode: "none" (the laws hold exactly) or "auto" (also approximate laws). oversample: factor by which a
+    record with a discrepancy is sampled faster.
     """
     light = kind not in KINDS
     record, frequency = (
@@ -152,7 +154,7 @@ def row(kind: str, number: int, mode: str, oversample: int = 1) -> dict[str, Any
             quick = partial(answer, signal, restoring=laws, deviation=mode, measured=False, sample=False)
             try:
                 verdict = quick(amplitudes).verdict
-            except InputError:  # the window ends before the middle amplitude
+            except InputError:  # the analysed part of the record ends before the middle amplitude
                 verdict = quick().verdict
         at = verdict.damping_ratio
         return replace(verdict, damping_ratio=at[len(at) // 2 :][:1]) if light else verdict

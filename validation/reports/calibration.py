@@ -1,6 +1,6 @@
 """Write the page of a calibration or a model recovery: `python -m validation.reports.calibration FOLDER`.
 
-FOLDER has the run.
+FOLDER contains the results of the run, and gets the page.
 """
 
 import json
@@ -15,11 +15,11 @@ from bayesdamp.formatting import markdown_table as table
 from validation.scoring import read_rows
 
 LEVEL = 0.95
-"""Probability of the intervals on which the page reports."""
+"""Probability of the intervals whose coverage the page states."""
 
 
 def calibration(run: dict[str, Any], rows: pd.DataFrame) -> str:
-    """Return the page of a calibration in Markdown, from run.json and the rows of calibration.csv."""
+    """Return the page of a calibration in Markdown, from the contents of run.json and the rows of calibration.csv."""
     result = run["result"]
     posterior, classical = (result["families"][name] for name in ("posterior", "classical"))
     lines, total = [], sum(count["counted"] for count in result["counts"].values())
@@ -47,7 +47,7 @@ bands, calibration.csv every check, and ranks.csv every rank. `make reports` mak
 
 
 def recovery(run: dict[str, Any]) -> str:
-    """Return the page of a model recovery in Markdown, from run.json."""
+    """Return the page of a model recovery in Markdown, from the contents of run.json."""
     result = run["result"]["recovery"]
     hits = result["hits"]
     lines = [

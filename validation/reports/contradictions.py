@@ -1,6 +1,6 @@
-"""Compare the statements of shipped pages on simulated records with the truth of these records.
+"""Compare the statements of shipped reports on simulated records with the truth of these records.
 
-Every comparison returns a list with a sentence for each contradiction.
+Every comparison returns its contradictions, one sentence for each.
 """
 
 import json
@@ -18,26 +18,28 @@ from validation.truth.oscillator import COEFFICIENTS, LAWS, Oscillator
 from validation.truth.ratio import true_ratio
 
 EXCLUDED = 0.05
-"""A record that is not decided excludes the true damping if its probability is below this value."""
+"""An answer excludes the true damping if it gives it a probability below this value."""
 MISSED = 0.05
-"""Fraction of 95 % intervals that may miss the truth."""
+"""Expected fraction of 95 % intervals that do not contain the truth."""
 ALARM = 1e-3
-"""False-alarm probability of each test in `names_of_many`; that of the test in `misses` is ten times as large
+"""Probability of a false alarm of each test in `names_of_many`; that of the test in `misses` is ten times as large
 (conventional)."""
 FAR = 1.0
-"""Largest distance of the truth from a 95 % interval that is not a contradiction, in widths of the interval.
+"""Largest distance of the truth from a 95 % interval that does not count as a contradiction, in widths of the interval.
 
 For a normal distribution the truth is then 5.9 standard deviations from the middle.
 """
 INTERVAL = ("record", "what", "low", "high", "truth")
-"""Columns of a table of 95 % intervals for values whose truth is known; `what` is the value in words."""
+"""Columns of a table of 95 % intervals for values whose truth is known. `what` describes the value in words, `low` and
+`high` are the ends of the interval."""
 
 
 def misses(intervals: pd.DataFrame) -> list[str]:
-    """Return contradictions of 95 % intervals: those that are far off, and all misses if there are too many for chance.
+    """Return a sentence for each 95 % interval that contradicts the truth: it is far off, or one of too many misses.
 
-    Far off means more than `FAR` widths; too many is decided by a binomial test at 1 %. For the test only the middle
-    interval of each record is counted, because the intervals of a record are not independent.
+    "Far off" means more than `FAR` widths of the interval. Whether too many intervals miss the truth to be chance is
+    decided by a binomial test with a false-alarm probability of 1 %. The test counts only the middle interval of each
+    record, because the intervals of a record are not independent.
 
     intervals: the intervals, with the columns `INTERVAL`.
     """
@@ -57,7 +59,8 @@ def misses(intervals: pd.DataFrame) -> list[str]:
 def of_study(run: RunFolder) -> list[str]:
     """Return the contradictions between a study's verdicts and posteriors, and the truth of its simulated records.
 
-    Of the posteriors only damping coefficients under the true damping are compared.
+    Of the posteriors, only the damping coefficients of the model with the true damping are compared. run: results of
+    the study.
     """
     wrong, ratios, coefficients = [], [], []
     law_of = {signal["name"]: signal["system"]["restoring"] for signal in run.study["signals"]}
@@ -93,12 +96,13 @@ def of_study(run: RunFolder) -> list[str]:
 
 
 def names_of_many(rows: pd.DataFrame, name: str) -> list[str]:
-    """Return sentences if too many records of a table name a wrong damping outright, or exclude the true damping.
+    """Return a sentence if too many answers name a wrong damping outright, and one if too many exclude the true one.
 
-    The first number is compared with its expectation, the sum of 1 − probability over the records that name a damping
-    outright, the second with 5 % of the records, each by a test with the false-alarm probability `ALARM`.
+    The number of wrong names is compared with its expectation: the sum of 1 − probability over the answers that name a
+    damping outright. The number of exclusions is compared with 5 % of the answers. Each test has the false-alarm
+    probability `ALARM`.
 
-    rows: the answered records, with columns of `validation.scoring`. name: of the report, for the sentences.
+    rows: the answered records, with the columns of `validation.scoring`. name: name of the report, for the sentences.
     """
     decided = rows.loc[rows["named"].notna() & (rows["decided"] == 1)]
     wrong, expected = int(np.sum(decided["right"] == 0)), float(np.sum(1 - decided["probability"]))
@@ -115,10 +119,10 @@ def names_of_many(rows: pd.DataFrame, name: str) -> list[str]:
 
 
 def intervals_of_many(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the intervals of damping ratios in a table, (n, `INTERVAL`), one for each row that has a truth.
+    """Return a table (columns `INTERVAL`) of the intervals of damping ratios, with one row for each answer.
 
-    rows: rows with the columns of `validation.scoring`. The interval is that at the middle one of three amplitudes, or
-    at the only amplitude.
+    rows: answers, with the columns of `validation.scoring`. The interval is that at the middle one of three amplitudes,
+    or at the only amplitude. Answers without an interval or a truth are left out.
     """
     at = 2 if np.isfinite(rows["low_2"].to_numpy(float)).any() else 1
     columns = {f"low_{at}": "low", f"high_{at}": "high", f"true_{at}": "truth"}
@@ -132,12 +136,12 @@ TABLES = {
     "light/rows.csv": "peer == peer",
     "contest/rows.csv": "group == 'family' and peer == 'bayesdamp'",
 }
-"""For each table with many records, its path below reports/ and a condition for the rows that are compared: those whose
-true law is among the compared ones."""
+"""For each report with a table of many records: path of the table below reports/, and a condition for the rows that are
+compared with the truth. The condition selects records whose true law is among those that the answer compares."""
 
 
 def contradictions(page: Path) -> list[str]:
-    """Return a sentence for each contradiction of a folder under reports/ with the truth of its records."""
+    """Return a sentence for each contradiction of a report (a folder under reports/) with the truth of its records."""
     wrong = []
     for place, condition in TABLES.items():
         table = page.parent / place

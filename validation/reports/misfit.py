@@ -28,20 +28,22 @@ from validation.truth.ratio import harmonic_ratio
 from validation.truth.records import Case
 
 POWERS = {"cubic": 3.0, "root": 0.5}
-"""Power of the velocity in the damping of records that have only this damping, which is not in the family."""
+"""Power of the velocity v in the damping force |v|^power of the kinds of records that have only this damping. It is not
+in the family (sums of viscous, Coulomb and quadratic damping)."""
 OUTSIDE = (
     "beats", "two_modes", "driven", "clipped", "stiction", "drift", "wander", "damping_changes", "clock_changes",
     *POWERS,
 )  # fmt: skip
-"""Kinds of records that the family does not fit."""
+"""Kinds of records that the family (sums of viscous, Coulomb and quadratic damping) does not fit."""
 INSIDE = ("coarse", "quantised", "outliers", "slight_drift")
-"""Kinds of records of the family with poor data."""
+"""Kinds of records that the family (sums of viscous, Coulomb and quadratic damping) fits, but whose data are poor."""
 
 
 def draw_case(kind: str, number: int, seed: int) -> Case:
-    """Simulate a random record of a kind on a linear spring. Kind, number and seed determine it.
+    """Simulate a random record of a kind (in `OUTSIDE` or `INSIDE`) on a linear spring.
 
-    A damping outside the family has its own name, such as "cubic". A motion that sticks is drawn again.
+    The record is determined by kind, number and seed. If its damping is not in the family, the true damping of the
+    result is the name of the kind, such as "cubic". A motion that sticks is drawn again.
     """
     rng = np.random.default_rng([seed, (*OUTSIDE, *INSIDE).index(kind), number])
     damping = {"stiction": "coulomb"}.get(kind, str(rng.choice(SUMS)))
@@ -58,7 +60,7 @@ def _with_discrepancy(kind: str, rng: np.random.Generator, draw: Draw) -> Draw:
     if kind == "coarse":
         draw = replace(draw, per_cycle=10.0)
     if kind == "damping_changes":
-        growth = _sign(rng) * rng.uniform(1.0, 2.5)  # of its logarithm over the record
+        growth = _sign(rng) * rng.uniform(1.0, 2.5)  # change of the logarithm of the damping over the record
         odd = Discrepancy(scale=lambda t: math.exp(growth * ((t - draw.begin) / draw.duration - 0.5)))
     if kind == "stiction":
         odd = stribeck(rng, draw, excess=rng.uniform(0.5, 2.0), speed=rng.uniform(0.03, 0.15))
@@ -67,7 +69,7 @@ def _with_discrepancy(kind: str, rng: np.random.Generator, draw: Draw) -> Draw:
         def unit(x: float, v: float, turn: float = 0.0) -> float:
             return math.copysign(abs(v) ** POWERS[kind], v)
 
-        # At the middle amplitude it dissipates as much as the damping that it replaces.
+        # At the middle amplitude, this force dissipates as much as the damping that it replaces.
         c = middle_ratio(draw) / harmonic_ratio(unit, MIDDLE * draw.amplitude, draw.frequency)
         oscillator = replace(oscillator, damping={})
         odd = Discrepancy(kind, lambda x, v, turn: c * unit(x, v))
@@ -75,13 +77,14 @@ def _with_discrepancy(kind: str, rng: np.random.Generator, draw: Draw) -> Draw:
 
 
 def _simulate(kind: str, rng: np.random.Generator, draw: Draw) -> Signal:
-    """Simulate the record of a draw, with the disturbance of its kind. Raises NoMotionError if the motion sticks."""
+    """Simulate the record of a draw, with the fault of its kind. Raises NoMotionError if the motion sticks."""
     motion = solve_motion(draw.oscillator, draw.displacement, draw.frequency, draw.begin + draw.duration)
     u = np.linspace(0.0, 1.0, int(draw.cycles * draw.per_cycle))
     phase, rate = 2 * np.pi * draw.cycles * u, -math.log(draw.left) / (2 * np.pi * draw.cycles)
     change = _sign(rng) * log_uniform(rng, 0.0025, 0.025) if kind == "clock_changes" else 0.0
     y = motion.displacements(draw.begin + draw.duration * (u + change * u * (u - 1))) / draw.amplitude
-    # Amplitude, frequency and decay of a second oscillation, relative to the first one.
+    # Second oscillation: amplitude and frequency relative to the first one, and decay rate per radian of the phase of
+    # the first one.
     second = {
         "beats": (rng.uniform(0.5, 1.0), 1 + rng.uniform(1.0, 4.0) / draw.cycles, rate),
         "two_modes": (log_uniform(rng, 0.05, 0.5), rng.uniform(1.3, 5.0), rate),
@@ -129,7 +132,7 @@ def row(kind: str, number: int, seed: int) -> dict[str, Any]:
 
 
 def page(rows: pd.DataFrame) -> str:
-    """Return the page in Markdown: the result, how it was computed, and the table."""
+    """Return the page in Markdown from the rows of the table: the result, how it was computed, and the scores."""
     inside, outside = (rows.loc[rows["group"].isin(kinds)] for kinds in (INSIDE, OUTSIDE))
     parts = {
         **groups_of(inside, order=INSIDE), "**of the family**": inside,

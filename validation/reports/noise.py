@@ -9,7 +9,7 @@ from bayesdamp.report.results.estimators import error_series, rank_ranges
 from bayesdamp.report.results.run import RunFolder
 
 INITIAL, REFINED = "initial", "refined"
-"""Names of the two stages of an estimator: its own estimate, and the trajectory fit that starts at this estimate."""
+"""Names of the two results of an estimator: its own estimate, and the trajectory fit that starts from it."""
 
 
 def page(run: RunFolder) -> str:

@@ -10,13 +10,13 @@ ENGINE = tuple(
         "numerics", "physics", "pipeline", "records", "verdict", "priors.py", "types.py",
     )
 )  # fmt: skip
-"""Paths of the code that computes answers, posteriors and evidence; sources of almost every report."""
+"""Paths of the code that computes answers, posteriors and evidence. Almost every report depends on it."""
 ESTIMATORS = (*ENGINE, "bayesdamp/estimators")
-"""Sources of a report that contains estimates."""
+"""Paths of the code on which a report with estimates depends."""
 TRUTH = (*ENGINE, "validation/truth", "validation/scoring.py")
-"""Sources of a report that compares answers with the truth of simulated records."""
+"""Paths of the code on which a report depends that compares answers with the truth of simulated records."""
 PYTHON = "{python} -m"
-"""Beginning of a command that runs a Python module."""
+"""Beginning of a command that runs a Python module; {python} is replaced by the interpreter."""
 PAGES = "validation.reports"
 """Package of the modules that write pages of reports."""
 
@@ -32,10 +32,11 @@ class Recipe:
     cost : int
         Approximate time in minutes on two cores.
     commands : tuple of str
-        Commands that run in the project's root one after the other; each resumes an interrupted run. {python}, {out}
-        and {work} are replaced: {work} is a folder for intermediate files, a new one for changed sources.
+        Commands that run one after the other in the root folder of the project; each resumes an interrupted run.
+        {python} is replaced by the interpreter, {out} by the folder or page of the report, and {work} by a folder for
+        intermediate files, which is a new one if the sources have changed.
     sources : tuple of str
-        Files and folders, relative to the root, whose code the numbers depend on.
+        Files and folders, relative to the root folder, on which the numbers of the report depend.
     """
 
     name: str
@@ -57,7 +58,7 @@ def _calibration(name: str, cost: int, options: str = "") -> Recipe:
 
 
 def _page(name: str, cost: int, module: str, options: str, *sources: str) -> Recipe:
-    """Return the recipe of a page that `module` makes from records that it simulates."""
+    """Return the recipe of a report whose module simulates records, answers them and writes the page."""
     command = f"{PYTHON} {module} {{work}}/rows.csv {{out}} {options}"
     return Recipe(name, cost, (command,), (*TRUTH, *sources))
 
@@ -86,4 +87,4 @@ RECIPES: tuple[Recipe, ...] = (
         (*ESTIMATORS, "bayesdamp/claims", "reports/paper/estimates.csv", "reports/noise/estimates.csv"),
     ),
 )  # fmt: skip
-"""All reports, in the order in which they are made. A report comes after those whose files it reads."""
+"""All reports, in the order in which they are made. A report comes after the reports whose files it reads."""

@@ -1,4 +1,4 @@
-"""Record which code made each report in `reports/made.json`, and find out which reports are stale."""
+"""Read which code made each report (`reports/made.json`), and find the stale reports, whose code has changed since."""
 
 import ast
 import hashlib
@@ -9,14 +9,14 @@ from pathlib import Path
 from validation.reports.recipes import RECIPES, Recipe
 
 FILE = "made.json"
-"""Name of the file with the stamps of all reports, in the folder reports/."""
+"""Name of the file in reports/ with the stamps of all reports. A stamp says which code made a report, and when."""
 
 
 def digest(recipe: Recipe, root: Path) -> str:
     """Return the SHA-256 digest of everything that the numbers of a report depend on.
 
     These are its commands, the top-level statements of its Python files, and its other files byte by byte. The digest
-    does not depend on comments, docstrings and imports, or on the file in which a statement is.
+    does not depend on comments, docstrings and imports, nor on which file contains a statement.
 
     Parameters
     ----------
@@ -40,9 +40,10 @@ def digest(recipe: Recipe, root: Path) -> str:
 
 
 def stamps(reports: Path) -> dict[str, dict[str, str]]:
-    """Read the stamps of the reports in a folder; return none if there is no file.
+    """Read the stamps of the reports in a folder, by the name of the report; return {} if there is no file of stamps.
 
-    A stamp is the origin of a report: digest of its sources, commit that made it (revision), and day (ISO 8601).
+    A stamp says how a report was made. It has the digest of its sources (`digest`), the commit of the code
+    (`revision`), and the day (`day`, ISO 8601).
     """
     file = reports / FILE
     return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
@@ -59,7 +60,7 @@ def stale(root: Path) -> list[Recipe]:
 
 @cache
 def _statements(text: str) -> list[str]:
-    """Return a text that represents each top-level statement of a source text.
+    """Return a text for each top-level statement of a Python source, which changes only if the statement changes.
 
     Imports, comments and docstrings are left out. The result is cached, because recipes share most files.
     """

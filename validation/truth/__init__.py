@@ -1,1 +1,1 @@
-"""Simulate records with a known truth, without using the code of the package."""
+"""Simulate records with a known truth, by a solver that does not use the code of the package."""

@@ -1,7 +1,7 @@
-"""Define ten small discrepancies between a record and every law that is compared, each with its size.
+"""Define ten small discrepancies between a record and every law that is compared.
 
-Each function draws the random details of a discrepancy for an oscillator, and returns either the change of its equation
-of motion (`Discrepancy`) or a sensor (`Observe`) that reads its motion wrongly.
+Each function draws the random details of a discrepancy for an oscillator. It returns either a change of the equation of
+motion (`Discrepancy`), or a sensor (`Observe`) that reads the motion wrongly.
 
 Notation: A is the amplitude at the release, ω the frequency of small motions, V = ωA the peak velocity.
 """
@@ -18,32 +18,36 @@ from validation.truth.oscillator import Discrepancy
 from validation.truth.ratio import harmonic_ratio
 
 CUBIC_SENSOR = 0.005
-"""Relative error of the nonlinear sensor's reading at the displacement A."""
+"""Relative error of the nonlinear sensor's reading when the displacement equals the first amplitude."""
 DRIFT = 0.05
-"""Relative change of all damping over the record."""
+"""Relative change of all damping over the record, in the discrepancy `drift`."""
 POWER = 1.7
-"""Exponent of the velocity in the further damping force of the kind "power"."""
+"""Exponent of the velocity in the additional damping force of the discrepancy `power`."""
 SHARE = (0.15, 0.25)
-"""Range of the share of the further force, |v|^1.7 or x²v, in the energy loss at the amplitude 0.75 A."""
+"""Range of the fraction of the energy loss that the additional damping force causes (|v|^1.7 or x²v, with displacement
+x and velocity v), at 0.75 times the first amplitude."""
 STRIBECK_EXCESS, STRIBECK_SPEED = 0.5, 0.3
-"""Excess of the static over the kinetic friction, relative to the latter, and Stribeck velocity in units of V."""
+"""Additional friction at rest, relative to the Coulomb friction; and velocity over which it decreases (Stribeck
+velocity), relative to the first peak velocity."""
 FRICTION_BY_ANGLE = 0.1
-"""Relative change of Coulomb friction with the angle."""
+"""Largest relative change of the Coulomb friction with the angle, in the discrepancy `angle_friction`."""
 SECOND_MODE = 0.01
-"""Amplitude of the second mode in units of A."""
+"""Amplitude of the second mode, relative to the amplitude of the oscillator at the release."""
 STIFFENING = 0.01
-"""Further restoring force at the displacement A, relative to that of the linear spring."""
+"""Additional restoring force when the displacement equals the first amplitude, relative to the force of the linear
+spring."""
 LAG = 0.1
-"""Time constant of the slow sensor in units of 1/ω."""
+"""Time constant of the slow sensor, in units of 1/ω, where ω is the angular frequency of small motions."""
 JITTER, JITTER_CYCLES = 0.03, 2.0
-"""Standard deviation of the random factor on the damping, and time between its independent values in cycles."""
+"""Standard deviation of the random factor on the damping, and time between its independent values, in cycles."""
 COULOMB = ("stribeck", "angle_friction")
-"""Kinds that require Coulomb friction in the oscillator's damping sum, because they change it."""
+"""Discrepancies that require Coulomb friction in the damping sum of the oscillator, because they change it."""
 TAKING = ("power", "position_dependent")
-"""Kinds that add a damping term, which dissipates part of the energy."""
+"""Discrepancies that add a damping term, which causes part of the energy loss."""
 
 Observe = Callable[[Motion, np.ndarray], np.ndarray]
-"""A function of a motion and times (n,) in s since the release; returns the sensor's displacements (n,) in rad."""
+"""A sensor: a function of a motion and of times (n,) in s since the release; it returns the displacements (n,) in rad
+that the sensor reads."""
 
 
 def cubic_sensor(rng: np.random.Generator, draw: Draw) -> Observe:
@@ -68,9 +72,9 @@ def drift(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 
 def power(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Return a further damping force c |v|^1.7 sign v, which causes 15 to 25 % of the energy loss.
+    """Return an additional damping force c |v|^1.7 sign v, which causes 15 to 25 % of the energy loss.
 
-    v is the velocity. The fraction is that at 0.75 times the first amplitude.
+    v is the velocity. The fraction of the energy loss applies at 0.75 times the first amplitude.
     """
     c = _extra(draw, lambda x, v: math.copysign(abs(v) ** POWER, v))
     return Discrepancy("power_1.7", lambda x, v, turn: c * math.copysign(abs(v) ** POWER, v))
@@ -79,9 +83,9 @@ def power(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 def stribeck(
     rng: np.random.Generator, draw: Draw, excess: float = STRIBECK_EXCESS, speed: float = STRIBECK_SPEED
 ) -> Discrepancy:
-    """Return a further friction at low velocities v: e μ exp(−(v/v_s)²), with Coulomb friction μ.
+    """Return an additional friction at low velocities v: e μ exp(−(v/v_s)²), where μ is the Coulomb friction.
 
-    excess: the factor e. speed: v_s relative to the first peak velocity.
+    excess: the factor e. speed: the Stribeck velocity v_s, relative to the first peak velocity.
     """
     more = excess * draw.oscillator.damping["coulomb"]
     slow = speed * draw.amplitude * draw.frequency
@@ -93,9 +97,9 @@ def stribeck(
 
 
 def position_dependent(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Return a further damping force c x² v, which causes 15 to 25 % of the energy loss.
+    """Return an additional damping force c x² v, which causes 15 to 25 % of the energy loss.
 
-    x and v are displacement and velocity. The fraction is that at 0.75 times the first amplitude.
+    x and v are displacement and velocity. The fraction of the energy loss applies at 0.75 times the first amplitude.
     """
     c = _extra(draw, lambda x, v: x * x * v)
     return Discrepancy("x²v", lambda x, v, turn: c * x * x * v)
@@ -130,7 +134,7 @@ def second_mode(rng: np.random.Generator, draw: Draw) -> Observe:
 
 
 def missing_spring(rng: np.random.Generator, draw: Draw) -> Discrepancy:
-    """Return a further restoring force ± 0.01 ω² x (x/A)⁴, which no restoring law contains, with a random sign.
+    """Return an additional restoring force ± 0.01 ω² x (x/A)⁴, with a random sign, which no restoring law contains.
 
     x is the displacement, A the first amplitude, and ω the frequency of small motions.
     """
@@ -141,10 +145,11 @@ def missing_spring(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 def sensor_lag(rng: np.random.Generator, draw: Draw) -> Observe:
     """Return a first-order (low-pass) sensor with time constant τ = 0.1/ω, where ω is the frequency of small motions.
 
-    It reads 0.5 % too low, with a delay of τ.
+    It reads amplitudes about 0.5 % too low, with a delay of about τ.
 
-    The integral of the past angle, weighted by exp(−s/τ)/τ, is computed by Gauss-Laguerre quadrature, which is exact to
-    1e-9 for a harmonic motion and its harmonics. Before the release the angle is constant.
+    Its reading is the integral over s of the angle at the time s before, weighted by exp(−s/τ)/τ. Gauss-Laguerre
+    quadrature computes it, with an error of 1e-9 for a harmonic motion and its harmonics. Before the release the angle
+    is constant.
     """
     delay = LAG / draw.frequency
     nodes, weights = np.polynomial.laguerre.laggauss(12)
@@ -176,9 +181,10 @@ def jitter(rng: np.random.Generator, draw: Draw) -> Discrepancy:
 
 
 def _extra(draw: Draw, unit: Callable[[float, float], float]) -> float:
-    """Return the coefficient with which a damping force has the share `draw.taken` of the loss at `MIDDLE` times A.
+    """Return the coefficient with which an additional damping force causes a given fraction of the energy loss.
 
-    unit: the force with the coefficient 1, as a function of displacement (rad) and velocity (rad/s).
+    The fraction is `draw.taken`, and applies at `MIDDLE` times the first amplitude. unit: the force with the
+    coefficient 1, as a function of displacement (rad) and velocity (rad/s).
     """
     ratio = harmonic_ratio(unit, MIDDLE * draw.amplitude, draw.frequency)
     return middle_ratio(draw) * draw.taken / (1 - draw.taken) / ratio
@@ -191,4 +197,4 @@ KINDS: dict[str, Callable[[np.random.Generator, Draw], Discrepancy | Observe]] =
         sensor_lag, jitter,
     )
 }  # fmt: skip
-"""The functions of this module that draw a discrepancy, by name."""
+"""The functions of this module that draw a discrepancy, by name, which is also the kind of the record."""

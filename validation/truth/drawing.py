@@ -7,13 +7,13 @@ import numpy as np
 from validation.truth.oscillator import LAWS, Oscillator
 
 EPSILON = 0.02
-"""Width of the smoothed sign in Coulomb friction, if it is smoothed, as a share of the peak velocity."""
+"""Width of the smoothed sign in Coulomb friction (tanh instead of sign), as a fraction of the peak velocity."""
 MIDDLE = 0.75
-"""Amplitude, as a fraction of the first, at which the terms' shares of the energy loss are drawn, because most energy
-is lost early."""
+"""Amplitude, as a fraction of the first, at which the fractions of the energy loss that the damping terms cause are
+drawn. Most energy is lost early."""
 FLOOR = 0.2
-"""Least share of a term in the energy loss at the amplitude `MIDDLE`; over the record the share may be somewhat
-less."""
+"""Smallest fraction of the energy loss that a damping term causes at the amplitude `MIDDLE`; over the whole record it
+may be somewhat less."""
 
 
 @dataclass(frozen=True)
@@ -31,15 +31,16 @@ class Draw:
     cycles : float
         Length of the record in periods of small motions.
     per_cycle : float
-        Samples in such a period.
+        Number of samples in a period of small motions.
     begin : float
         Time from the release to the start of the record, s.
     left : float
         Intended ratio of the last amplitude to the first.
     noise : float
-        Standard deviation of the noise as a share of the displacement.
+        Standard deviation of the noise, as a fraction of the displacement at the release.
     taken : float
-        Share of the energy loss at `MIDDLE` that is reserved for a further damping term; 0 without one.
+        Fraction of the energy loss at the amplitude `MIDDLE` that is reserved for an additional damping term; 0 without
+        one.
     """
 
     oscillator: Oscillator
@@ -64,12 +65,12 @@ class Draw:
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number whose logarithm is uniform between those of low and high."""
+    """Draw a number between low and high whose logarithm is uniformly distributed."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def loss_rate(term: str, amplitude: float | np.ndarray, frequency: float) -> float | np.ndarray:
-    """Return a term's equivalent damping ratio per unit of its coefficient, for a harmonic motion.
+    """Return the equivalent damping ratio of a damping term with the coefficient 1, for a harmonic motion.
 
     term: "viscous", "coulomb" or "quadratic". amplitude: in rad. frequency: in rad/s.
     """
@@ -83,9 +84,9 @@ def loss_rate(term: str, amplitude: float | np.ndarray, frequency: float) -> flo
 def draw_oscillator(rng: np.random.Generator, damping: str, restoring: str, taken: float = 0.0) -> Draw:
     """Draw an oscillator with this damping sum and restoring law, and its recording conditions.
 
-    Amplitudes are 0.05 to 1 rad (from 0.1 rad for a pendulum), frequencies 0.5 to 40 rad/s, rest angles −1 to 1 rad.
-    The cubic term of a Duffing spring is −0.25 to 0.6 of its stiffness at the first amplitude; gravity is 2 to 90 % of
-    the stiffness.
+    Amplitudes are 0.05 to 1 rad (from 0.1 rad for a pendulum), frequencies 0.5 to 40 rad/s, rest angles −1 to 1 rad. At
+    the first amplitude, the cubic force of a Duffing spring is −0.25 to 0.6 times its linear force. For a horizontal
+    pendulum, gravity is 2 to 90 % of the stiffness, with either sign.
 
     Parameters
     ----------
@@ -94,7 +95,8 @@ def draw_oscillator(rng: np.random.Generator, damping: str, restoring: str, take
     damping, restoring : str
         The damping sum, such as "viscous+coulomb", and the restoring law, one of `LAWS`.
     taken : float
-        Share of the energy loss at `MIDDLE` that is reserved for a further damping term, which the caller adds.
+        Fraction of the energy loss at the amplitude `MIDDLE` that is reserved for an additional damping term, which the
+        caller adds.
     """
     frequency = log_uniform(rng, 0.5, 40.0)
     amplitude = log_uniform(rng, 0.1 if restoring == "pendulum" else 0.05, 1.0)
@@ -113,7 +115,7 @@ def draw_oscillator(rng: np.random.Generator, damping: str, restoring: str, take
         values = (k, rest - share * np.cos(rest), share * k)
     else:
         values = (stiffness, rest, float(rng.uniform(-0.25, 0.6)) * stiffness / amplitude**2)
-    # Coefficients with these shares; their scale makes the amplitude fall to `left` times the first.
+    # Compute coefficients with these fractions of the loss; `scale` makes the amplitude fall to `left` times the first.
     unit = {
         term: share / float(loss_rate(term, MIDDLE * amplitude, frequency))
         for term, share in zip(terms, shares.tolist(), strict=True)

@@ -9,11 +9,11 @@ from scipy.integrate import solve_ivp
 from validation.truth.oscillator import Oscillator
 
 RTOL, ATOL = 1e-10, 1e-12
-"""Relative and absolute tolerance of the solver. The absolute one is in units of the first amplitude A for the angle,
-and of ωA for the velocity."""
+"""Relative and absolute tolerance of the solver. The absolute tolerance is in units of the first amplitude A for the
+angle, and of ωA for the velocity, where ω is the angular frequency of small motions."""
 HOLDS = 1.05
-"""A motion counts as sticking, and is rejected, if the force at a turning point is at most this multiple of the static
-friction."""
+"""A motion counts as sticking, and is rejected, if the restoring force at a turning point is at most this multiple of
+the static friction."""
 PERIODS = 3.0
 """Longest half cycle, in periods of small motions. A motion with a longer one counts as creeping or unbounded, and is
 rejected."""
@@ -25,16 +25,17 @@ class NoMotionError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A free decay.
+    """The solved motion of a free decay.
 
     Attributes
     ----------
     turn_times, turns : (m,) arrays
-        Times in s since the release, and displacements in rad, of the turning points. The release is the first.
+        Times in s since the release, and displacements in rad, of the turning points. The release is the first of them.
     equilibrium : float
         The equilibrium angle in rad.
     pieces : tuple of callable
-        Between each two successive turning points, the function from times to angles and velocities, (2, n).
+        For each pair of successive turning points, the function that returns angles and velocities, (2, n), at times
+        (n,) between them.
     """
 
     turn_times: np.ndarray
@@ -75,7 +76,7 @@ def solve_motion(oscillator: Oscillator, displacement: float, frequency: float, 
     frequency : float
         Frequency of small motions, rad/s.
     duration : float
-        Duration in s.
+        Duration of the motion in s.
 
     Raises
     ------

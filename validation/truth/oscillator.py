@@ -1,4 +1,4 @@
-"""Define the true oscillator of a simulated record in pure Python, for SciPy's solver."""
+"""Define the true equation of motion of a simulated record in pure Python, for SciPy's solver."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 TERMS = ("viscous", "coulomb", "quadratic")
 """Names of the damping terms."""
 COEFFICIENTS = {"viscous": "zeta", "coulomb": "mu_c", "quadratic": "mu_q"}
-"""Name of the coefficient of each damping term."""
+"""For each damping term, the name of its coefficient."""
 SUMS = tuple("+".join(terms) for count in (1, 2, 3) for terms in combinations(TERMS, count))
 """Names of all sums of the three damping terms."""
 LAWS = {
@@ -20,10 +20,11 @@ LAWS = {
     "pendulum": ("stiffness", "rest_angle"),
     "duffing": ("stiffness", "rest_angle", "cubic"),
 }
-"""Restoring laws and their parameters, in the order that `trajectory` expects."""
+"""For each restoring law, the names of its parameters; both are in the order that `trajectory` expects."""
 
 NODES = [(float(u) + 1, float(w)) for u, w in zip(*np.polynomial.legendre.leggauss(16), strict=True)]
-"""Places from 0 to 2 and weights for the quadrature of a force, which is exact to rounding up to 2 rad."""
+"""Positions from 0 to 2, and weights, of the Gauss-Legendre quadrature that integrates a force over a displacement. It
+is exact to rounding up to 2 rad."""
 
 Function = Callable[[float], float]
 """A function of one number, such as a force of the displacement."""
@@ -31,20 +32,21 @@ Function = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """The parts of a motion that none of the compared laws contains; by default there are none.
+    """The parts of the true equation of motion that none of the compared laws contains; by default there are none.
 
     Attributes
     ----------
     term : str
         Name of the extra damping force.
     damping : callable
-        Extra damping force (rad/s²) of displacement x from the equilibrium (rad), velocity (rad/s) and its sign.
+        Extra damping force (rad/s²) as a function of displacement x from the equilibrium (rad), velocity (rad/s) and
+        its sign.
     static_friction : callable
-        Part of the static friction at x that is due to the extra force, rad/s².
+        Static friction of the extra force, as a function of the displacement x, rad/s².
     scale : callable
-        Factor on all damping at a time in s since the release.
+        Factor on all damping, as a function of the time in s since the release.
     spring : callable
-        Extra restoring force at x, rad/s².
+        Extra restoring force, as a function of the displacement x, rad/s².
     """
 
     term: str = "other"
@@ -56,7 +58,7 @@ class Discrepancy:
 
 @dataclass(frozen=True)
 class Oscillator:
-    """The oscillator θ̈ + F_damp + F_rest = 0.
+    """An oscillator with the equation of motion θ̈ + F_damp + F_rest = 0 for the angle θ.
 
     Attributes
     ----------
@@ -65,11 +67,11 @@ class Oscillator:
     parameters : mapping
         The parameters of the restoring law, SI units.
     damping : mapping
-        The coefficient of each term of the sum, SI units.
+        The coefficient of each damping term, by term, SI units.
     epsilon : float
-        Width of the smoothed sign in Coulomb friction, rad/s; 0 for an exact sign.
+        Width ε of the smoothed sign in Coulomb friction, tanh(v/ε) at the velocity v, in rad/s; 0 for an exact sign.
     discrepancy : Discrepancy
-        The parts that none of the compared laws contains.
+        The parts of the motion that none of the compared laws contains.
     """
 
     restoring: str
@@ -79,7 +81,7 @@ class Oscillator:
     discrepancy: Discrepancy = field(default_factory=Discrepancy)
 
     def force(self) -> Function:
-        """Return the function F_rest(θ) of the restoring law, without the discrepancy, from rad to rad/s²."""
+        """Return the restoring force F_rest (rad/s²) as a function of the angle θ (rad), without the discrepancy."""
         k, rest, other = self._numbers()
         forces: dict[str, Function] = {
             "horizontal_pendulum": lambda theta: k * (theta - rest) - other * math.cos(theta),
@@ -90,7 +92,7 @@ class Oscillator:
         return forces[self.restoring]
 
     def equilibrium(self) -> float:
-        """Return the angle (rad) at which the restoring force is zero; that of an extra spring is zero there too."""
+        """Return the angle (rad) at which the restoring force is zero; an extra spring has no force there either."""
         k, rest, other = self._numbers()
         if self.restoring != "horizontal_pendulum":
             return rest
@@ -100,7 +102,7 @@ class Oscillator:
     def potential(self) -> Function:
         """Return the potential energy of all springs as a function of the displacement from the equilibrium (rad).
 
-        It is per unit of inertia, rad²/s², and comes from the force by Gauss-Legendre quadrature.
+        The energy is per unit of inertia, in rad²/s². It is computed from the force by Gauss-Legendre quadrature.
         """
         force, zero, extra = self.force(), self.equilibrium(), self.discrepancy.spring
 
@@ -123,7 +125,7 @@ class Oscillator:
         return acceleration
 
     def static_friction(self, x: float) -> float:
-        """Return the largest force (rad/s²) that dry friction can balance, at a displacement x (rad) from rest."""
+        """Return the largest force (rad/s²) that dry friction balances at a displacement x (rad) from equilibrium."""
         return self.damping.get("coulomb", 0.0) + self.discrepancy.static_friction(x)
 
     def _numbers(self) -> list[float]:

@@ -1,4 +1,4 @@
-"""Compute true equivalent damping ratios: along a motion, of an oscillator at an amplitude, and of a force."""
+"""Compute true equivalent damping ratios: along a motion, of an oscillator at an amplitude, and of a damping force."""
 
 import math
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from validation.truth.motion import Motion
 from validation.truth.oscillator import COEFFICIENTS, Oscillator
 
 PER_CYCLE = 24
-"""Number of points of a `RatioCurve` in a cycle; cubic interpolation between them adds an error of less than 1e-6."""
+"""Number of points of a `RatioCurve` in a cycle; cubic interpolation between these points adds an error below 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,20 +46,20 @@ class RatioCurve:
         return float(np.exp(curve(np.log(amplitude))))
 
     def amplitude_at(self, cycles: float) -> float:
-        """Return the amplitude in rad a number of cycles after the release."""
+        """Return the amplitude in rad after a number of cycles since the release."""
         return float(np.exp(CubicSpline(self.cycles, np.log(self.amplitude))(cycles)))
 
 
 def ratio_curve(motion: Motion, potential: Callable[[float], float]) -> RatioCurve:
     """Return the equivalent damping ratio along a motion, as a function of the amplitude.
 
-    It is the energy lost in a cycle over 4π times the potential energy at the amplitude.
+    It is the energy lost in a cycle, divided by 4π times the potential energy at the amplitude.
 
-    S is the square root of the energy at a turning point, and u = ln S. Quintic splines interpolate the number n of
-    cycles as a function of u, separately for the turning points on each side. The loss in a cycle is −dS²/dn, so the
-    ratio is −1/(2π n′(u)), averaged over both sides. The amplitude is half the distance between the two displacements
-    with this energy. For a linear spring the ratio is ζ/√(ω² − ζ²) with viscous damping, and 2μ/(πω²A) with Coulomb
-    friction.
+    Method: let S be the square root of the energy at a turning point, u = ln S, and n the number of cycles. Quintic
+    splines interpolate n(u), separately for the turning points on each side. The loss in a cycle is −dS²/dn, so the
+    ratio is −1/(2π n′(u)), which is averaged over both sides. The amplitude A is half the distance between the two
+    displacements with this energy. For a linear spring with the frequency ω, the ratio is ζ/√(ω² − ζ²) with the viscous
+    coefficient ζ, and 2μ/(πω²A) with the Coulomb friction μ.
 
     Parameters
     ----------
@@ -90,7 +90,8 @@ def ratio_curve(motion: Motion, potential: Callable[[float], float]) -> RatioCur
 def harmonic_ratio(force: Callable[[float, float], float], amplitude: float, frequency: float) -> float:
     """Return the equivalent damping ratio of a damping force for a harmonic motion, by quadrature.
 
-    force: of displacement (rad) and velocity (rad/s), rad/s². amplitude: rad. frequency: rad/s.
+    force: damping force in rad/s², as a function of displacement (rad) and velocity (rad/s). amplitude: in rad.
+    frequency: in rad/s.
     """
 
     def power(phase: float) -> float:
@@ -102,10 +103,10 @@ def harmonic_ratio(force: Callable[[float, float], float], amplitude: float, fre
 
 
 def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
-    """Return the equivalent damping ratio of an oscillator, without its discrepancy in the damping, at an amplitude.
+    """Return the equivalent damping ratio of an oscillator at an amplitude, without the damping of its discrepancy.
 
-    It is the energy lost in a cycle over 4π times the potential energy at the turning points. amplitude: half the
-    distance of the turning points, in rad.
+    It is the energy lost in a cycle, divided by 4π times the potential energy at the turning points. amplitude: half
+    the distance between the turning points, in rad.
     """
     potential = oscillator.potential()
     ends = (-0.5 * amplitude, 0.5 * amplitude)
@@ -122,9 +123,10 @@ def true_ratio(oscillator: Oscillator, amplitude: float) -> float:
 
 
 def _half_range(potential: Callable[[float], float], reach: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the function from the square root of the energy (rad/s) to half the distance of its turning points (rad).
+    """Return the amplitude (rad) as a function of the square root of the energy (rad/s).
 
-    reach: largest displacement of the motion, rad.
+    The amplitude is half the distance between the turning points of a motion with this energy. potential: potential
+    energy (rad²/s²) at a displacement (rad). reach: largest displacement of the motion, rad.
     """
     grid = 1.5 * reach * np.sin(0.5 * np.pi * np.linspace(-1.0, 1.0, 401))
     size = np.sign(grid) * np.sqrt([potential(x) for x in grid])

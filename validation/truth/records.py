@@ -17,25 +17,27 @@ from validation.truth.ratio import ratio_curve
 from validation.truth.rivals import nats_ahead
 
 FAMILY = "family"
-"""Kind of the records for which the compared damping sums and restoring laws hold exactly."""
+"""Kind of the records for which one of the compared damping sums and restoring laws holds exactly."""
 KINDS = (FAMILY, *discrepancies.KINDS)
-"""All kinds of records: the family, and one for each discrepancy from its laws."""
+"""All kinds of records: the family, for which a compared law holds exactly, and one kind for each discrepancy from
+these laws."""
 NATS = 12.0
-"""Least difference in log likelihood (nats) between the true sum of a record and the best sum that lacks one of its
-terms; otherwise the record is drawn again."""
+"""Smallest difference in log likelihood (nats) between the true damping sum of a record and the best sum that lacks one
+of its terms. If the difference is smaller, the record is drawn again."""
 LEAST_SHARE, CYCLES, LEFT = 0.15, (8.0, 60.0), (0.1, 0.7)
-"""Required of a record: least share of each term in the lost energy, range of the number of cycles, and range of the
-last amplitude over the first."""
+"""Conditions for a record: smallest fraction of the energy loss that each term causes, range of the number of cycles,
+and range of the last amplitude divided by the first."""
 FROM_END = 0.75
-"""Number of cycles between an end of the record and the point where the first or last amplitude is taken at which
-answers are judged."""
+"""Answers are judged at the amplitudes that the motion has this number of cycles after the start and before the end of
+the record."""
 PER_CYCLE = 64
-"""Number of points in a cycle at which the power of each term is evaluated, for its share of the energy loss."""
+"""Number of points in a cycle at which the power of each damping term is evaluated, to compute its part of the energy
+loss."""
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A record and its truth. What is unknown, or not needed, has its default value.
+    """A record and its truth. A part of the truth that is unknown or not needed has its default value.
 
     Attributes
     ----------
@@ -44,24 +46,26 @@ class Case:
     signal : Signal
         The record, without the truth.
     damping : str
-        The true sum. If the record has a further damping term, the part that is in the family.
+        The true damping sum, such as "viscous+coulomb". In a record by `case`, it does not contain the extra damping
+        force of a discrepancy.
     restoring : str
         The true restoring law.
     ratio : callable, optional
-        The equivalent damping ratio as a function of the amplitude, in the unit of the record.
+        The equivalent damping ratio as a function of the amplitude, which is in the unit of the record.
     amplitudes : tuple of float
-        The amplitudes at which an answer is judged, largest first. For a record by `case`: 0.75 cycles from either end
-        of the record, and their geometric mean.
+        The amplitudes at which an answer is judged, largest first. In a record by `case` they are those at 0.75 cycles
+        from either end of the record, and the geometric mean of these two.
     parameters : mapping
-        The damping coefficients (zeta, mu_c, mu_q), the parameters of the law, epsilon, and the state at the start of
-        the record (theta0, omega0), SI units.
+        The damping coefficients (zeta, mu_c, mu_q), the parameters of the restoring law, the width of the smoothed sign
+        (epsilon), and angle and velocity at the start of the record (theta0, omega0), in SI units.
     noise_sd : float
         Standard deviation of the noise, in the unit of the record.
     shares : mapping
-        Share of each term in the lost energy.
+        Fraction of the energy loss that each damping term causes, by term.
     nats : float
-        Half the smallest sum of squares of all sums that lack a true term, divided by the noise variance. It is
-        computed for the motion without its discrepancy and without oversampling.
+        By how many nats (difference in log likelihood) the true damping sum fits better than every sum that lacks one
+        of its terms: half the smallest sum of squares of these sums, divided by the noise variance. It is computed for
+        the motion without its discrepancy and without oversampling.
     cycles : float
         Cycles in the record.
     """
@@ -81,11 +85,12 @@ class Case:
 
 
 def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
-    """Return record `number` of a kind under a seed; the seven damping sums and four restoring laws alternate.
+    """Simulate record `number` of a kind and seed; the seven damping sums and four restoring laws alternate.
 
-    Each term has 15 % or more of the lost energy. The amplitude falls to 10 to 70 %. White noise has 0.3 to 3 % of the
-    first amplitude. The record has 8 to 60 cycles with 16 to 200 samples each. The truth is 12 nats or more ahead of
-    every sum that lacks one of its terms. A draw that breaks a rule is repeated.
+    Each damping term causes 15 % or more of the energy loss. The amplitude falls to 10 to 70 %. The standard deviation
+    of the white noise is 0.3 to 3 % of the first amplitude. The record has 8 to 60 cycles with 16 to 200 samples each.
+    The true damping sum fits better by 12 nats or more (difference in log likelihood) than every sum that lacks one of
+    its terms. A draw that does not satisfy these conditions is repeated.
 
     Parameters
     ----------
@@ -96,7 +101,7 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
     number : int
         Number of the record under this seed.
     oversample : int
-        Factor on the sampling rate of the same motion; each sample has the same noise level.
+        Factor by which the same motion is sampled faster; the noise of a sample does not change.
     """
     rng = np.random.default_rng([seed, KINDS.index(kind), number])
     damping, restoring = in_turn(kind, number)
@@ -105,7 +110,7 @@ def case(kind: str, seed: int, number: int, oversample: int = 1) -> Case:
         own = np.random.default_rng(rng.integers(2**63))
         with suppress(NoMotionError):
             return _simulate(name_of(kind, seed, number, oversample), kind, draw, own, oversample)
-    raise RuntimeError(f"no draw of {kind} keeps the rules")
+    raise RuntimeError(f"none of 400 random draws of a record of kind {kind} satisfies the conditions")
 
 
 def name_of(kind: str, seed: int, number: int, oversample: int = 1) -> str:
@@ -120,12 +125,12 @@ def in_turn(kind: str, number: int) -> tuple[str, str]:
     """
     sums = [name for name in SUMS if kind not in COULOMB or "coulomb" in name.split("+")]
     begin = KINDS.index(kind)
-    again = number // len(sums) if len(sums) == len(LAWS) else 0  # seven and four have no common factor
+    again = number // len(sums) if len(sums) == len(LAWS) else 0  # with seven sums, all pairs occur anyway
     return sums[(number + 3 * begin) % len(sums)], list(LAWS)[(number + again + begin) % len(LAWS)]
 
 
 def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversample: int) -> Case:
-    """Simulate the record of a draw. Raises NoMotionError if it breaks a rule that `case` states."""
+    """Simulate the record of a draw. Raises NoMotionError if it does not satisfy the conditions in `case`."""
     if (nats := nats_ahead(draw)) < NATS:
         raise NoMotionError("a sum without one of the true terms fits as well")
     observe = Motion.displacements
@@ -166,7 +171,7 @@ def _simulate(name: str, kind: str, draw: Draw, rng: np.random.Generator, oversa
 
 
 def _shares(draw: Draw, motion: Motion, end: float) -> dict[str, float]:
-    """Return the share of each term, by name, in the energy that is lost over the record.
+    """Return the fraction of the energy loss over the record that each damping term causes, by term.
 
     The extra damping force of a discrepancy is one of the terms. draw: oscillator and recording conditions. motion: the
     solved motion. end: time at which the record ends, in s since the release.

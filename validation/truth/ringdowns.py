@@ -1,7 +1,7 @@
-"""Simulate ring-downs as an analyser records them: a drive that is tuned and then constant, a decay, a noise floor.
+"""Simulate ring-downs as an analyser records them: a drive, first tuned, then constant; a decay; a noise floor.
 
-The amplitude follows dA/dt = -Σ c_i A^(p_i) with p = 1, 0 and 2 for viscous, Coulomb and quadratic damping (Nayfeh &
-Mook, Nonlinear Oscillations, 1979, ch. 3), integrated by SciPy.
+The amplitude A follows dA/dt = -Σ c_i A^(p_i), where p_i is 1, 0 and 2 for viscous, Coulomb and quadratic damping
+(Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 3). SciPy integrates this equation.
 """
 
 from collections.abc import Mapping
@@ -16,9 +16,11 @@ NEPER = 20.0 / np.log(10.0)
 POWERS: Mapping[str, float] = {"viscous": 1.0, "coulomb": 0.0, "quadratic": 2.0}
 """Power p of the amplitude in the decay rate dA/dt = −c Aᵖ of each damping term."""
 TOP, RELEASE = -40.0, 0.1
-"""Level of the start in dB, and time in s within which the signal of the drive vanishes after the release."""
+"""Level in dB at the start of the decay; and time in s within which the direct signal of the drive vanishes after the
+release."""
 RESTED = np.exp(-60.0)
-"""Smallest amplitude relative to the start; below it the oscillator counts as being at rest."""
+"""Smallest amplitude, relative to that at the start of the decay; smaller amplitudes are replaced by it, so that their
+logarithm is finite."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +30,9 @@ class Ringdown:
     Attributes
     ----------
     rates : mapping
-        Rate of each term in 1/s at the amplitude at the start.
+        Decay rate of each damping term in 1/s, at the amplitude at the start of the decay.
     fall : float
-        Level of the noise floor below the start in dB.
+        Level of the noise floor below the level at the start of the decay, in dB.
     step : float
         Time between readings in s.
     before, behind : float
@@ -40,19 +42,21 @@ class Ringdown:
     hold : float
         Standard deviation in dB of the level during the drive.
     scatter, scatter_time : float
-        Standard deviation in dB and correlation time in s of the multiplicative scatter.
+        Standard deviation in dB and correlation time in s of the multiplicative noise of the readings.
     drift : float
         Standard deviation in dB of the slow drift of the gain.
     floor_time : float
-        Correlation time of the floor's fast part in s.
+        Correlation time of the fast part of the noise floor, in s.
     slow_share : float
-        Share of the floor's power that is thermal motion, correlated over the decay.
+        Fraction of the power of the noise floor that is slow: thermal motion of the oscillator, with the correlation
+        time of its decay.
     wander : float
-        Standard deviation in dB of the floor's level.
+        Standard deviation in dB of the slow changes of the level of the noise floor.
     constant : float
-        Share of the floor's power that does not fluctuate.
+        Fraction of the power of the noise floor that does not fluctuate.
     deviation, deviation_length : float
-        Standard deviation of the law's relative deviation, and its correlation length in durations.
+        Standard deviation and correlation time of the relative deviation of the decay rate from the damping law. The
+        correlation time is a fraction of the duration of the decay.
     """
 
     rates: Mapping[str, float]
@@ -74,22 +78,23 @@ class Ringdown:
 
 
 CASES = ("viscous", "coulomb", "quadratic", "viscous+coulomb", "viscous+quadratic")
-"""Damping sums of simulated ring-downs; one is drawn at random."""
+"""Damping sums of simulated ring-downs; `draw_ringdown` draws one of them at random."""
 
 
 def draw_ringdown(rng: np.random.Generator) -> Ringdown:
-    """Draw the parameters of a harsh ring-down.
+    """Draw the parameters of a ring-down with many faults of real records.
 
-    It has deviations from the law, a drifting gain, a noise floor that varies and is partly slow, and a drive whose
-    direct pickup by the sensor vanishes at the release. It lasts 20 to 60 s, falls by 20 to 50 dB to its noise floor,
-    and has 100 to 4,000 readings.
+    The decay may deviate from the damping law, the gain may drift, and the noise floor is partly slow and may change
+    its level. The sensor may also pick up the drive directly, which ends at the release. The decay lasts 20 to 60 s,
+    falls by 20 to 50 dB to the noise floor, and has 100 to 4,000 readings.
     """
     duration, fall = float(rng.uniform(20, 60)), float(rng.uniform(20, 50))
     terms = CASES[rng.integers(len(CASES))].split("+")
     fall = min(fall, 30.0) if terms == ["quadratic"] else fall
     share = 1.0 if len(terms) == 1 else float(rng.uniform(0.3, 0.7))
     mean = fall / NEPER / duration
-    # Shares of terms that grow or fall with the amplitude are those at half of the fall.
+    # The fraction of the decay rate that a term causes depends on the amplitude; `share` applies at half of the fall in
+    # dB.
     middle = float(np.exp(-0.5 * fall / NEPER))
     size = {"viscous": 1.0, "coulomb": middle, "quadratic": 1 / middle}
     step = duration / float(np.exp(rng.uniform(np.log(100), np.log(4000))))
@@ -124,7 +129,7 @@ class Simulated:
     release : float
         Time of the start of the decay in s.
     x : (n,) array
-        ln(A/A_start) of the oscillator alone, without noise; NaN before the release.
+        ln(A/A_start) of the amplitude A of the oscillator alone, without noise; NaN before the release.
     """
 
     t: np.ndarray
@@ -151,7 +156,7 @@ def simulate(ringdown: Ringdown, rng: np.random.Generator) -> Simulated:
     random numbers.
     """
     n_fall, terms = ringdown.fall / NEPER, [(POWERS[term], c) for term, c in ringdown.rates.items()]
-    # Time that the decay itself needs to reach the floor, by its own law.
+    # `duration`: time that the decay takes to reach the noise floor, according to the damping law.
     x = np.linspace(0.0, -n_fall, 4000)
     duration = float(np.trapezoid(1.0 / sum(c * np.exp((power - 1.0) * x) for power, c in terms), -x))
     t = np.arange(0.0, ringdown.before + duration + ringdown.behind, ringdown.step)
@@ -185,7 +190,8 @@ def simulate(ringdown: Ringdown, rng: np.random.Generator) -> Simulated:
     noise *= np.sqrt(floor * (1 - ringdown.constant)) * level
     y = 10.0 * np.log10(np.abs(signal + noise) ** 2 + floor * ringdown.constant)
 
-    # While the drive is tuned, the level varies strongly; then it varies slowly. The signal of the drive is added.
+    # During the drive the level varies slowly, and strongly while the drive is tuned. The direct signal of the drive is
+    # added.
     tuned = t < 0.4 * ringdown.before
     y[~after] += ringdown.hold * process(0.2 * ringdown.before + 0.05 * duration, int((~after).sum()))
     y[tuned] += -10.0 + 6.0 * process(0.3, int(tuned.sum()))

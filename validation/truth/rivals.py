@@ -1,4 +1,4 @@
-"""Compute by how many nats the true damping sum is ahead of the best sum that lacks one of its terms."""
+"""Compute by how many nats the true damping sum fits better than the best sum that lacks one of its terms."""
 
 import numpy as np
 from scipy.optimize import least_squares, nnls
@@ -8,16 +8,17 @@ from validation.truth.oscillator import LAWS, TERMS
 from validation.truth.trajectory import trajectory
 
 PER_CYCLE, STEPS = 24, 3
-"""Number of samples in a cycle at which trajectories are compared, and of solver steps between two of these samples."""
+"""Number of samples in a cycle at which trajectories are compared, and number of solver steps between two of these."""
 
 
 def nats_ahead(draw: Draw) -> float:
-    """Return by how many nats the true sum of a draw is ahead of the best sum that lacks one of its terms.
+    """Return by how many nats the true damping sum of a draw fits better than the best sum that lacks one of its terms.
 
-    The trajectories of these rivals are fitted to the true trajectory by least squares, without discrepancy and with an
-    exact sign. Nats are half the smallest sum of squares over the variance of the noise. A sum with all true terms is
-    not a rival, because it fits equally well. All sums without a term are special cases of the sum with all other
-    terms, so this sum has the smallest residual.
+    The result is a difference in log likelihood: half the smallest sum of squares of the wrong sums, divided by the
+    variance of the noise. The trajectories of the wrong sums are fitted by least squares to the true trajectory, which
+    has no discrepancy and an exact sign of the velocity in the friction. For each true term, only the sum of all other
+    terms is fitted. Other sums without this term are special cases of it and fit no better. Sums with all true terms
+    are not wrong, because they fit as well as the truth.
     """
     truth, amplitude, frequency = draw.oscillator, draw.amplitude, draw.frequency
     law, names = list(LAWS).index(truth.restoring), LAWS[truth.restoring]
@@ -25,7 +26,7 @@ def nats_ahead(draw: Draw) -> float:
     out = np.empty((max(int(draw.duration / (STEPS * step)), 2) + 1, 2))
 
     def angles(values: np.ndarray) -> np.ndarray:
-        """Return the angles of a motion. values: law and damping as for `trajectory`, and the state at the start."""
+        """Return the angles of a motion. values: p (6,) of `trajectory`, then initial angle and velocity."""
         trajectory(law, values[:6], float(values[6]), float(values[7]), step, STEPS, out)
         return out[:, 0]
 

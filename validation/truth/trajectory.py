@@ -1,8 +1,8 @@
-"""Compute trajectories of the candidate laws fast, by compiled fourth-order Runge-Kutta with fixed steps.
+"""Compute trajectories of oscillators fast, by a compiled fourth-order Runge-Kutta method with fixed steps.
 
-Only fits use them, in `rivals` and in the script of the contest; the truth of a record comes from `motion`. A step in
-which the velocity changes sign is divided at that point, found by a secant search. So the order is four also for
-friction with an exact sign.
+They are used only for fits, in `rivals` and in the script of the contest; the truth of a record comes from `motion`. A
+step in which the velocity changes sign is divided at that point, which a secant search finds. Therefore the method is
+of fourth order also for friction with an exact sign of the velocity.
 """
 
 import math
@@ -46,9 +46,9 @@ def _step(law: int, theta: float, v: float, sign: float, p: np.ndarray, h: float
 
 @njit(cache=True)
 def advance(law: int, theta: float, v: float, sign: float, p: np.ndarray, h: float):
-    """Return angle, velocity and its sign one step of size h (s) later; the sign is 0 after the motion has stopped."""
+    """Return angle, velocity and its sign after a step of size h (s); the sign is 0 after the motion has stopped."""
     left = h
-    for _ in range(4):  # one turning point in a step, or more just before the motion stops
+    for _ in range(4):  # a step has one turning point, or more just before the motion stops
         new_theta, new_v = _step(law, theta, v, sign, p, left)
         if sign * new_v >= 0:
             return new_theta, new_v, sign
@@ -61,7 +61,7 @@ def advance(law: int, theta: float, v: float, sign: float, p: np.ndarray, h: flo
                 break
             if sign * new_v > 0:
                 low, v_low = at, new_v
-                v_high *= 0.5  # the Illinois rule
+                v_high *= 0.5  # Illinois rule: faster convergence of the secant search
             else:
                 high, v_high = at, new_v
                 v_low *= 0.5
@@ -75,22 +75,23 @@ def advance(law: int, theta: float, v: float, sign: float, p: np.ndarray, h: flo
 
 @njit(cache=True)
 def trajectory(law: int, p: np.ndarray, theta: float, v: float, h: float, within: int, out: np.ndarray):
-    """Fill an array with the angle (rad) and velocity (rad/s) every `within` steps.
+    """Solve a motion, and fill the array `out` with angle (rad) and velocity (rad/s) after every `within` steps.
 
     Parameters
     ----------
     law : int
-        Number of the law in `LAWS`.
+        Position of the restoring law in `LAWS`.
     p : (6,) array
-        Parameters of the law, padded with zeros to three, and coefficients of viscous, Coulomb and quadratic damping.
+        Parameters of the restoring law, padded with zeros to three; then coefficients of viscous, Coulomb and quadratic
+        damping.
     theta, v : float
-        State at the start, rad and rad/s.
+        Initial angle in rad and velocity in rad/s.
     h : float
-        Step, s.
+        Step of the solver, s.
     within : int
-        Number of steps between two rows.
+        Number of steps between two rows of `out`.
     out : (n, 2) array
-        Filled with angles and velocities; the first row is the start.
+        Result: a row has angle and velocity; the first row is the initial state.
     """
     heading = v if v != 0 else -_force(law, theta, p)
     sign = 1.0 if heading > 0 else -1.0

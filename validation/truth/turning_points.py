@@ -1,4 +1,4 @@
-"""Simulate free decays of oscillators by `motion`, and record the envelopes through their turning points."""
+"""Simulate free decays with unusual damping forces, and record the envelopes through their turning points."""
 
 from collections.abc import Callable, Sequence
 
@@ -17,8 +17,8 @@ FLOOR = 1e-3
 CYCLES = 119.25
 """Number of cycles of a decay."""
 Force = Callable[[float, float, float], float]
-"""Damping acceleration in rad/s² of angle (rad), velocity (rad/s) and its sign."""
-# The coefficients give decays by about 20 dB in 40 s.
+"""Damping force per unit of inertia, in rad/s², as a function of angle (rad), velocity (rad/s) and its sign."""
+# With these coefficients, the amplitude falls by about 20 dB in 40 s.
 FORCES: dict[str, Force] = {
     "cubic": lambda x, v, turn: 0.15 * v**3,
     "structural": lambda x, v, turn: 3.2 * abs(x) * turn,
@@ -30,9 +30,10 @@ FORCES: dict[str, Force] = {
 
 
 def turning_points(force: Force, cycles: float = CYCLES) -> tuple[np.ndarray, np.ndarray]:
-    """Solve θ̈ + F(θ, θ̇) + ω²θ = 0, released at `START`, and return the envelope through the turning points.
+    """Solve θ̈ + F(θ, θ̇) + ω²θ = 0 from a release at `START`; return the envelope through the turning points.
 
-    Raises NoMotionError if the motion sticks before it ends, at the first turning point after this number of cycles.
+    force: the damping force F. cycles: number of cycles; the motion ends at the first turning point after them. Raises
+    NoMotionError if the motion sticks before this.
 
     Returns
     -------
@@ -48,7 +49,7 @@ def turning_points(force: Force, cycles: float = CYCLES) -> tuple[np.ndarray, np
 def readings(
     force: Force, seed: int | Sequence[int], noise: float = 0.004, cycles: float = CYCLES
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return times in s and noisy amplitudes in rad of the envelope of a decay, shape (n,) each.
+    """Simulate readings of the envelope of a decay: return times in s and noisy amplitudes in rad, shape (n,) each.
 
     Parameters
     ----------
@@ -57,7 +58,8 @@ def readings(
     seed
         Seed of the noise.
     noise
-        Relative standard deviation of each reading, in addition to a noise floor of a thousandth of the start.
+        Relative standard deviation of each reading. A noise floor is added, with a thousandth of the displacement at
+        the release (`FLOOR`).
     cycles
         Number of cycles of the decay.
     """

@@ -1,4 +1,4 @@
-"""Detect records that are not free decays: clipped peaks, lost sign, rising amplitude, tone burst."""
+"""Detect records that are not free decays: clipped peaks, lost sign (rectified), rising amplitude, tone burst."""
 
 from itertools import pairwise
 
@@ -10,49 +10,55 @@ from bayesdamp.records.oscillation.noise import coarse_period
 from bayesdamp.types import Signal
 
 MIN_RISE = 0.02
-"""The amplitude counts as rising if the ranges of half cycles grow again by more than this fraction, beyond the noise.
-Measured: in a beat of 0.4 mm in a decay of 80 mm they grow by 0.027, in decays of one oscillator by at most 0.01."""
+"""The amplitude counts as rising if the range of half cycles (maximum minus minimum) grows again by more than this
+fraction, beyond the noise. Measured: with a beat of 0.4 mm in a decay of 80 mm it grows by 0.027, in decays of one
+oscillator by at most 0.01."""
 SUCCESSIVE_HALF_CYCLES = 3
-"""A rise counts only if this many successive half cycles are all larger than before, because a spike spoils one turning
-point and so two half cycles."""
+"""A rise of the amplitude counts only if this many successive half cycles are all larger than those before. A spike
+changes only one turning point and thus two half cycles."""
 MIN_FLAT_SAMPLES = 3
-"""Smallest number of successive samples at the extreme value of a clipped peak, if values are not rounded."""
+"""Smallest number of successive samples at the extreme value for a peak to count as clipped, if the values are not
+rounded."""
 FLAT_RATIO = 1.5
-"""A record of rounded values counts as clipped only if it stays at its extreme value more than this many times longer
-than a sinusoid does; an unclipped pendulum at 2.8 rad also stays somewhat longer."""
-# For rectified records, all conventional:
+"""A peak of rounded values counts as clipped only if it stays at its extreme value more than this many times longer
+than the peak of a sinusoid. The unclipped peaks of a pendulum at 2.8 rad also stay somewhat longer."""
+# These limits decide whether a record is rectified (the absolute value or the square of an oscillation). All are
+# conventional.
 MIN_HALF_CYCLES = 6
-"""A record with fewer half cycles does not count as rectified."""
+"""A record counts as rectified (the absolute value or the square of an oscillation) only if it has at least this many
+half cycles."""
 MIN_PEAK = 0.3
-"""To decide whether a record is rectified, half cycles are used as long as their peak is above this fraction of the
-largest one; smaller ones may be noise and offsets."""
+"""The test for a rectified record uses half cycles only as long as their peak is above this fraction of the largest
+peak; later ones may be noise and offsets."""
 MAX_MINIMUM = 0.15
-"""Between its peaks a rectified record must fall below this fraction of each peak; it does if it has at least eleven
-samples in a half cycle."""
+"""Between its peaks, a rectified record (the absolute value or the square of an oscillation) must fall below this
+fraction of each peak. It does if a half cycle has at least eleven samples."""
 MAX_LAST_PEAK = 0.8
-"""The last peak of a rectified decay must be below this fraction of the first; otherwise the record may be pulses or a
-counter, which do not decay."""
+"""In a rectified record (the absolute value or the square of an oscillation), the last peak must be below this fraction
+of the first. Otherwise the record may be pulses or a counter, which do not decay."""
 MAX_UNDERSHOOT = 0.1
-"""Largest opposite value, as a fraction of the largest peak, of a rectified record, in which noise may change signs."""
+"""A rectified record has only one sign, except for noise: its largest value of the opposite sign must be at most this
+fraction of the largest peak."""
 MIN_MEDIAN = 0.3
-"""In a rectified record, the median of the values in a half cycle must be above this fraction of the peak: it is 0.71
-for |sin|, 0.5 for sin², and 0 for pulses."""
+"""In a rectified record, the median of the values in a half cycle must be above this fraction of its peak. It is 0.71
+of the peak for |sin|, 0.5 for sin², and 0 for pulses."""
 ENVELOPE_PER_PERIOD, MOST_ENVELOPE_SAMPLES = 24, 200_000
 """To decide whether a record is a tone burst, its envelope is computed from about `ENVELOPE_PER_PERIOD` samples in a
 period, but at most `MOST_ENVELOPE_SAMPLES` samples in total."""
 FLANK_LEVEL, FLANK_CYCLES, MAX_ASYMMETRY = 0.2, 3, 0.15
-"""A record is a tone burst if the two flanks of its envelope, above `FLANK_LEVEL` times the peak, both last at least
-`FLANK_CYCLES` cycles and differ by less than `MAX_ASYMMETRY` times the peak. Measured: the flanks of tone bursts with
-5 % noise differ by up to 0.13, those of real decays with so long a rise by at least 0.6."""
+"""A record is a tone burst if the rising and the falling flank of its envelope have the same shape. Both flanks, above
+`FLANK_LEVEL` times the peak, must last at least `FLANK_CYCLES` cycles and differ by less than `MAX_ASYMMETRY` times the
+peak. Measured: they differ by up to 0.13 in tone bursts with 5 % noise, and by at least 0.6 in real decays with an
+equally long rise."""
 
 CLIPPED = "The peaks are cut off: the record stays at its extreme value."
-RISES_AGAIN = "The amplitude rises again, which beats, a second mode or a drive would cause."
+RISES_AGAIN = "The amplitude rises again: possible causes are beats, a second mode or a drive."
 
 
 def find_anomalies(signal: Signal, features: Features) -> tuple[str, ...]:
-    """Return sentences on why a record may not be a free decay (`CLIPPED`, `RISES_AGAIN`); empty if there are none.
+    """Return the reasons why a record may not be a free decay (`CLIPPED`, `RISES_AGAIN`); empty if there are none.
 
-    features: those of the signal, as the function `features` returns them.
+    features: features of the signal, from the function `features`.
     """
     faults = []
     if is_clipped(signal.y, features.samples_per_cycle):
@@ -93,7 +99,7 @@ def is_clipped(y: np.ndarray, per_cycle: float) -> bool:
     is_lone = np.abs(np.diff(y, prepend=y[0])[begins]) > 1.5 * float(np.diff(levels).min())
     moving = (ends - begins)[is_fast & is_lone]
     repeats = max(int(np.median(moving)), 1) if moving.size >= 5 else 1
-    # A sinusoid that just reaches the extreme level stays within one step of it for so many samples.
+    # `usual`: number of samples for which a sinusoid stays within one step of its extreme value.
     usual = np.arccos(max(1.0 - step / size, -1.0)) / np.pi * per_cycle
     limit = max(MIN_FLAT_SAMPLES, FLAT_RATIO * usual + 1) * repeats
     runs = [run for edge in (levels[0], levels[-1]) for run in true_runs(np.abs(y - edge) <= 1e-9 * size)]
@@ -104,10 +110,10 @@ def is_clipped(y: np.ndarray, per_cycle: float) -> bool:
 
 
 def _has_corners(y: np.ndarray, begin: int, end: int, per_cycle: float, step: float) -> bool:
-    """Return whether y (n,) leaves its flat peak as fast as a clipped sinusoid, not as slowly as a body that stops.
+    """Return whether y (n,) leaves a flat peak as fast as a clipped sinusoid, not as slowly as a body that stops there.
 
-    Return False also if the flat part is too near an end of the record, or too long, to decide. begin, end: index of
-    the first sample of the flat peak, and of that after its last. per_cycle: number of samples in a cycle. step:
+    Return False also if the flat peak is too long, or too near an end of the record, to decide. begin, end: index of
+    the first sample of the flat peak, and of the first sample after it. per_cycle: number of samples in a cycle. step:
     usual difference of neighbouring levels, in the unit of y.
     """
     flat = end - begin
@@ -126,9 +132,10 @@ def _has_corners(y: np.ndarray, begin: int, end: int, per_cycle: float, step: fl
 
 
 def is_rectified(y: np.ndarray) -> bool:
-    """Return whether equally spaced values y (n,) are ± the absolute value or the square of a decaying oscillation.
+    """Return whether values y (n,) are the absolute value or the square of a decaying oscillation, with either sign.
 
-    This needs `MIN_HALF_CYCLES` half cycles whose peaks are above `MIN_PEAK` of the largest; else the result is False.
+    The values must be equally spaced in time. The result is True only if there are at least `MIN_HALF_CYCLES` half
+    cycles whose peaks are above `MIN_PEAK` times the largest.
     """
     y = y if abs(y.max()) >= abs(y.min()) else -y
     if y.min() < -MAX_UNDERSHOOT * y.max():
@@ -152,10 +159,10 @@ def is_rectified(y: np.ndarray) -> bool:
 
 
 def is_tone_burst(t: np.ndarray, y: np.ndarray, period: float) -> bool:
-    """Return whether the envelope of a record rises in the same way as it falls, as in a tone burst.
+    """Return whether the envelope of a record rises in the same way as it falls, as that of a tone burst.
 
-    The envelope belongs to the strongest frequency and is averaged over a period. In a free decay the rise is shorter
-    or has another shape, because a hit, a release or a drive causes it.
+    The envelope is the amplitude at the strongest frequency, averaged over a period. In a free decay the rise is
+    shorter or has another shape, because a hit, a release or a drive causes it.
 
     Parameters
     ----------

@@ -17,22 +17,22 @@ from bayesdamp.records.oscillation.noise import LEAST_SHARE, coarse_period, grou
 from bayesdamp.types import DERIVATIVES, FeatureValues, Refusal, Signal
 
 PER_CYCLE = 48
-"""Largest number of samples a cycle to which a record is reduced for the first search of turning points, which are then
-refined with all samples."""
+"""Largest number of samples a cycle to which a record is reduced for the first search of turning points. The turning
+points are then refined with all samples."""
 FEW_TURNS = 7
-"""If fewer turning points than this are found, the search is repeated, and an extremum counts if the values then return
-from it by half the distance that was required before. Under heavy damping a half cycle may be less than half of the one
-before."""
+"""If fewer turning points than this are found, the search is repeated with a weaker condition: the values need to
+return from an extremum by only half of the distance that was required before. Under heavy damping a half cycle may be
+less than half of the one before."""
 LEAST_SAMPLES = 9
 """The window of samples around a turning point is widened until it has this many samples, which are enough to determine
 a sinusoid with changing amplitude, phase and midline."""
 GRID_POINTS = 81
-"""Number of points on a fitted curve among which its extremum is searched (conventional)."""
+"""Number of points on a fitted curve between which its extremum is searched (conventional)."""
 
 
 @dataclass(frozen=True)
 class TurningPoints:
-    """Turning points: alternating maxima and minima.
+    """Turning points of a record: alternating maxima and minima.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class TurningPoints:
     values
         Values in the unit of the record, (k,).
     gain
-        Standard deviation of the noise of each value, relative to that of a sample, (k,).
+        Noise gain: standard deviation of each value divided by that of the noise of a sample, (k,).
     """
 
     times: np.ndarray
@@ -54,13 +54,13 @@ class TurningPoints:
 
 
 def true_runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Return start and end (exclusive) of each run of true values in flags (n,)."""
+    """Return the index of the first true value, and that after the last, of each run of true values in flags (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def local_median(values: np.ndarray) -> np.ndarray:
-    """Return for each of the values (k,) the median of it and up to four neighbours on either side, (k,)."""
+    """Return the medians (k,) of values (k,), each over the value and up to four neighbours on either side."""
     padded = np.pad(values.astype(float), 4, constant_values=np.nan)
     return np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 9).copy(), axis=1)
 
@@ -79,8 +79,8 @@ def resample(
     period
         Period of the oscillation, in s.
     smooth
-        Whether to reduce spikes (with a median filter, from 24 grid points a period on) and noise (with a moving
-        average, from 10 on).
+        Whether to reduce spikes with a median filter, and noise with a weighted moving average. The filter is used for
+        at least 24 grid points a period, the average for at least 10.
 
     Returns
     -------
@@ -110,17 +110,17 @@ def resample(
 
 
 def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
-    """Find alternating extrema; each but the last counts only if the values then return by more than a given distance.
+    """Find alternating maxima and minima; small ones, from which the values return by less than `swing`, do not count.
 
-    The first may be the first value. The last is the extremum after the last return, however small the return from it;
-    it may be the last value.
+    The first extremum may be the first value. The last one is the extremum after the last counted return; it counts
+    even if the values return from it by less, and it may be the last value.
 
     Parameters
     ----------
     y
         Values, (n,).
     swing
-        Distance of the return, in the unit of y, (n,): an extremum e counts once a later value v_i differs from it by
+        Required return, in the unit of y, (n,): an extremum e counts as soon as a later value y_i differs from it by
         more than swing_i.
 
     Returns
@@ -151,9 +151,9 @@ def zigzag(y: np.ndarray, swing: np.ndarray) -> tuple[list[int], int]:
 
 
 def _basis(x: np.ndarray, order: int) -> np.ndarray:
-    """Return the basis 1, cos x, sin x, x, x cos x, x sin x at phases x (...) in rad, (..., 6).
+    """Return the basis functions 1, cos x, sin x, x, x cos x, x sin x at phases x (...) in rad, (..., 6).
 
-    order: 0 for the basis itself, 1 or 2 for its first or second derivative by x.
+    order: 0 for the functions themselves, 1 or 2 for their first or second derivatives by x.
     """
     c, s, zero, unity = np.cos(x), np.sin(x), np.zeros_like(x), np.ones_like(x)
     if order == 0:
@@ -166,9 +166,9 @@ def _basis(x: np.ndarray, order: int) -> np.ndarray:
 
 
 def _solve(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return least-squares coefficients (w, 6) and the pseudo-inverse (w, 6, n); both are 0 beyond the k ≤ 6 columns.
+    """Solve linear least squares in w windows; return the coefficients (w, 6) and the pseudo-inverses (w, 6, n).
 
-    columns: (w, n, k); values: (w, n).
+    columns: design matrices with k ≤ 6 columns, (w, n, k). values: (w, n). Both results are 0 from index k to 5.
     """
     inverse = np.linalg.pinv(columns, rcond=1e-12)
     inverse = np.pad(inverse, ((0, 0), (0, 6 - columns.shape[2]), (0, 0)))
@@ -178,11 +178,12 @@ def _solve(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
 def refine(
     t: np.ndarray, y: np.ndarray, at: np.ndarray, kind: np.ndarray, period: np.ndarray, half: np.ndarray
 ) -> np.ndarray:
-    """Return time (s), value and noise gain of the extremum nearest to each of the times `at` (k,), (k, 3).
+    """Return time (s), value and noise gain of the extremum nearest to each of the times `at` (k,); shape (k, 3).
 
-    A sinusoid with slowly changing amplitude, phase and midline (with fewer than 9 samples a simpler one) is fitted to
-    the samples near each time, without outliers. The noise gain is the sd of the value for noise of sd 1 in each
-    sample. A row is NaN if there are fewer than five samples or the fit has no such extremum in the window.
+    A sinusoid with slowly changing amplitude, phase and midline is fitted to the samples near each time, without
+    outliers; with fewer than 9 samples it is a simpler sinusoid. The noise gain is the standard deviation of the value
+    for noise of standard deviation 1 in each sample. A row is NaN if there are fewer than five samples or the fit has
+    no such extremum in the window.
 
     Parameters
     ----------
@@ -193,9 +194,10 @@ def refine(
     kind
         1 for a maximum, −1 for a minimum, (k,).
     period
-        Period of the oscillation near each, s, (k,).
+        Period of the oscillation near each of these times, s, (k,).
     half
-        Half width of each window, s, (k,); it is widened up to threefold to contain `LEAST_SAMPLES` samples.
+        Half width of the window of samples around each time, s, (k,). A window with fewer than `LEAST_SAMPLES` samples
+        is widened, up to threefold.
     """
     out = np.full((at.size, 3), np.nan)
     width = half.copy()
@@ -216,11 +218,12 @@ def refine(
 
 
 def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """Return phase, value and noise gain of the extremum nearest to phase 0 in each window, (w, 3); NaN if it has none.
+    """Return phase, value and noise gain of the extremum nearest to phase 0 in each window, (w, 3).
 
-    The extremum is that of a sinusoid fitted to the samples (`refine`). The noise gain is the sd of the value for noise
-    of sd 1 in each sample. x: phases of the samples in rad, (w, n); values: their values, (w, n); kind: 1 for a
-    maximum, −1 for a minimum, (w,); width: half width of the window as a phase in rad, (w,).
+    The extremum is that of a sinusoid fitted to the samples (`refine`); a row is NaN if there is none. The noise gain
+    is the standard deviation of the value for noise of standard deviation 1 in each sample. x: phases of the samples in
+    rad, (w, n). values: (w, n). kind: 1 for a maximum, −1 for a minimum, (w,). width: half width of the window as a
+    phase in rad, (w,).
     """
     n = x.shape[1]
     columns = _basis(x, 0)[:, :, : 6 if n >= 9 else 4 if n >= 6 else 3]
@@ -259,9 +262,10 @@ def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.
 def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float = 0.0) -> TurningPoints:
     """Return the turning points of a record, in time order; none (k = 0) if nothing turns.
 
-    An extremum counts if the values then return by half their range within about a period (by a quarter if this gives
-    fewer than `FEW_TURNS`). It is refined by a local fit (`refine`); where this fails, the smoothed value with gain 1
-    is used. An end of the record counts as a turning point if the fitted curve has its extremum there.
+    An extremum counts if the values then return from it by half of their range within about a period. If this gives
+    fewer than `FEW_TURNS` turning points, a quarter is enough. Each is refined by a local fit (`refine`); where this
+    fails, the smoothed value is used, with a gain of 1. An end of the record counts as a turning point if the fitted
+    curve has its extremum there.
 
     Parameters
     ----------
@@ -307,8 +311,9 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
 
 
 def midpoints(values: np.ndarray) -> np.ndarray:
-    """Return the midline (k,) at each of k ≥ 3 turning values; exact for a geometric decay (Aitken's formula).
+    """Return the midline of the oscillation at each of k ≥ 3 successive turning values (maxima and minima), (k,).
 
+    It follows from a turning value and its two neighbours by Aitken's formula, which is exact for a geometric decay.
     The first and the last turning value get the midline of their neighbour.
     """
     before, here, after = values[:-2], values[1:-1], values[2:]
@@ -323,24 +328,24 @@ def midpoints(values: np.ndarray) -> np.ndarray:
 
 
 MAX_CHANGE_RATIO = 0.7
-"""A record does not oscillate if the variance of the changes of its values over a period is larger than this fraction
-of that over half a period. The fraction is 2 for a random walk, 1 for noise, 0.4 for an oscillation with a damping
-ratio of 0.3, and 2/3 for two equal modes whose frequencies differ by a fifth."""
+"""A record does not oscillate with a given period if the changes y(t + period) − y(t) have a variance larger than this
+multiple of the variance of the changes over half a period. The multiple is 2 for a random walk, 1 for noise, 0.4 for an
+oscillation with a damping ratio of 0.3, and 2/3 for two equal modes whose frequencies differ by a fifth."""
 HOLE_IN_LAG = 0.25
-"""To test whether a record oscillates, changes of the values from each time t to t + lag are compared. A change is not
-used if t + lag is in a gap of the samples that is longer than this fraction of the lag."""
+"""The test whether a record oscillates compares values at the times t and t + lag. A pair is not used if t + lag is in
+a gap of the samples that is longer than this fraction of the lag."""
 GAP_PERIODS, GAP_INTERVALS, GAP_MARGIN = 0.5, 5.0, 0.25
-"""Samples are missing (a gap) where the time between two samples is longer than `GAP_PERIODS` periods and longer than
+"""The samples have a gap where two successive samples are further apart than `GAP_PERIODS` periods and than
 `GAP_INTERVALS` median sampling intervals. Turning points within `GAP_MARGIN` periods of a gap are not used
 (conventional)."""
 TESTED_MARGIN = 1.5
-"""The test whether a record oscillates (`reason_not_oscillating`) uses the samples between the first and the last
-turning point, and up to this many periods before and after these."""
+"""The test whether a record oscillates (`reason_not_oscillating`) uses the samples from this many periods before the
+first turning point to this many periods after the last one."""
 
 
 MAX_CACHED = 16
-"""Number of results of a function that are cached, one for each record and set of options; the oldest are dropped
-(conventional)."""
+"""Largest number of cached results of a function by `once_per_record`; each is for one record and one set of options.
+The oldest results are dropped (conventional)."""
 Options = ParamSpec("Options")
 Result = TypeVar("Result")
 
@@ -348,10 +353,10 @@ Result = TypeVar("Result")
 def once_per_record(
     compute: Callable[Concatenate[Signal, Options], Result],
 ) -> Callable[Concatenate[Signal, Options], Result]:
-    """Decorate a function of a signal so that its last `MAX_CACHED` results are cached.
+    """Decorate a function of a signal so that it is computed once; the last `MAX_CACHED` results are cached.
 
-    The key of a result consists of the samples, quantity, unit and recording step of the signal and of the other
-    arguments, but not of the signal's name, because the same record occurs under several names. The function runs with
+    A cached result is used if the samples, quantity, unit and recording step of the signal and all other arguments are
+    equal. The name of the signal may differ, because the same record occurs under several names. The function runs with
     one BLAS thread, which is fastest for its small matrices.
     """
     cache: dict[tuple[object, ...], Result] = {}
@@ -376,8 +381,9 @@ def once_per_record(
 def reason_not_oscillating(t: np.ndarray, y: np.ndarray, period: float, noise: float) -> str:
     """Return why values do not oscillate with a given period, as a clause for a message; "" if they do.
 
-    They do not if the variance of their changes over a period is more than `MAX_CHANGE_RATIO` times that over half a
-    period, each without the contribution of noise. The result is "" also if too few values can be compared.
+    They do not oscillate if their changes over a period have a variance of more than `MAX_CHANGE_RATIO` times that of
+    their changes over half a period. The contribution of noise to both variances is subtracted. The result is "" also
+    if too few values can be compared.
 
     Parameters
     ----------
@@ -393,7 +399,7 @@ def reason_not_oscillating(t: np.ndarray, y: np.ndarray, period: float, noise: f
     def variance_of_changes(lag: float) -> float:
         """Return the variance of the changes y(t + lag) − y(t); lag in s.
 
-        Changes with t + lag in a gap are left out. The result is NaN if fewer than three changes remain.
+        A change is left out if t + lag is in a gap. The result is NaN if fewer than three changes remain.
         """
         after = t + lag
         place = np.clip(np.searchsorted(t, after), 1, t.size - 1)
@@ -409,7 +415,7 @@ def reason_not_oscillating(t: np.ndarray, y: np.ndarray, period: float, noise: f
 
 
 def holes(t: np.ndarray, period: float) -> np.ndarray:
-    """Return the gaps in the samples: longer than `GAP_PERIODS` periods and `GAP_INTERVALS` median sampling intervals.
+    """Return the gaps in the samples: longer than `GAP_PERIODS` periods, and than `GAP_INTERVALS` sampling intervals.
 
     Parameters
     ----------
@@ -421,7 +427,7 @@ def holes(t: np.ndarray, period: float) -> np.ndarray:
     Returns
     -------
     np.ndarray
-        Start and end of each gap, in s, (h, 2).
+        Times of the last sample before and of the first sample after each of h gaps, in s, (h, 2).
     """
     gaps = np.diff(t)
     at = np.flatnonzero((gaps > GAP_PERIODS * period) & (gaps > GAP_INTERVALS * np.median(gaps)))
@@ -429,10 +435,10 @@ def holes(t: np.ndarray, period: float) -> np.ndarray:
 
 
 def without_gap_edges(turns: TurningPoints, t: np.ndarray, period: float) -> TurningPoints:
-    """Return the turning points without those in a gap of the samples (`holes`) or within `GAP_MARGIN` periods of one.
+    """Return the turning points without those in or near a gap of the samples (`holes`).
 
-    Interpolation across a gap would create false ones. t: times of the samples in s, (n,). period: period of the
-    oscillation in s.
+    Near means within `GAP_MARGIN` periods. There, interpolation across the gap may create turning points that do not
+    exist. t: times of the samples in s, (n,). period: period of the oscillation in s.
     """
     good = np.ones(turns.times.size, bool)
     for a, b in holes(t, period):
@@ -447,13 +453,13 @@ class Features(FeatureValues):
     Attributes
     ----------
     turning_times, turning_values
-        Times in s and values (in the unit of the record) of the turning points (alternating maxima and minima) in the
-        longest regular run (`regular_runs`), each (k,).
+        Times in s and values (in the unit of the record) of the turning points (maxima and minima), each (k,). Only the
+        longest run of regular turning points is used (`regular_runs`).
     turning_amplitudes
         Distance of the turning values from the midline, (k,).
     swing_times, swing_sizes
-        Middle time in s and half of the range (maximum minus minimum) of each half cycle, each (m,); of the longest
-        regular run, and of runs that only gaps in the samples separate from it.
+        Middle time in s and half of the range (maximum minus minimum) of each half cycle, each (m,). In addition to the
+        longest run, runs that are separated from it only by gaps in the samples are used.
     """
 
     turning_times: np.ndarray
@@ -465,9 +471,9 @@ class Features(FeatureValues):
 
 @once_per_record
 def features(signal: Signal) -> Features:
-    """Return the features of a signal: period, amplitude, noise, turning points and others.
+    """Measure the features of a signal: period, amplitude, noise, turning points and others.
 
-    Raises Refusal with a reason if the signal has fewer than ten samples or does not oscillate.
+    Raises Refusal, with the reason, if the signal has fewer than ten samples or does not oscillate.
     """
     t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
     if t.size < 10:
@@ -519,11 +525,11 @@ def features(signal: Signal) -> Features:
 
 
 def regular_runs(turns: TurningPoints, noise: float) -> list[TurningPoints]:
-    """Return the runs of turning points that are regular in time and stand out of the noise, in time order.
+    """Return the runs of successive turning points that are regular in time and stand out of the noise, in time order.
 
-    In a run, the times between successive turning points are 0.7 (0.85 at the ends of the record) to 1.5 times their
-    local median, and the differences of their values exceed four standard deviations. noise: standard deviation of a
-    sample, in the unit of the values. Fewer than three turning points are returned as one run, untested.
+    In a run, the time between two successive turning points is 0.7 (at the ends of the record 0.85) to 1.5 times its
+    local median. Their values differ by more than four standard deviations of the noise. noise: standard deviation of
+    the noise of a sample, in the unit of the values. Fewer than three turning points are returned as one run, untested.
     """
     if turns.times.size < 3:
         return [turns]
@@ -540,16 +546,17 @@ def regular_runs(turns: TurningPoints, noise: float) -> list[TurningPoints]:
 def _join_across_holes(
     runs: list[TurningPoints], turns: TurningPoints, t: np.ndarray, period: float
 ) -> list[TurningPoints]:
-    """Return `turns` and the runs before and after it that are separated only by gaps in the samples, in time order.
+    """Return the run `turns` and the runs before and after it that are separated only by gaps in the samples.
 
-    turns: one of the runs. t, period: times of the samples, (n,), and the period, in s. Runs of fewer than three
-    turning points are left out.
+    runs: all runs of regular turning points, in time order, as is the result. turns: one of these runs. t, period:
+    times of the samples, (n,), and period of the oscillation, in s. Runs of fewer than three turning points are left
+    out.
     """
     missing = holes(t, period)
     pieces = [turns]
 
     def follows(a: TurningPoints, b: TurningPoints) -> bool:
-        """Return whether run b follows run a and, except for gaps, less than two periods are between them."""
+        """Return whether run b follows run a, with less than two periods between them that are not in gaps."""
         inside = missing[(missing[:, 0] > a.times[-1]) & (missing[:, 1] < b.times[0])]
         gap = b.times[0] - a.times[-1]
         return bool(gap > 0 and np.sum(inside[:, 1] - inside[:, 0]) > gap - 2 * period)
@@ -569,18 +576,18 @@ def _sizes(turns: TurningPoints) -> np.ndarray:
 
 
 def mean_period(turns: TurningPoints, sizes: np.ndarray) -> float:
-    """Return the period in s, from a weighted line through the times of the turning points against their number.
+    """Return the mean period in s, from a weighted line through the times of the turning points against their number.
 
-    An offset of the record does not shift its turning points. The first and the last of five or more are left out,
-    because they may be at an end of the record.
+    This period does not depend on an offset of the record. The first and the last of five or more turning points are
+    left out, because they may be at an end of the record.
 
     Parameters
     ----------
     turns
         The k turning points.
     sizes
-        Distance of each from the midline, in the unit of their values, (k,). A turning point far from the midline and
-        with a small noise gain has the most weight.
+        Distance of each turning point from the midline, in the unit of the values, (k,). The weight is this distance
+        divided by the noise gain.
     """
     used = slice(1, -1) if sizes.size >= 5 else slice(None)
     number, weights = np.arange(sizes.size), sizes / turns.gain
@@ -588,9 +595,9 @@ def mean_period(turns: TurningPoints, sizes: np.ndarray) -> float:
 
 
 def extrapolate_to_start(times: np.ndarray, sizes: np.ndarray) -> float:
-    """Extrapolate amplitudes to time 0, by a polynomial fitted to the logarithms of the first eight or fewer.
+    """Extrapolate amplitudes to time 0, by a polynomial fitted to the logarithms of the first eight (or fewer) of them.
 
-    Its degree is 1 for up to five amplitudes, else 2.
+    The degree of the polynomial is 1 for up to five amplitudes, else 2.
 
     Parameters
     ----------
@@ -601,7 +608,7 @@ def extrapolate_to_start(times: np.ndarray, sizes: np.ndarray) -> float:
     Returns
     -------
     float
-        The amplitude at time 0, limited to half and twice the first amplitude.
+        The amplitude at time 0, limited to the range from half of to twice the first amplitude.
     """
     if sizes.size < 3 or times[0] <= 0 or times[0] > 0.7 * (times[2] - times[0]):
         return float(sizes[0])

@@ -25,77 +25,81 @@ from bayesdamp.records.oscillation.noise import block_means, group_by_size
 from bayesdamp.types import DERIVATIVES, NORMAL_95, LawFreeDamping, Refusal, Signal
 
 SHORTEST_WINDOW, LONGEST_WINDOW, WINDOW_FRACTION = 2.0, 8.0, 0.05
-"""A window, in which a sinusoid is fitted, has the fraction `WINDOW_FRACTION` of the record's cycles, but at least
-`SHORTEST_WINDOW` and at most `LONGEST_WINDOW` periods (conventional)."""
+"""A sinusoid is fitted in each of many windows of a record. The length of a window is the fraction `WINDOW_FRACTION` of
+the record's cycles, but at least `SHORTEST_WINDOW` and at most `LONGEST_WINDOW` periods (conventional)."""
 STARTS_PER_WINDOW = 4
-"""Windows overlap: this many start within the length of one (conventional)."""
+"""Windows overlap: this many windows start within the length of one window (conventional)."""
 MOST_WINDOWS, FEWEST_WINDOWS = 100, 3
-"""Largest and smallest number of windows. In records that are long enough for more, the windows are further apart; a
-record with fewer is refused (conventional)."""
+"""Largest and smallest number of windows in a record. In long records the windows are further apart, so that there are
+not more; a record is refused if fewer have enough samples (conventional)."""
 SAMPLES_PER_CYCLE = 64
 """Neighbouring samples are averaged to about this many samples a cycle; this reduces all amplitudes by 0.04 %."""
 FEWEST_SAMPLES = 8
-"""Smallest number of samples in a window; windows with fewer are left out."""
+"""Smallest number of samples in a window in which a sinusoid is fitted; windows with fewer are left out."""
 LEAST_COVERAGE = 0.6
-"""Smallest fraction of a window's total weight that its samples must have; windows over gaps have less and are left
-out."""
+"""Smallest fraction of the weight of a full window that the samples in a window must have. A window over a gap in the
+samples has less and is left out."""
 OUTLIER_SDS = 6.0
-"""Samples further than this many robust standard deviations from a window's fit are left out (conventional)."""
+"""A sample is left out of a window if it differs from the fitted sinusoid by more than this many robust standard
+deviations of the residuals (conventional)."""
 ROUNDING_SD = 0.29
 """Standard deviation of a rounding error, as a fraction of the recording step: 1/√12."""
 LEAST_ERROR = 1e-5
 """Smallest relative standard error of a fitted amplitude, because the motion is not exactly a sinusoid
 (conventional)."""
 NUGGET = 1e-3
-"""Fraction of an amplitude's error variance that is assumed independent between windows, so that the correlation matrix
-is regular."""
+"""Fraction of the error variance of an amplitude that is assumed to be independent between windows, so that the
+correlation matrix is not singular."""
 POWERS = (-1.0, -0.5, 0.0, 0.5, 1.0)
-"""Powers of the amplitude (0: its log) that may be a straight line in time (Box and Cox 1964): the first one for drag,
-the middle one for viscous damping, the last one for dry friction."""
+"""Powers of the amplitude (0: its log), each of which is modelled as a straight line in time plus a random walk (Box
+and Cox 1964). Without the walk, the first power is exact for quadratic drag, the middle one for viscous damping, and
+the last one for dry friction."""
 WALKS = np.concatenate([[0.0], np.geomspace(1.0, 1e8, 9)])
 """Possible variances of the integrated random walk that lets the decay rate vary, relative to the error variance of the
-amplitudes; the result is averaged over them. 0 means no walk."""
+amplitudes. The result is averaged over them; 0 means no walk."""
 NOISE_WEIGHT = 4.0
 """In the estimate of the error variance of the amplitudes, the noise measured within the windows counts as much as this
 many amplitudes (conventional)."""
 PROBABILITY_NO_WALK = 0.2
-"""Prior probability that no random walk is added to the straight line; the other variances in `WALKS` share the rest
-equally. With 0.5 and smaller walks, the intervals at the ends of a record were too narrow, because no power of the
-amplitude is a straight line under a sum of dampings (measured on 104 records: the worst by a factor of 7; with the
-present values, 3.5)."""
+"""Prior probability that no random walk is added to the straight line that models a power of the amplitude in time. The
+other variances in `WALKS` share the rest equally. With 0.5 and smaller walks, the intervals at the ends of a record
+were too narrow (measured on 104 records, by a factor of up to 7; with the present values, 3.5). The reason is that no
+power of the amplitude is a straight line under a sum of dampings."""
 RATE_ERROR = 5e-4
-"""Relative systematic error (standard deviation) of decay rates, because the amplitudes are averages over windows."""
+"""Relative systematic error (standard deviation) of decay rates, which occurs because amplitudes are averages over
+windows."""
 FREQUENCY_ERROR = 1.0
-"""Relative systematic error of a frequency, in units of the squared damping ratio. The phase of a decaying sinusoid is
-slower than the natural frequency by 0.5 of this unit for viscous damping, and by 2 for dry friction, whose alternating
-offset 4 δ / π is in quadrature with the sinusoid and grows relative to it."""
+"""Relative systematic error (standard deviation) of a frequency, in units of the squared damping ratio. The phase of a
+decaying sinusoid is slower than the natural frequency: by 0.5 of this unit for viscous damping, and by 2 for dry
+friction. The reason for the latter is the alternating offset 4 δ / π, which is in quadrature with the sinusoid and
+grows relative to it."""
 DEGREE = 5
-"""Largest degree of the polynomial in time that approximates the log amplitude, to find the time of a given amplitude
-(`LawFree.line`)."""
+"""Largest degree of the polynomial in time that approximates the log amplitude, to find the time at which the motion
+has a given amplitude (`LawFree.line`)."""
 AVERAGING_ROUNDS = 2
 """Number of rounds that correct the amplitudes for the averaging over windows."""
 CONVERSION_ROUNDS, CONVERTED = 40, 1e-5
-"""The conversion of a velocity or acceleration to the displacement ends after this many rounds, or if log amplitudes
-change by less than `CONVERTED`."""
+"""The amplitudes of a velocity or acceleration are converted to the displacement by iteration, until log amplitudes
+change by less than `CONVERTED`. If this needs more than `CONVERSION_ROUNDS` rounds, the record is refused."""
 HARMONIC_ERROR = 1.0
-"""Relative systematic error of a damping ratio (one sd), in units of the third harmonic relative to the first. It is
-twice as large for a recorded velocity and three times for an acceleration. Measured on pendulums from 30 to 150 degrees
-and cubic springs."""
+"""Relative systematic error (standard deviation) of a damping ratio, in units of the amplitude of the third harmonic
+relative to the first. It is twice as large for a recorded velocity and three times for an acceleration. Measured on
+pendulums from 30 to 150 degrees and cubic springs."""
 CONSTANT_ERRORS = (0.0, 0.03, 0.1, 0.3, 1.0)
-"""Standard errors, as fractions of the smallest amplitude, of which one is added to the errors of all amplitudes,
-because noise in a narrow band is not visible within a window. The most likely of them is used."""
+"""Noise in a narrow band around the oscillation is not visible within a window. Therefore a constant standard error is
+added to the errors of all amplitudes: the most likely of these fractions of the smallest amplitude."""
 ESTIMATES_PER_WINDOW = 1.5
 """Number of statistically independent estimates of the amplitude that overlapping windows give within the length of one
 window (for windows that are raised cosines)."""
 MOST_HARMONIC = 0.05
-"""Largest size of the third harmonic, relative to the first, by which amplitudes are corrected; a larger one is set to
-this (conventional)."""
+"""Largest amplitude of the third harmonic, relative to the first, that is used in corrections; a larger one is replaced
+by this value (conventional)."""
 _X, _W = np.polynomial.legendre.leggauss(16)  # nodes and weights of the energy integral
 
 
 @dataclass(frozen=True)
 class Sinusoids:
-    """Sinusoids fitted in k windows, in time order.
+    """Sinusoids fitted in k windows of a record, in time order.
 
     Attributes
     ----------
@@ -108,7 +112,7 @@ class Sinusoids:
     errors
         Standard errors of the phases, which equal the relative standard errors of the amplitudes, (k,).
     correlation
-        Correlation matrix of the errors, because windows overlap, (k, k).
+        Correlation matrix of the errors, (k, k); they are correlated because windows overlap.
     widths
         Widths of the windows in s, (k,).
     """
@@ -136,8 +140,8 @@ def sinusoids(signal: Signal) -> Sinusoids:
     """Fit a sinusoid with linearly changing amplitude and midline in each of many overlapping windows of a record.
 
     A window is at least two periods long (less in very short records). The amplitudes are those of the recorded
-    quantity, not converted to a displacement. Raises Refusal if the record does not oscillate, or if fewer than three
-    windows have enough samples.
+    quantity, even if it is not the displacement. Raises Refusal if the record does not oscillate, or if fewer than
+    three windows have enough samples.
     """
     measured = features(signal)
     block = max(int(measured.samples_per_cycle / SAMPLES_PER_CYCLE), 1)
@@ -146,8 +150,8 @@ def sinusoids(signal: Signal) -> Sinusoids:
     last = min(float(t[-1]), float(measured.swing_times[-1]) + 0.75 * measured.period)
     turns = measured.turning_times
     if last - first > MOST_WINDOWS * SHORTEST_WINDOW * measured.period and turns.size > 1:
-        # Windows that hardly overlap do not determine the number of cycles between them; the turning points do. Stay
-        # within.
+        # Windows that hardly overlap do not determine the number of cycles between them; the turning points do.
+        # Therefore use only the part of the record between the first and the last turning point.
         first, last = max(first, float(turns[0])), min(last, float(turns[-1]))
     span = (last - first) / measured.period
     periods = max(
@@ -159,7 +163,8 @@ def sinusoids(signal: Signal) -> Sinusoids:
         np.clip(STARTS_PER_WINDOW * inside / (periods * measured.period) + 1, FEWEST_WINDOWS, MOST_WINDOWS)
     )
     middles = first + 0.5 * periods * measured.period + np.linspace(0, 1, count) * max(inside, 0.0)
-    # First estimate of the local period, from neighbouring turning points; smoothed, because one may be wrong.
+    # First estimate of the local period, from neighbouring turning points; smoothed, because a turning point may be
+    # wrong.
     local = np.full(middles.size, measured.period)
     if turns.size >= 3:
         local = turns[2:] - turns[:-2]
@@ -199,10 +204,10 @@ def _fit_windows(
     """Fit sinusoids of angular frequency `pace` (m,) in windows of `periods` periods around the times `middles` (m,).
 
     t, y: times in s and values, (n,). pace, change: angular frequency in rad/s, and its time derivative in rad/s², (m,)
-    each; a constant frequency would lose amplitude. turns: times of the turning points in s, (c,), which count the half
-    cycles between windows. Return times (s), amplitudes (in the unit of y), unwrapped phases (rad), noise gains (sd of
-    an amplitude divided by the sd of a sample) and angular frequencies (rad/s), (k,) each, of the windows with enough
-    samples. Raises Refusal if there are fewer than `FEWEST_WINDOWS`.
+    each; with a constant frequency, amplitudes would be too small. turns: times of the turning points in s, (c,); they
+    count the half cycles between windows. Return, for the k windows with enough samples: times (s), amplitudes (in the
+    unit of y), unwrapped phases (rad), noise gains (standard deviation of an amplitude divided by that of a sample) and
+    angular frequencies (rad/s), (k,) each. Raises Refusal if k is less than `FEWEST_WINDOWS`.
     """
     width = periods * 2 * np.pi / pace
     begins = np.searchsorted(t, middles - 0.5 * width)
@@ -249,9 +254,8 @@ def _solve_weighted(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solve weighted least squares (minimise Σ weight × residual²) in w windows.
 
-    columns: (w, n, 6); values, weight: (w, n).
-
-    Return the coefficients (w, 6), and the matrices (w, 6, n) that give them from the values.
+    columns: design matrices, (w, n, 6). values, weight: (w, n). Return the coefficients (w, 6), and the matrices (w, 6,
+    n) by which the values are multiplied to get them.
     """
     weighted = np.swapaxes(columns * weight[:, :, None], 1, 2)
     inverse = np.linalg.pinv(weighted @ columns, hermitian=True) @ weighted
@@ -260,20 +264,20 @@ def _solve_weighted(
 
 @dataclass(frozen=True)
 class LawFree:
-    """The smoothed amplitude and frequency of a record; the method `at` evaluates them and the damping ratio.
+    """The smoothed amplitude and frequency of a record. The method `at` evaluates them and the damping ratio.
 
     Attributes
     ----------
     windows
-        Sinusoids fitted in windows. Their amplitudes are still those of the recorded quantity, but their phases are
-        those of the displacement.
+        Sinusoids fitted in windows. Their amplitudes are those of the recorded quantity (perhaps a velocity), but their
+        phases are those of the displacement.
     sizes
-        ln of the amplitudes of the displacement (rad or m) in the middle of the windows, (k,).
+        Natural logarithms of the amplitudes of the displacement (rad or m) in the middle of the windows, (k,).
     backbone
         Frequency as a polynomial in the squared amplitude of the displacement.
     line
-        ln of the amplitude of the displacement (rad or m) as a polynomial in time, where the time is scaled to −1 to 1
-        between the middles of the first and last window.
+        Natural logarithm of the amplitude of the displacement (rad or m) as a polynomial in time. The time is scaled to
+        −1 in the middle of the first window and 1 in the middle of the last.
     harmonic_error
         Relative systematic error of damping ratios, in units of the third harmonic relative to the first.
     """
@@ -290,9 +294,10 @@ class LawFree:
         return float(self.windows.times[0]), float(self.windows.times[-1])
 
     def times_of(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the times in s, (k,), within the span, at which the displacement has these amplitudes, (k,), rad or m.
+        """Return the times in s, (k,), at which the displacement has the given amplitudes (rad or m), (k,).
 
-        For an amplitude that the record does not reach, return the nearer end of the span.
+        For an amplitude that does not occur between the first and the last window (`span`), return the nearer end of
+        this span.
         """
         first, last = self.span
         grid = np.linspace(-1, 1, 401)
@@ -300,12 +305,12 @@ class LawFree:
         return first + 0.5 * (np.interp(-np.log(amplitudes), -falling, grid) + 1) * (last - first)
 
     def halfway(self) -> float:
-        """Return the time in s at which the log amplitude is halfway between its first and its last value."""
+        """Return the time in s at which the amplitude is the geometric mean of its first and its last value."""
         first, last = np.exp(self.line(np.array([-1.0, 1.0])))
         return float(self.times_of(np.array([np.sqrt(first * last)]))[0])
 
     def at(self, times: np.ndarray) -> LawFreeDamping:
-        """Return amplitude (displacement), damping ratio and frequency, with standard errors, at times in s, (k,).
+        """Return amplitude of the displacement, damping ratio and frequency, with standard errors, at times in s, (k,).
 
         The times should be within `span`; outside, the curves are extrapolated.
         """
@@ -337,7 +342,7 @@ def law_free(signal: Signal) -> LawFree:
     amplitude, as for a pendulum beyond 110 degrees.
     """
     windows = sinusoids(signal)
-    # Add the most likely of several constant errors to those of the amplitudes: noise in a narrow band around the
+    # Add a constant error to those of the amplitudes, the most likely of several: noise in a narrow band around the
     # oscillation is not visible within a window, only between windows.
     least, log_sizes, x = float(windows.amplitudes.min()), np.log(windows.amplitudes), windows.scaled_times
     options = [
@@ -365,7 +370,8 @@ def law_free(signal: Signal) -> LawFree:
                 f"the amplitude cannot be computed from the {signal.quantity}: the spring is too far from linear"
             )
     line = _fit_line(windows, sizes)
-    # A cubic spring moves along x = a (cos φ + ε cos 3φ): the windows have a, but an amplitude is a (1 + ε).
+    # The motion on a cubic spring is x = a (cos φ + ε cos 3φ), with the third harmonic ε. The sinusoids in the windows
+    # have the amplitude a; the amplitude of the motion is a (1 + ε).
     backbone = _fit_backbone(replace(windows, phases=phases), np.exp(line(x)))
     sizes = sizes + np.log1p(backbone.third_harmonic(np.exp(line(x))))
     line = _fit_line(windows, sizes)
@@ -397,12 +403,12 @@ def _smooth(
     at: np.ndarray,
     powers: Sequence[float] = POWERS,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Smooth the `values` (k,) of the windows, which are log amplitudes or phases.
+    """Smooth the `values` (k,) of the windows, which are log amplitudes or phases, as functions of time.
 
     Return, at scaled times `at` (m,), the smoothed values, their slopes by scaled time, and the variances of these
-    slopes. They are weighted means over `powers` and over variances of the random walk. powers: powers of the
-    amplitude, each of which is smoothed as a straight line in time plus an integrated random walk (`_smooth_power`).
-    Phases need (0.0,), for which the values themselves are smoothed.
+    slopes. They are weighted means over `powers` and over the variances of the random walk (`WALKS`). powers: powers of
+    the amplitude, each of which is modelled as a straight line in time plus an integrated random walk
+    (`_smooth_power`). For phases it must be (0.0,), with which the values themselves are modelled.
     """
     fits = [_smooth_power(windows, values, p, at) for p in powers]
     logs, sizes, slopes, sds = (np.concatenate(parts) for parts in zip(*fits, strict=True))
@@ -414,19 +420,22 @@ def _smooth(
 def _mix_curves(
     weights: np.ndarray, values: Sequence[np.ndarray] | np.ndarray, sds: Sequence[np.ndarray] | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and variance, (k,), of a mixture with weights (m,; sum 1) of curves with means and sds (m, k)."""
+    """Return mean and variance, (k,), of a mixture of m curves with means and standard deviations (m, k).
+
+    weights: weights of the curves, with the sum 1, (m,).
+    """
     mean = weights @ np.array(values)
     return mean, weights @ (np.square(sds) + (np.array(values) - mean) ** 2)
 
 
 @dataclass(frozen=True)
 class Backbone:
-    """Angular frequency as a polynomial in the squared amplitude, averaged over several degrees.
+    """Angular frequency as a function of the amplitude: polynomials in its square, averaged over several degrees.
 
     Attributes
     ----------
     largest
-        Largest amplitude (rad or m), by which amplitudes are divided.
+        Largest amplitude (rad or m); the polynomials are in amplitudes divided by it.
     parts
         For each degree, its weight (their sum is 1), the coefficients (m,) in rad/s of the powers 0, 1, ... of
         (amplitude/`largest`)², and the covariance (m, m) of the coefficients.
@@ -438,8 +447,9 @@ class Backbone:
     def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return, at amplitudes (k,), the frequency ω (rad/s), the factor q (s), its sd, and the energy E, (k,) each.
 
-        q times the decay rate −Ȧ/A (1/s) is (−dE/dt)/(2ωE): for light damping, the damping ratio. Amplitudes are in the
-        unit of `largest`, and energies, per unit of inertia, in its square per s².
+        q times the decay rate −Ȧ/A (1/s) of the amplitude A is (−dE/dt)/(2ωE), which is the damping ratio for light
+        damping. sd: standard deviation. Amplitudes are in the unit of `largest`; energies are per unit of inertia, in
+        the square of this unit per s².
         """
         a = amplitude / self.largest
         curves = [_backbone_curves(c, a) for _, c, _ in self.parts]
@@ -459,9 +469,9 @@ class Backbone:
     def third_harmonic(self, amplitude: np.ndarray) -> np.ndarray:
         """Return the amplitude ε of the third harmonic divided by that of the first, at amplitudes (k,), (k,).
 
-        It is that of a cubic spring, (1 − (ω₀/ω)²)/24 in the first order of its nonlinearity (A. H. Nayfeh and D. T.
-        Mook, Nonlinear Oscillations, 1979, 2.3), with the frequency ω₀ of small oscillations. It is limited to ±
-        `MOST_HARMONIC`, and negative if the frequency falls with the amplitude. Amplitudes are in the unit of
+        For a cubic spring, ε = (1 − (ω₀/ω)²)/24 in the first order of the nonlinearity, where ω₀ is the frequency ω of
+        small oscillations (A. H. Nayfeh and D. T. Mook, Nonlinear Oscillations, 1979, 2.3). The result is limited to ±
+        `MOST_HARMONIC`. It is negative if the frequency falls with the amplitude. Amplitudes are in the unit of
         `largest`.
         """
         curves = [_pace(c, np.append(0.0, amplitude / self.largest)) for _, c, _ in self.parts]
@@ -472,9 +482,9 @@ class Backbone:
 def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return rows (3, k) at relative amplitudes a (k,): frequency ω, damping ratio divided by the rate −ȧ/a, energy E.
 
-    The damping ratio is (−dE/dt)/(2ωE). The action of a nearly sinusoidal oscillation is J = ωa²(1 − 2ε)/2, where
-    ε = (1 − (ω₀/ω)²)/24 is the third harmonic of a cubic spring, and dE/dJ = ω gives the energy E(a) = ∫ ω dJ. c:
-    coefficients of ω in powers of a².
+    c: coefficients of ω as a polynomial in a². The damping ratio is (−dE/dt)/(2ωE). The energy is E(a) = ∫ ω dJ, with
+    the action J = ωa²(1 − 2ε)/2 of a nearly sinusoidal oscillation. ε = (1 − (ω₀/ω)²)/24 is the third harmonic of a
+    cubic spring, and ω₀ is the frequency of small oscillations.
     """
     slope = np.polynomial.polynomial.polyder(c)
 
@@ -491,16 +501,16 @@ def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 
 def _pace(c: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the frequency ω, a polynomial with coefficients c in the squares of the relative amplitudes a; above 0."""
+    """Return the frequency ω at relative amplitudes a: a polynomial in a² with coefficients c, limited to above 0."""
     return np.maximum(np.polynomial.polynomial.polyval(a**2, c), 1e-6 * abs(c[0]) + 1e-300)
 
 
 def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
     """Fit the frequency as a polynomial in the squared amplitude to the phases in the windows.
 
-    The phases are a constant plus the time integrals of the powers of the squared amplitude. Polynomials with one, two
-    and three coefficients (fewer in short records) are fitted, and weighted in the result by the Bayesian information
-    criterion. amplitude: amplitude of the displacement in the windows, (k,).
+    The phases are modelled as a constant plus the time integral of this polynomial. Polynomials with one, two and three
+    coefficients (fewer in short records) are fitted, and weighted in the result by the Bayesian information criterion.
+    amplitude: amplitude of the displacement in the windows, (k,).
     """
     t, largest = windows.times, float(amplitude.max())
     a = amplitude / largest
@@ -532,14 +542,12 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
 def _smooth_power(
     windows: Sinusoids, logs: np.ndarray, power: float, at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Smooth a power of the amplitude (0: its log) by a line plus an integrated random walk.
+    """Smooth the amplitude: model a power of it (0: its log) as a straight line in time plus an integrated random walk.
 
-    Return the log marginal likelihoods plus log priors, in nats, of the v variances of the walk in `WALKS`, (v,); and
-    for each variance the smoothed log amplitudes (or phases), their slopes in scaled time, and the sds of the slopes,
-    (v, k) each.
-
-    logs: log amplitudes in the windows, (n,), whose errors have the windows' covariance. at: scaled times at which the
-    curve is evaluated, (k,).
+    logs: log amplitudes in the windows, (n,), whose errors have the covariance of the windows. at: scaled times at
+    which the curve is evaluated, (k,). Return the log marginal likelihoods plus log priors, in nats, of the v variances
+    of the walk in `WALKS`, (v,). Return also, for each variance, the smoothed log amplitudes (or phases), their slopes
+    in scaled time, and the standard deviations of the slopes, (v, k) each.
     """
     x = windows.scaled_times
     middle = logs.mean()
@@ -553,7 +561,8 @@ def _smooth_power(
     walk = less**2 * (3 * more - less) / 6
     less, more = np.minimum(w[:, None], z), np.maximum(w[:, None], z)
     walk_at, walk_slope = less**2 * (3 * more - less) / 6, z * less - 0.5 * less**2
-    # Coordinates of the values in which noise is independent with variance `scale`, and the walk is independent too.
+    # Transform the values to coordinates in which the noise is independent with variance `scale`, and the walk is
+    # independent too.
     root = np.linalg.cholesky(noise / scale)
     half = np.linalg.solve(root, walk)
     powers, axes = np.linalg.eigh(np.linalg.solve(root, half.T))

@@ -12,76 +12,81 @@ from bayesdamp.records.oscillation.features import reason_not_oscillating, zigza
 from bayesdamp.records.oscillation.noise import LEAST_SHARE, block_means, coarse_period, roughness
 
 LEAST_AVERAGED = 1500
-"""Smallest number of samples that averaging leaves: in records with at least twice as many, neighbouring samples are
-averaged before the fit, so that fewer than twice as many remain, or about `PER_CYCLE` samples in a period, whichever is
-more (conventional)."""
+"""Neighbouring samples are averaged in blocks before the fit. At least this many block means remain, and at least
+`PER_CYCLE` means in a period (conventional)."""
 PER_CYCLE = 12
-"""Smallest number of samples in a period that averaging of neighbouring samples leaves (conventional)."""
+"""Smallest number of block means in a period when neighbouring samples are averaged in blocks before the fit
+(conventional)."""
 MIN_SEPARATION = 0.6
-"""A search for a new mode starts only at frequencies that differ from those of the modes already in the fit by at least
-this, in units of 1 / (duration of the record)."""
+"""The search for a new mode is not started at a frequency that differs from that of a mode already in the fit by less
+than this, in units of 1 / (duration of the record). An exception is the strongest line of the residuals."""
 PADDING = 4
-"""Before its spectrum is computed, a record is padded with zeros to this many times its length (conventional)."""
+"""Factor by which padding with zeros lengthens a record before its spectrum is computed (conventional)."""
 TOLERANCE = 1e-8
-"""Relative decrease of the sum of squares at which a search for modes ends (as in SciPy)."""
+"""The search for modes ends when a step reduces the sum of squares by less than this fraction (as in SciPy)."""
 MOST_SEARCHED = 6_000
-"""Largest number of samples in the search for a mode. From a longer record this many samples are drawn at random (which
-avoids aliasing); the fit that the search gives is then judged on all samples (conventional)."""
-# Unless a comment says otherwise, these thresholds were set on simulated and measured records.
+"""Largest number of samples in the search for a mode. From a longer record, this many samples are drawn at random,
+which avoids aliasing. The resulting fit is then judged on all samples (conventional)."""
+# Unless their text says otherwise, these thresholds were chosen on simulated and measured records.
 MIN_EXPLAINED = 0.95
-"""Fraction of the variance that two damped sinusoids must explain before a record counts as two oscillations, and that
-one damped sinusoid must explain before it counts as one that grows or stays constant."""
+"""A record counts as two oscillations only if two damped sinusoids explain at least this fraction of its variance. It
+counts as one that grows or stays constant only if one damped sinusoid does."""
 GROWTH_SIGMAS = 6.0
 """An oscillation counts as growing only if its decay rate is below zero by more than this many standard errors."""
 MIN_GROWTH = 1.05
 """An oscillation counts as growing only if its amplitude grows by more than this factor over the record."""
 CLOSE_FREQUENCIES = 0.2
-"""If two frequencies differ by less than this, relatively, they may be one oscillator whose frequency changes with its
-amplitude; then only a rising amplitude shows that they are two."""
+"""Two frequencies that differ by less than this fraction may belong to one oscillator whose frequency changes with its
+amplitude. Further evidence, such as a rising amplitude, must then show that there are two oscillators."""
 HARMONIC_TOLERANCE = 0.05
-"""A second frequency this close to a multiple of the first, relatively, counts as a harmonic of one oscillator."""
+"""A second frequency counts as a harmonic of one oscillator if it differs from a multiple of the first frequency by
+less than this fraction."""
 MIN_RISE = 0.05
-"""Two close frequencies count as two oscillations if the amplitude rises again by at least this fraction of its value
-after the rise."""
+"""Two close frequencies count as two oscillations if the amplitude, after it has fallen, rises again by at least this
+fraction of its value after the rise."""
 RISE_SIGMAS = 3.0
-"""A rise of the range of the periods counts only as far as it exceeds this many standard deviations of a sample's
-noise."""
+"""To measure a rise of the amplitude, the ranges (maximum minus minimum) of periods are compared. A rise of the range
+is reduced by this many standard deviations of the noise of a sample."""
 LEAST_BEATS = 1.0
-"""If the amplitude never rises, two close frequencies count as two oscillations only if more than this number of beats
-lies within the time in which one oscillation decays by a factor e more than the other. (With fewer beats, the two
-imitate one oscillator whose frequency changes with its amplitude.)"""
+"""If the amplitude never rises, two close frequencies count as two oscillations only if there are more than this many
+beats within the time in which one decays by a factor e more than the other. With fewer beats, they look like one
+oscillator whose frequency changes with its amplitude."""
 MOST_MISFIT = 1.3
 """Two modes explain a record to its noise if the rms residual is below this many standard deviations of the noise."""
 SUCCESSIVE_PERIODS = 2
-"""A rise of the amplitude counts only if the ranges of this many successive periods are all larger than those of as
-many successive periods before."""
+"""A rise of the amplitude counts only if the ranges (maximum minus minimum) of this many successive periods are all
+larger than those of as many successive periods before."""
 GONE_FRACTION, TRANSIENT_CYCLES = 0.01, 15.0
-"""A second oscillation is only a transient if its amplitude falls below `GONE_FRACTION` times that of the other one
-within `TRANSIENT_CYCLES` cycles of the other one."""
+"""A second oscillation is only a transient if its amplitude falls below `GONE_FRACTION` times that of the other
+oscillation within `TRANSIENT_CYCLES` cycles of the other oscillation."""
 STEADY_RATE_RATIO = 0.1
-"""Of two oscillations, one counts as sustained by a drive if its decay rate is below this fraction of the other
-one's."""
+"""One of two oscillations counts as sustained by a drive only if its decay rate is below this fraction of the other
+decay rate."""
 HOLE_IN_PERIOD = 0.2
-"""Periods that contain a gap longer than this fraction of the period are not used, because a peak may be missing."""
+"""The amplitude is not measured in periods that contain a gap in the samples longer than this fraction of the period,
+because a peak may be missing."""
 MIN_CYCLES = 3.0
-"""With fewer cycles of the slower (or only) mode, a record counts neither as two oscillations nor as steady."""
+"""A record counts as two oscillations only if the slower one has at least this many cycles. It counts as one
+oscillation of constant amplitude only if this one has more cycles than this."""
 DRIFT_CYCLES = 8.0
-"""A second oscillation that is smaller and slower than the first, does not decay and has fewer cycles than this counts
-as a drift of the baseline, not as an oscillation."""
+"""A second oscillation that is smaller and slower than the first counts as a drift of the baseline if it does not decay
+and has fewer cycles than this."""
 RATE_SIGMAS = 3.0
-"""A decay rate below this many of its standard errors does not show that an oscillation decays."""
+"""A decay rate below this many of its standard errors does not prove that an oscillation decays."""
 MAX_SUSTAINED_FALL = 0.05
-"""An amplitude that falls by less than this fraction, over the record or its last third, is sustained. A free decay by
-a power of the velocity up to the third, whose amplitude has halved, still falls by at least 10 % in the last third."""
+"""An oscillation is sustained if its amplitude falls by less than this fraction, over the record or over its last
+third. A free decay that has halved, with damping by a power of the velocity up to the third, still falls by at least 10
+% in the last third."""
 MIN_FALL = 2.0
 """A decay together with a sustained oscillation of close frequency is recognised only if the amplitude falls by at
-least this factor before it stays constant."""
+least this factor before it stays constant. A record counts as excited throughout only if its amplitude changes by less
+than this factor from the first to the last third."""
 RISE_RATIO, MIN_RISES, RISE_PERIODS = 1.5, 4, 3
 """A record counts as excited throughout only if its amplitude rises at least `MIN_RISES` times, each time by at least
 the factor `RISE_RATIO` and over at least `RISE_PERIODS` periods."""
 MIN_RISING_FRACTION = 0.25
 """A record counts as excited throughout only if the amplitude rises in at least this fraction of its duration. Under
-random excitation it rises half of the time, after repeated releases only during a small part."""
+random excitation it rises half of the time, after repeated releases only during a small part of it."""
 MIN_RANGE_SIGMAS = 20.0
 """An oscillation that stays constant after a decay is recognised only if its range (maximum minus minimum) is at least
 this many standard deviations of a sample's noise."""
@@ -89,7 +94,7 @@ this many standard deviations of a sample's noise."""
 
 @dataclass(frozen=True)
 class Modes:
-    """Damped sinusoids fitted to a record, the largest first (by the larger of `first` and `last`).
+    """Damped sinusoids (modes) fitted to a record; the first has the largest amplitude at either end of the record.
 
     Attributes
     ----------
@@ -100,7 +105,7 @@ class Modes:
     first, last
         Amplitudes at the first and at the last time of the record, in its unit, each (k,).
     left
-        Fraction of the variance about the midline that the fit does not explain.
+        Fraction of the variance about the fitted constant that the fit does not explain.
     """
 
     frequencies: np.ndarray
@@ -119,8 +124,8 @@ class Modes:
 def damped_modes(t: np.ndarray, y: np.ndarray) -> Iterator[Modes]:
     """Fit a constant and one damped sinusoid to a record, then two, and so on, until all searches for a mode fail.
 
-    Amplitudes and phases are linear and are eliminated (variable projection); frequencies and decay rates are searched,
-    starting from lines of the spectrum.
+    Frequencies and decay rates are searched, starting from lines of the spectrum. Amplitudes and phases, on which the
+    model depends linearly, are computed by linear least squares (variable projection).
 
     Parameters
     ----------
@@ -157,9 +162,9 @@ def damped_modes(t: np.ndarray, y: np.ndarray) -> Iterator[Modes]:
 
 
 def _columns(t: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the columns of the linear fit, (n, 1 + 2k): 1, then damped cosine and sine of each mode.
+    """Return the design matrix of the linear fit, (n, 1 + 2k): ones, then a damped cosine and sine for each mode.
 
-    t: times in s, (n,). points: angular frequency (rad/s) and decay rate (1/s) of each mode, (k, 2).
+    t: times in s, (n,). points: angular frequency (rad/s) and decay rate (1/s) of each of the k modes, (k, 2).
     """
     parts = [np.ones_like(t)]
     for omega, rate in points:
@@ -169,9 +174,9 @@ def _columns(t: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def _slopes(t: np.ndarray, columns: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Return the derivatives of `columns @ c` by angular frequency and decay rate of each mode in turn, (n, 2k).
+    """Return the derivatives (n, 2k) of the fit `columns @ c` by the angular frequency and the decay rate of each mode.
 
-    t: times in s, (n,). columns: result of `_columns`. c: its coefficients, (1 + 2k,).
+    t: times in s, (n,). columns: design matrix by `_columns`. c: its coefficients, (1 + 2k,).
     """
     slopes = np.empty((t.size, c.size - 1))
     for i in range(1, c.size, 2):
@@ -186,9 +191,10 @@ def _add_mode(
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the least-squares fit with one more mode: points (k + 1, 2) and residuals (n,); None if all searches fail.
 
-    A point is the angular frequency (rad/s) and the decay rate (1/s) of a mode. All modes are searched together: from
-    `points`, (k, 2), and a new mode at the strongest line in the spectrum of the residuals `rest` of the fit with
-    `points`, or at a frequency beside one of these modes. The result is the search with the smallest sum of squares.
+    t, y: times in s and values, (n,). points: angular frequency (rad/s) and decay rate (1/s) of each of the k modes of
+    the previous fit, (k, 2). rest: its residuals, (n,). All modes are searched together, from `points` and a new mode.
+    The new mode starts at the strongest line in the spectrum of `rest`, or near the frequency of one of the other
+    modes. The search with the smallest sum of squares is used.
     """
     spacing = float(np.median(np.diff(t)))
     grid = np.arange(0.0, t[-1], spacing)
@@ -211,8 +217,8 @@ def _add_mode(
     def expand(z: np.ndarray) -> Expansion:
         """Return minus half of the sum of squares as a function of the scaled frequencies and rates z, (2k + 2,).
 
-        z contains angular frequencies in units of 2π/T and decay rates in units of 1/T, with the duration T. The
-        derivatives of the residuals are those of Golub and Pereyra.
+        z contains the angular frequency in units of 2π/T and the decay rate in units of 1/T of each mode, where T is
+        the duration of the record. The derivatives are those of Golub and Pereyra (1973).
         """
         columns = _columns(few, (z * scale).reshape(-1, 2))
         inverse = np.linalg.pinv(columns)
@@ -251,10 +257,11 @@ def _add_mode(
 
 
 def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Average a record in blocks, the largest that leave `LEAST_AVERAGED` samples and `PER_CYCLE` samples a period.
+    """Average the samples of a record in blocks, so that fewer remain.
 
-    A record with less than twice as many samples is not averaged. t, period: in s. Return the mean times and values,
-    (m,) each; an incomplete last block is dropped.
+    The blocks are as long as possible, but leave at least `LEAST_AVERAGED` means, and at least `PER_CYCLE` means in a
+    period. A record with less than twice as many samples is not changed. t, period: in s. Return the mean times and
+    values of the blocks, (m,) each; an incomplete last block is dropped.
     """
     cycles = float(t[-1] - t[0]) / period
     block = max(int(t.size / max(LEAST_AVERAGED, PER_CYCLE * cycles)), 1)
@@ -272,14 +279,14 @@ class OtherMotion:
         "two modes" are two oscillations of close or of different frequencies; "driven" is a decay together with a
         sustained oscillation; "excited" is excited throughout.
     modes
-        The oscillation or the two oscillations. For "excited", the rates are NaN, and `first` and `last` are the
-        smallest and the largest amplitude of the record.
+        The fitted oscillations, one or two. For "excited", the rates are NaN, and `first` and `last` are the smallest
+        and the largest amplitude of the record.
     size
         For two oscillations, the largest amplitude of the second relative to that of the first; for "growing", the
         factor of growth minus 1; for "steady", 1; for "excited", the number of times that the amplitude rises.
     complete
-        Whether two modes explain the record to its noise (`MOST_MISFIT`) and, if their frequencies are close, beat
-        (`LEAST_BEATS`). False for one oscillation.
+        Whether two modes explain the record to its noise (`MOST_MISFIT`). If their frequencies are close, there must
+        also be enough beats (`LEAST_BEATS`). False for one oscillation.
     """
 
     kind: Literal["growing", "steady", "beats", "two modes", "driven", "excited"]
@@ -291,13 +298,13 @@ class OtherMotion:
 def find_other_motion(
     t: np.ndarray, y: np.ndarray, period: float, no_law_fits: bool = False
 ) -> OtherMotion | None:
-    """Return the motion of a record that is not the free decay of one oscillator; None if it may be one.
+    """Return what motion a record contains instead of the free decay of one oscillator; None if it may be such a decay.
 
-    First a single oscillation that grows or stays constant is tested, then two oscillations, then excitation throughout
-    (`find_excited`). A second mode is accepted if two damped sinusoids explain nearly all of the record and one does
-    not, and if a single (also nonlinear) oscillator cannot move in this way: because the second frequency is not a
-    harmonic, or the amplitude rises, or it falls and then stays constant. The result is None for fewer than 20
-    (averaged) samples.
+    Three motions are tested in turn: one oscillation that grows or stays constant, two oscillations, and excitation
+    throughout (`find_excited`). Two oscillations are accepted if two damped sinusoids explain nearly all of the record,
+    one does not, and a single oscillator, even a nonlinear one, cannot move in this way. It cannot if the second
+    frequency is neither close to the first nor a harmonic of it. For close frequencies the amplitude must rise, or fall
+    and then stay constant. The result is None for fewer than 20 (averaged) samples.
 
     Parameters
     ----------
@@ -306,9 +313,9 @@ def find_other_motion(
     period
         Approximate period of the oscillation, s.
     no_law_fits
-        Whether no law of one oscillator fits the record. If none does, more second modes are accepted: a mode whose
-        frequency is a multiple of the first one's, a mode that soon decays, and a mode close to the first one although
-        the amplitude never rises, if the two beat and together explain the record to its noise.
+        Whether it is known that no damping and restoring law of one oscillator fits the record. If true, more second
+        modes are accepted: a harmonic of the first frequency, and a mode that soon decays. A mode close to the first
+        frequency is then accepted without a rising amplitude, if the two beat and explain the record to its noise.
     """
     t, y = few_samples(np.asarray(t, float), np.asarray(y, float), period)
     if t.size < 20:
@@ -317,10 +324,10 @@ def find_other_motion(
 
 
 def _other_by_modes(t: np.ndarray, y: np.ndarray, no_law_fits: bool) -> OtherMotion | None:
-    """Return the motion from fits of one and two damped sinusoids; None if they allow a single free decay.
+    """Return the motion from fits of one and two damped sinusoids; None if the record may be a single free decay.
 
-    It is also None if two sinusoids do not explain the record, or if the slower one has fewer than `MIN_CYCLES` cycles
-    or is a drift. The arguments are those of `find_other_motion`.
+    The result is also None if two sinusoids do not explain the record, if the slower one has fewer than `MIN_CYCLES`
+    cycles, or if it is a drift. t, y: times in s and values, each (n,). no_law_fits: as in `find_other_motion`.
     """
     fits = damped_modes(t, y)
     single = next(fits, None)
@@ -342,7 +349,7 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, no_law_fits: bool) -> OtherMot
     largest = np.maximum(two.first, two.last)
     size = float(largest[1] / largest[0])
     slowest, fastest = sorted(two.rates.tolist())
-    # Steady: the slower mode does not halve during the record, while the other one decays.
+    # `steady`: the mode that decays more slowly does not halve during the record, whereas the other one decays.
     steady = abs(slowest) < min(STEADY_RATE_RATIO * fastest, np.log(MIN_FALL) / duration)
     f, g = float(two.frequencies.min()), float(two.frequencies.max())
     if f * duration < MIN_CYCLES:
@@ -362,7 +369,7 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, no_law_fits: bool) -> OtherMot
             falls = (abs(slowest) + 2 * float(two.errors[np.argmin(two.rates)])) * duration / 3
             early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
             levels = falls < MAX_SUSTAINED_FALL and abs(early / late - 1) < MAX_SUSTAINED_FALL
-        together = min(duration, 1 / max(fastest - slowest, 1e-300))  # s, with comparable amplitudes
+        together = min(duration, 1 / max(fastest - slowest, 1e-300))  # time in s with comparable amplitudes
         complete = complete and (g - f) * together > LEAST_BEATS
         if relative_rise(ranges, noise) < MIN_RISE and not levels and not (no_law_fits and complete):
             return None
@@ -376,7 +383,8 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, no_law_fits: bool) -> OtherMot
 def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | None:
     """Return the motion of a record that is excited throughout, by random forces or a hand.
 
-    Its amplitude rises repeatedly, about as slowly as it falls, and is at the end about as large as at the start.
+    The amplitude of such a record rises repeatedly, about as slowly as it falls, and is at the end about as large as at
+    the start.
 
     Parameters
     ----------
@@ -396,7 +404,7 @@ def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | N
         return None
     third = ranges.size // 3
     before, after = float(np.median(ranges[:third])), float(np.median(ranges[-third:]))
-    if not before < MIN_FALL * after < MIN_FALL**2 * before:  # written so that it also holds if a median is 0
+    if not before < MIN_FALL * after < MIN_FALL**2 * before:  # this form is also right if a median is 0
         return None
     noise = roughness(t, y, period)
     if (
@@ -415,11 +423,11 @@ def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | N
 
 
 def transient_duration(two: Modes, longest: float) -> float:
-    """Return the duration in s of a transient mode beside a longer lasting one; 0 if neither mode is a transient.
+    """Return the duration in s of a transient mode in a fit of two modes; 0 if neither mode is a transient.
 
-    two: a fit with two modes. After this time the faster decaying mode is below the fraction `GONE_FRACTION` of the
-    other one. It is a transient, such as the ringing of a filter, if this time is less than `TRANSIENT_CYCLES` cycles
-    of the other mode and less than `longest` seconds.
+    A transient, such as the ringing of a filter, is a mode that decays much faster than the other one. Its duration is
+    the time until its amplitude is below `GONE_FRACTION` times that of the other mode. It is a transient only if this
+    time is less than `TRANSIENT_CYCLES` cycles of the other mode and less than `longest` seconds. two: the fit.
     """
     fast, slow = int(np.argmax(two.rates)), int(np.argmin(two.rates))
     size = float(two.first[fast] / max(two.first[slow], 1e-300))
@@ -428,9 +436,10 @@ def transient_duration(two: Modes, longest: float) -> float:
 
 
 def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
-    """Return the range (maximum − minimum) of each period with more than three samples and no gap, in time order.
+    """Return the range (maximum − minimum) of the values in each period, in time order, as a measure of the amplitude.
 
-    t, period: in s; the result is in the unit of y.
+    Periods with three or fewer samples, or with a gap (`HOLE_IN_PERIOD`), are left out. t, period: in s. The result is
+    in the unit of y.
     """
     edges = np.searchsorted(t, np.arange(t[0], t[-1], period))
     widest = max(HOLE_IN_PERIOD * period, 2.5 * float(np.median(np.diff(t))))
@@ -441,13 +450,14 @@ def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
 def relative_rise(ranges: np.ndarray, noise: float, together: int = SUCCESSIVE_PERIODS) -> float:
     """Return the largest rise of an amplitude after it has fallen, relative to its value after the rise.
 
-    A rise is reduced by `RISE_SIGMAS` times `noise`. Any damping removes energy, so for a free decay of one oscillator
-    the result is about 0. It is 0 if nothing rises by more than the noise, or if n < 2 `together`.
+    A rise is reduced by `RISE_SIGMAS` times `noise`. Damping removes energy, so for a free decay of one oscillator the
+    result is about 0. It is exactly 0 if no rise is larger than this reduction, or if there are fewer than 2 ×
+    `together` ranges.
 
     Parameters
     ----------
     ranges
-        Ranges of successive periods or half cycles, (n,).
+        Ranges (maximum minus minimum) of successive periods or half cycles, (n,).
     noise
         Standard deviation of the noise of a sample, in the unit of the ranges.
     together

@@ -1,25 +1,25 @@
 """Estimate the noise and the period of a record, coarsely.
 
-The noise is that of the residuals of smooth oscillations, fitted in windows of about a period. The period is that of
-the sinusoids that explain most of the record."""
+The noise is the standard deviation of the residuals of smooth oscillations that are fitted in windows of about a
+period. The period is the one whose sinusoids explain most of the record."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 ENOUGH_WINDOWS = 512
-"""Largest number of windows of a record from which the median noise is computed; with this number the noise is known to
-1 % or better."""
+"""Largest number of windows of a record in which the noise is estimated. The median over this many windows has an error
+of 1 % or less."""
 OUTLIER_SCALES = 4.0
 """A sample is left out as an outlier if its studentised residual is larger than this many robust standard deviations of
-those in its window (conventional)."""
+the residuals in its window (conventional)."""
 BLOCK_SAMPLES = 200_000
 """Approximate largest number of samples, in windows of one size, that are fitted at once; this limits the memory to
 about 40 MB."""
 
 
 def group_by_size(sizes: np.ndarray, least: int, values: int = 0) -> Iterator[tuple[int, np.ndarray]]:
-    """Group windows with the same number of samples, so that they can be fitted together.
+    """Group windows that have the same number of samples, so that they can be fitted together.
 
     Parameters
     ----------
@@ -28,13 +28,13 @@ def group_by_size(sizes: np.ndarray, least: int, values: int = 0) -> Iterator[tu
     least
         Windows with fewer samples are skipped.
     values
-        Number of other values that are stored for each window.
+        Number of other values that are stored for each window, to limit the memory.
 
     Yields
     ------
     tuple
-        The number of samples, and indices of windows that together have at most about `BLOCK_SAMPLES` samples or
-        values.
+        The number of samples in each window of the group, and the indices of these windows. Together they have at most
+        about `BLOCK_SAMPLES` samples or values.
     """
     for n in np.unique(sizes[sizes >= least]).tolist():
         same = np.flatnonzero(sizes == n)
@@ -43,10 +43,10 @@ def group_by_size(sizes: np.ndarray, least: int, values: int = 0) -> Iterator[tu
 
 
 def _columns(x: np.ndarray) -> np.ndarray:
-    """Return the columns of the linear fits in w windows of n samples, at phases x (w, n) in rad, (w, n, k).
+    """Return the design matrices of linear fits in w windows of n samples, at phases x (w, n) in rad; shape (w, n, k).
 
-    They are a constant, the time, sines and cosines of the phase and of its multiples, and products of these with
-    powers of the time (slow changes): k = 4, or more if n ≥ 12, up to n / 2.
+    The columns are a constant, the time, sines and cosines of the phase and of its multiples, and products of these
+    with powers of the time (slow changes). Their number k is 4, or more if n ≥ 12, up to n / 2.
     """
     most = x.shape[1] // 2
     u = x / np.maximum(np.abs(x).max(axis=-1, keepdims=True), 1e-300)
@@ -62,10 +62,10 @@ def _columns(x: np.ndarray) -> np.ndarray:
 
 
 def _residuals(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Fit columns (w or 1, n, k) to values (w, n) by least squares in each of w windows.
+    """Fit design matrices `columns` (w or 1, n, k) to values (w, n) by least squares, in each of w windows.
 
-    Return the residuals (w, n), and their sds as fractions of that of the noise (w or 1, n). These are small for
-    samples that determine the fit, such as those at the ends of a window.
+    Return the residuals (w, n), and the standard deviation of each residual divided by that of the noise (w or 1, n).
+    This ratio is small for samples that determine the fit, such as those at the ends of a window.
     """
     q = np.linalg.qr(columns)[0]
     sds = np.sqrt(np.maximum(1 - np.sum(q**2, axis=2), 1e-9))
@@ -73,9 +73,9 @@ def _residuals(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _window_noise(x: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the standard deviation of the residuals of smooth fits without outliers, (w,).
+    """Return the standard deviation of the noise in each of w windows, (w,): that of the residuals of a smooth fit.
 
-    x, values: phases in rad and values of the n samples in each of w windows, (w, n).
+    Outliers are left out. x, values: phases in rad and values of the n samples in each window, (w, n).
     """
     # With equally spaced samples all windows have the same columns.
     columns = _columns(x[:1] if np.ptp(x, axis=0).max() < 1e-9 else x)
@@ -92,11 +92,11 @@ def _window_noise(x: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def roughness(t: np.ndarray, y: np.ndarray, period: float) -> float:
-    """Return the standard deviation of the noise of a sample of y (n,), in its unit.
+    """Return the standard deviation of the noise of a sample of y (n,), in the unit of y.
 
-    t, period: in s. Smooth oscillations are fitted in windows of a period (at least 14 mean sampling intervals),
-    without outliers, and the result is the median of the residuals' standard deviations in the windows; 0 if no window
-    has seven samples.
+    Smooth oscillations are fitted, without outliers, in windows of a period (at least 14 mean sampling intervals). The
+    result is the median over the windows of the standard deviation of the residuals; 0 if no window has seven samples.
+    t, period: in s.
     """
     duration = t[-1] - t[0]
     count = max(int(duration / max(period, 14 * duration / (t.size - 1))), 1)
@@ -117,22 +117,22 @@ MOST_SAMPLES = 16384
 SHORTEST_PERIOD = 4.0
 """Number of samples in the shortest period that is searched for."""
 LEAST_VARIANCE = 0.5
-"""If averages of the samples in blocks have less than this fraction of the variance of the samples, averaging may have
-removed the oscillation, and the samples themselves are searched too."""
+"""Averaging the samples of a long record in blocks may remove a fast oscillation. If the averages have less than this
+fraction of the variance of the samples, the samples themselves are searched for a period too."""
 SURE_FRACTION = 0.5
-"""An oscillation in block averages is accepted if it has at least this fraction of their variance, and a spectral line
-if it has at least this fraction of the power."""
+"""An oscillation in averages of samples is accepted without a search in the samples only if it has at least this
+fraction of the variance. A spectral line is accepted only if it has at least this fraction of the power."""
 ALIAS_BLOCKS = 4.5
-"""A period that was found in block averages may be an alias of a faster oscillation if it is shorter than this many
-blocks."""
+"""A period that was found in averages over blocks of samples may be an alias of a faster oscillation if it is shorter
+than this many blocks."""
 LINE_BINS = 4
 """Approximate half width, in bins of a spectrum, of the line of a decaying oscillation."""
 LEAST_SHARE = 0.3
-"""Smallest fraction of the variance of a record about its slow trend that the strongest oscillation must explain
-(computed by `coarse_period`); with less, a record is refused, and a column does not oscillate."""
+"""Smallest fraction of the variance about the slow trend that the strongest oscillation must explain (computed by
+`coarse_period`). With less, a record is refused, and a column of a file does not count as oscillating."""
 WEAK_POWER = 0.1
-"""A period whose sinusoids explain less than this fraction of the power that those of the strongest period explain is
-ignored."""
+"""A possible period is ignored if its sinusoids explain less than this fraction of the power that those of the
+strongest period explain."""
 
 
 def block_means(values: np.ndarray, block: int) -> np.ndarray:
@@ -141,9 +141,10 @@ def block_means(values: np.ndarray, block: int) -> np.ndarray:
 
 
 def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the spacing in s and the values, (m ≤ MOST_SAMPLES,), of a record on equally spaced times.
+    """Return a record on equally spaced times: the spacing in s, and at most MOST_SAMPLES values, (m,).
 
-    t, y: times in s and values, (n,). Long records are averaged in blocks first; then values are interpolated linearly.
+    t, y: times in s and values, (n,). Longer records are averaged in blocks first; then the values are interpolated
+    linearly.
     """
     block = -(-t.size // MOST_SAMPLES)
     t, y = block_means(t, block), block_means(y, block)
@@ -152,10 +153,10 @@ def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
-    """Return the number of samples in a cycle of the strongest spectral line with at least two cycles in the record.
+    """Return the number of samples in a cycle of the strongest spectral line (with at least two cycles in the record).
 
-    The result is NaN if the line has less than half of the power. With fewer than 4 samples a cycle, the oscillation in
-    a record cannot be followed.
+    The result is NaN if the line has less than half of the power. With fewer than 4 samples a cycle, a record is too
+    coarse for its oscillation to be analysed.
 
     Parameters
     ----------
@@ -172,7 +173,7 @@ def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
 
 
 def explained_power(y: np.ndarray, samples: float) -> tuple[float, float]:
-    """Return how much of a record sinusoids of a given period explain, fitted in windows of two periods.
+    """Return how much of a record is explained by sinusoids of a given period, fitted in windows of two periods.
 
     Parameters
     ----------
@@ -184,8 +185,8 @@ def explained_power(y: np.ndarray, samples: float) -> tuple[float, float]:
     Returns
     -------
     tuple of float
-        The explained mean square (in the squared unit of y) minus that expected for white noise, and its fraction of
-        the mean square about the trend. Both may be slightly below 0.
+        The explained mean square (in the squared unit of y) minus that expected for white noise, and the same as a
+        fraction of the mean square about the trend. Both may be slightly below 0.
     """
     length = int(min(max(round(2 * samples), 7), y.size))
     u = np.linspace(-1.0, 1.0, length)
@@ -206,10 +207,10 @@ def explained_power(y: np.ndarray, samples: float) -> tuple[float, float]:
 
 
 def coarse_period(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return the period in s, to a few per cent, and the fraction of the variance that the oscillation explains.
+    """Return the period of a record in s, to a few per cent, and the fraction of the variance that it explains.
 
     Periods of at least four samples, up to the duration of the record, are searched. If the period changes with the
-    amplitude, it is an average. For noise the fraction is about 0.
+    amplitude, the result is an average. The fraction is that of sinusoids with this period; for noise it is about 0.
 
     Parameters
     ----------
@@ -220,11 +221,11 @@ def coarse_period(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[float, float]]:
-    """Return up to `most` (at least one) possible periods (s), each with the fraction of the variance it explains.
+    """Return up to `most` possible periods of a record in s, each with the fraction of the variance that it explains.
 
-    The fraction is that which sinusoids of this period explain. The first period has the largest `explained_power`; the
-    others follow in falling order of this power times the fraction. If a hand moves the object to and fro in a part of
-    the record, the first period may be that of the hand. t, y: increasing times in s and values, each (n,).
+    There is at least one. The fraction is that of sinusoids with this period. The first period is the one that explains
+    the most power; the others follow in falling order of power times fraction. If a hand moves the object to and fro in
+    a part of the record, the first period may be that of the hand. t, y: increasing times in s and values, each (n,).
     """
     spacing, coarse = on_grid(t, y)
     periods = _search_periods(coarse, spacing, most)
@@ -245,9 +246,9 @@ def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[fl
 
 
 def _search_periods(y: np.ndarray, spacing: float, most: int) -> list[tuple[float, float]]:
-    """Return up to `most` pairs of period (s) and fraction, as `coarse_periods`, for equally spaced values y (n,).
+    """Return up to `most` possible periods (s), each with the fraction of variance it explains, as `coarse_periods`.
 
-    spacing: sampling interval in s.
+    y: equally spaced values, (n,). spacing: sampling interval in s.
     """
     top = max(y.size - 1, 4.4)
     grid = np.geomspace(SHORTEST_PERIOD, top, int(28 * np.log10(top / SHORTEST_PERIOD)) + 3)
