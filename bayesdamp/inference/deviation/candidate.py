@@ -119,11 +119,14 @@ class Linearisation:
     def variance(self, data: Data) -> float:
         """Return the variance of the noise, in the record's unit squared.
 
-        It is the sum of `left` squared divided by the degrees of freedom (n − K, at least 1), plus the variance of the
-        solver's error (`Data.least_variance`, the only use of `data`).
+        It is the sum of `left` squared divided by the degrees of freedom n − K, plus the variance of the solver's error
+        (`Data.least_variance`, the only use of `data`). If n ≤ K, the residual of the fit under exact laws replaces
+        `left`, with n − d degrees of freedom (at least 1) for d inferred parameters.
         """
-        degrees = max(self.left.size - self.u.size, 1)
-        return data.least_variance + float(self.left @ self.left) / degrees
+        squares, degrees = float(self.left @ self.left), self.left.size - self.u.size
+        if degrees <= 0:
+            squares, degrees = self.fit.squares, max(self.left.size - self.z.size, 1)
+        return data.least_variance + squares / degrees
 
     def grid(self, coarse: bool) -> Grid:
         """Return the grid of hyperparameters of the deviations g and h: prior sds (sizes) and correlation lengths.
