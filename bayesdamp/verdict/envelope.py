@@ -195,7 +195,7 @@ def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple
     record, best, omega = decay.record, ranking.best, decay.blocks.frequency
     amplitude = float(np.exp(-best.start if record.logarithmic else decay.reference))
     unit = record.unit.replace("^2", "").replace("2", "")
-    if record.logarithmic or record.unit in ("W", "mW", "uW", "nW", "pW"):
+    if record.logarithmic or record.unit.endswith("W"):
         unit = "A_start" if record.logarithmic else f"√{record.unit}"
     scale = Scale(amplitude * float(np.exp(best.start)), omega or 1.0)
     own_unit = unit

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.records.envelope.record import are_envelopes, read_envelope
+from bayesdamp.records.envelope.record import are_envelopes, read_envelope, unit_in
 from bayesdamp.types import InputError
 from tests.records.tables import write_table
 from validation.truth.ringdowns import Ringdown, simulate
@@ -86,15 +86,17 @@ def test_envelopes_and_motions_in_one_call_are_refused(tmp_path):
     assert are_envelopes([other], None, None, "envelope")
 
 
-def test_the_frequency_is_read_from_the_head(tmp_path):
+def test_the_frequency_and_the_unit_are_read_from_the_head(tmp_path):
     """The sampling frequency is not that of the oscillation."""
     for head, frequency in (
         ("# resonance frequency: 1.5 MHz\n# sampling rate: 100 Hz\n# time [s], power [dBm]\n", 1.5e6),
+        ("% Frequency [mHz]: 500\n% time [s], power [dBm]\n", 0.5),
         ("% Sampling frequency [kHz]: 50\n" + HEAD, 1562325.84),
         (HEAD.replace("Frequency [Hz]", "Sampling frequency [Hz]"), None),
     ):
         record = read_envelope(written(tmp_path / "r.txt", head=head))
         assert record.frequency == pytest.approx(frequency)
+    assert [unit_in(f"power [{unit}]") for unit in ("MW", "mW", "kw", "DBM")] == ["MW", "mW", "kW", "dBm"]
 
 
 def test_the_refusal_of_amplitudes_suggests_the_envelope_option(tmp_path, capsys):

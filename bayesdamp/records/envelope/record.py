@@ -12,10 +12,11 @@ import numpy as np
 
 from bayesdamp.physics.amplitude import Scale, scales_needed
 from bayesdamp.physics.damping import TERMS
+from bayesdamp.records.files.contents import hertz_written
 from bayesdamp.records.read import ColumnName, read_record
 from bayesdamp.types import DECIBELS, UNITS, InputError
 
-POWER = ("W", "mW", "uW", "nW", "pW", "V^2", "V2", "m^2", "m2")
+POWER = ("MW", "kW", "W", "mW", "uW", "nW", "pW", "V^2", "V2", "m^2", "m2")
 """Units of power, which is proportional to the square of the amplitude."""
 MAX_NEGATIVE = 0.2
 """If a reading is negative by more than this fraction of the largest absolute reading, the record is refused: it is not
@@ -26,8 +27,6 @@ unit, readings more than 50 decades below the largest one count as zero (convent
 HEAD_BYTES = 8192
 """Number of bytes at the start of a file in which the names of its columns are searched for a unit such as dB or
 dBm."""
-_HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
-"""Number of Hz in each unit of frequency."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +75,12 @@ class EnvelopeRecord:
 def unit_in(name: str) -> str | None:
     """Return the unit of DECIBELS (dB, dBm, ...) or POWER (W, V^2, ...) that a column's name contains.
 
-    The result is None if the name contains no such unit or several. Upper and lower case are not distinguished (except
-    in "W"); the result is written as in these lists.
+    The result is None if the name contains no such unit or several. Upper and lower case are distinguished only in "W",
+    and between "mW" and "MW"; the result is written as in these lists.
     """
     words = re.findall(r"[A-Za-z]+(?:\^?2)?", name)
     known = {unit.lower(): unit for unit in (*DECIBELS, *POWER) if len(unit) > 1}
-    units = {known[word.lower()] for word in words if word.lower() in known}
+    units = {word if word in POWER else known[word.lower()] for word in words if word.lower() in known}
     units |= {"W"} if re.search(r"[\[(/]\s*W\s*[\])]?$", name) else set()
     return units.pop() if len(units) == 1 else None
 
@@ -256,9 +255,10 @@ def read_envelope(
         if not re.search(r"\bfrequency\b", name, re.IGNORECASE) or re.search("sampl", name, re.IGNORECASE):
             continue
         hertz = re.search(r"\b([kMG]?Hz)\b", f"{name} {text}", re.IGNORECASE)
+        scale = hertz_written(hertz[1] if hertz else "")
         number = re.match(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?", str(text))
-        if number and float(number[0]) > 0:
-            frequency = float(number[0]) * (_HERTZ[hertz[1].lower()] if hertz else 1.0)
+        if scale and number and float(number[0]) > 0:
+            frequency = float(number[0]) * scale
             break
     return make_record(path.name, t, raw.y, chosen, frequency, about.sentences)
 

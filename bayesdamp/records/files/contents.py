@@ -241,12 +241,13 @@ _THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:(?:,\d{3}){2,}(?:\.\d*)?|(?:,\d{3})+\.\
 _AMBIGUOUS_COMMA = re.compile(r"[1-9]\d{0,2},\d{3}(?![\d.,eE])")
 """Pattern of a number, such as `1,234`, whose comma may be a decimal mark or separate thousands."""
 _HERTZ = {
-    **{"khz": 1e3, "ks/s": 1e3, "mhz": 1e6},
+    **{"khz": 1e3, "ks/s": 1e3, "mhz": 1e6, "ghz": 1e9},
     **dict.fromkeys(
         ("", "hz", "1/s", "s/s", "sa/s", "sps", "samples/s", "samples/sec", "samples per second"), 1.0
     ),
 }
-"""Number of Hz in a unit of sampling rates, for each way of writing the unit."""
+"""Number of Hz in a unit of frequency or of sampling rates, for each way of writing the unit, in lower case; `mhz` is
+`MHz` (see `hertz_written`)."""
 _RATES = re.compile(
     r"(samp|sample|sampling|samples|acquisition|scan|frame|data|outputdata|daq|adc|log|logging|update|sensor)"
     r"(rate|frequency|freq|persecond|persec|spersecond)|rate|fs|fps|sr|srate|odr|fsamp|fsample"
@@ -323,6 +324,17 @@ def seconds_in(name: str) -> float | None:
 def seconds_written(unit: str) -> float | None:
     """Return a unit of time in s: 3600 for the text `h`, 0.001 for `ms since 2024-01-01`; None for other units."""
     return SECONDS.get(_normalise_time_unit(re.sub(r"\s+since\s.*$", "", unit.strip(" ()[]"))))
+
+
+def hertz_written(unit: str) -> float | None:
+    """Return a unit of frequency or of sampling rates in Hz: 1000 for `kHz`, 1 for no text; None for other units.
+
+    Upper and lower case are distinguished only in the prefix m: `mHz` is 0.001 Hz, `MHz` is 1e6 Hz. `mhz` may mean both
+    and counts as an unknown unit.
+    """
+    if unit.startswith("m"):
+        return 1e-3 if unit == "mHz" else None
+    return _HERTZ.get(unit.lower())
 
 
 def may_be_unit(cell: str, name: str) -> bool:
@@ -637,8 +649,9 @@ def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
             if start is None:
                 continue
             number = float(start[0].replace(",", "" if thousands else "."))
-            unit = re.split("[,;]", value[start.end() :])[0].strip(" ()[]").lower() or unit
-        number = float(number) * (_HERTZ.get(unit, 0.0) if is_rate else SECONDS.get(unit or "s", 0.0))
+            unit = re.split("[,;]", value[start.end() :])[0].strip(" ()[]") or unit
+        scale = hertz_written(unit) if is_rate else SECONDS.get(unit.lower() or "s")
+        number = float(number) * (scale or 0.0)
         if number > 1e-300 and math.isfinite(rate := number if is_rate else 1 / number):
             rates.setdefault(float(f"{rate:.9g}"), name)
     return next(iter(rates.items())) if len(rates) == 1 else None
@@ -649,13 +662,13 @@ def _split_unit(name: str) -> tuple[str, str]:
 
     The bare name is the part after the last dot or slash (`Horizontal.sample_interval_ms` gives the same result),
     without the unit, reduced to its letters in lower case. A dot at the end of the name is ignored, as in `freq. (Hz)`.
-    The unit at the end is in lower case; it is "" if there is none.
+    The unit is "" if there is none.
     """
     at = re.search(r"[(\[]([^)\]]*)[)\]]\s*$", name)
     last = re.split(r"[./](?=.*\w)", name[: at.start()] if at else name)[-1]
-    unit = at[1].strip().lower() if at else ""
+    unit = at[1].strip() if at else ""
     if at is None and (behind := _UNDERSCORED.fullmatch(last)):
-        last, unit = behind[1], behind[2].lower()
+        last, unit = behind[1], behind[2]
     bare = re.sub(r"[^a-z]", "", last.lower())
     ending = None if unit else re.fullmatch(r"(.+?)(?:in)?(khz|hz)", bare)
     return (ending[1], ending[2]) if ending else (bare, unit)
