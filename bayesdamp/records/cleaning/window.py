@@ -229,7 +229,7 @@ def free_decay(
     first, last = 0, t.size - 1
     if seek_start:
         floor = 2 * decays.noise + step
-        before = float(decays.best_turns.times[head - 1]) if head else None
+        before = float(decays.best_turns.times[head - 1]) if head else -np.inf
         first = _find_start(series, Swings(t, y, decay, floor), why, before, notes)
     if seek_stop:
         last, why_stop = _find_stop(series, decay, decays.floor)
@@ -417,9 +417,7 @@ def _count_disturbed(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float)
     return 0, None
 
 
-def _find_start(
-    series: Series, swings: Swings, why: Reason | None, before: float | None, notes: list[str]
-) -> int:
+def _find_start(series: Series, swings: Swings, why: Reason | None, before: float, notes: list[str]) -> int:
     """Return the index of the first sample of the free decay.
 
     The decay begins at the first of these points that is supported by the samples:
@@ -434,7 +432,7 @@ def _find_start(
     series: the record. swings: the half cycles of the decay without disturbed ones. why: property in which the half
     cycle before them disagrees with the later ones; None if there is none. (If it is "amplitude" or "midline", the
     second and third points are not considered.) before: time (s) of the turning point at which that half cycle begins;
-    None if it is not in the decay.
+    −∞ if it is not in the decay.
     """
     t, decay = series.t, swings.turns
     gap = float(swings.gaps[0])
@@ -444,7 +442,7 @@ def _find_start(
         return 0
     at, what = float(decay.times[0]), "the first turning point of the free decay"
     if why in (None, "period", "shape"):  # a part of the half cycle before may be undisturbed
-        if far.whole and begins_late and not (before and abs(far.at - before) < 0.08 * gap):
+        if far.whole and begins_late and abs(far.at - before) >= 0.08 * gap:
             at, what = far.at, "the release"
         elif not far.whole and decay.times.size <= FEW_TURNS and far.share > 0.5:
             at, what = (
