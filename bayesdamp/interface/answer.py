@@ -297,7 +297,7 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
         name = damping, law = "+".join(r.candidate.damping), r.candidate.restoring
         described = {n: p.describe() for n, p in r.fit.parameters.priors.items()}
         priors.append(CandidatePriors(*name, described))
-        if r.sampled is not None and r.sampled.trusted:
+        if r.sampled is not None and not r.sampled.doubt:
             table, further[f"draws/{damping}@{law}"] = posterior_of(comparison, r, r.sampled)
             posteriors.append(SampledPosterior(*name, **table))
         if r.linearisation is not None and r.approximate_posterior is not None:

@@ -9,7 +9,9 @@ from scipy.integrate import solve_ivp
 from scipy.special import logsumexp
 
 import bayesdamp as bd
+from bayesdamp.inference.deviation import tempered
 from bayesdamp.inference.deviation.linear import grid_of
+from bayesdamp.inference.deviation.sampling import DrawSolver
 from tests.interface.problems import KNOWN, NOISE, TRUTH, closed_form, record
 
 MODEL = bd.Model("viscous", "linear", deviation="law")
@@ -114,6 +116,17 @@ def test_a_fit_has_the_numbers_of_its_draws() -> None:
         low, high = fit().intervals[name]
         assert low < TRUTH[name] < high or abs(value - TRUTH[name]) < 4 * fit().sd[name]
         assert row["q2.5"] == pytest.approx(low, abs=0.3 * row["sd"])
+
+
+def test_the_outcome_says_why_the_draws_are_not_used(monkeypatch) -> None:
+    """Without importance sampling."""
+    for name, value in {"LEAST_EFFECTIVE": 2.0, "EFFECTIVE_FRACTION": 0.9999, "MOST_TEMPERATURES": 1}.items():
+        monkeypatch.setattr(tempered, name, value)
+    outcome = bd.sample(fit(), chains=2, draws=50).outcome
+    assert outcome == "sampling has not converged: the exact likelihood is not reached after 1 temperatures"
+    monkeypatch.setattr(DrawSolver, "at_each", lambda _, u, use: [use(None)] * len(u))
+    outcome = bd.sample(fit(), chains=2, draws=50).outcome
+    assert outcome == "sampling has not converged: the motions of all first draws are unbounded"
 
 
 @pytest.mark.slow

@@ -211,7 +211,7 @@ def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator
     """
     d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
     few = min(count, MOST_DISTINCT_DRAWS) if set(solver.inferred) & set(parameters.free_names) else count
-    if result.sampled is None or not result.sampled.trusted:
+    if result.sampled is None or result.sampled.doubt:
         u = result.posterior.draws(few, rng)[0]
     else:
         own = result.sampled.draws

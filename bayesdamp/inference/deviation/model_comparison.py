@@ -155,7 +155,7 @@ class CandidateResult:
         If the draws in `sampled` can be trusted, it is computed from them, with the motion of each draw. Otherwise it
         is the log evidence of the linear model in `posterior`.
         """
-        if self.sampled is not None and self.sampled.trusted:
+        if self.sampled is not None and not self.sampled.doubt:
             return self.sampled.log_evidence
         return self.posterior.log_evidence
 

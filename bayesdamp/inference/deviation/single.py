@@ -564,10 +564,8 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> tuple[
     for i, name in enumerate(single.names):
         summary, distinct = summarise(values[..., i]), float(np.unique(values[..., i]).size)
         summaries[name] = {**summary, **{k: min(summary[k], distinct) for k in ("ess_bulk", "ess_tail")}}
-    poor = [run.acceptance for run in runs if not run.trusted]
-    outcome = verdict(summaries)
-    if poor:
-        outcome = f"sampling has not converged: only {100 * min(poor):.0f} % of the last moves were accepted"
+    doubts = dict.fromkeys(run.doubt for run in runs if run.doubt)
+    outcome = f"sampling has not converged: {'; '.join(doubts)}" if doubts else verdict(summaries)
     logs, errors = np.array([run.log_evidence for run in runs]), np.array([run.stderr for run in runs])
     log_evidence, stderr = float(logs.max()), float("nan")
     if np.isfinite(log_evidence):

@@ -68,9 +68,10 @@ class TemperedDraws:
         Log evidence in nats, and its standard error; −∞ and nan if the motions of all first draws are unbounded.
     temperatures : int
         Number of increases of β; 1 after importance sampling, 0 if the motions of all first draws are unbounded.
+    beta : float
+        The last value of β.
     acceptance : float
-        Fraction of draws that accepted the last move; 1 after importance sampling, which needs no moves, and 0 if β did
-        not reach 1.
+        Fraction of draws that accepted the last move; 1 after importance sampling, which needs no moves.
     """
 
     draws: np.ndarray
@@ -78,15 +79,21 @@ class TemperedDraws:
     log_evidence: float
     stderr: float
     temperatures: int
+    beta: float
     acceptance: float
 
     @property
-    def trusted(self) -> bool:
-        """Return whether the draws may be used: a fraction of at least `LEAST_ACCEPTANCE` accepted the last move.
+    def doubt(self) -> str:
+        """Return why the draws may not be used, as a clause; "" if they may be used.
 
-        It is False if β, the exponent of the exact likelihood, did not reach 1, because `acceptance` is then 0.
+        β must have reached 1, and a fraction of at least `LEAST_ACCEPTANCE` must have accepted the last move.
         """
-        return self.acceptance >= LEAST_ACCEPTANCE
+        if not self.temperatures:
+            return "the motions of all first draws are unbounded"
+        if self.beta < 1.0:
+            return f"the exact likelihood is not reached after {self.temperatures} temperatures"
+        rate = f"only {100 * self.acceptance:.0f} % of the last moves were accepted"
+        return rate if self.acceptance < LEAST_ACCEPTANCE else ""
 
 
 class Proposal(Protocol):
@@ -145,7 +152,7 @@ def sample_posterior(
     u, combos = start.draws(draws, rng)
     ratios = ratio(u)
     if not np.any(np.isfinite(ratios)):
-        return TemperedDraws(u, ratios, -np.inf, float("nan"), 0, 0.0)
+        return TemperedDraws(u, ratios, -np.inf, float("nan"), 0, 0.0, 0.0)
     direct = _importance_resampled(rng, u, ratios, start, ratio)
     if direct is not None:
         return direct
@@ -167,10 +174,9 @@ def sample_posterior(
             u[accepted], ratios[accepted] = new[accepted], new_ratios[accepted]
             acceptance = float(np.mean(accepted))
             step = float(np.clip(step * np.exp(acceptance - WANTED_ACCEPTANCE), LEAST_STEP, 1.0))
-    acceptance = acceptance if beta >= 1.0 else 0.0
     log_evidence += start.log_evidence
     return TemperedDraws(
-        u, ratios, log_evidence, float(np.sqrt(max(variance, 0.0))), temperatures, acceptance
+        u, ratios, log_evidence, float(np.sqrt(max(variance, 0.0))), temperatures, beta, acceptance
     )
 
 
@@ -204,7 +210,7 @@ def _importance_resampled(
     error = float(np.sqrt(max(np.sum(weights**2) - 1.0 / ratios.size, 0.0)))
     evidence = start.log_evidence + float(np.logaddexp.reduce(logs)) - float(np.log(ratios.size))
     rows = resample(logs, draws, rng)
-    return TemperedDraws(u[rows], ratios[rows], evidence, error, 1, 1.0)
+    return TemperedDraws(u[rows], ratios[rows], evidence, error, 1, 1.0, 1.0)
 
 
 def _next_rise(ratios: np.ndarray, most: float) -> float:
