@@ -144,11 +144,11 @@ def run_calibration(
 
                 render(out)
         lines = [f"{chunk.name}: {chunk.outcome}" for chunk in failed]
-        for chunk in (c for chunks in whole.values() for c in chunks):
-            content = RanksContent.of(chunk)
-            for i, outcomes in enumerate(zip(content.outcomes, *content.sampler_outcomes.values())):
+        for name, content in ((n, RanksContent.of(c)) for n, chunks in whole.items() for c in chunks):
+            each = zip(content.outcomes, *content.sampler_outcomes.values())
+            for number, outcomes in enumerate(each, content.first):
                 wrong = [o for o in outcomes if status_of(o) is Status.FAILED]
-                lines += [f"{chunk.name}, record {i + 1}: {outcome}" for outcome in wrong]
+                lines += [f"{name}, record {number}: {outcome}" for outcome in wrong]
         for line in lines:
             console.print(line, style="red", highlight=False)
         return SOME_FAILED if lines else DONE

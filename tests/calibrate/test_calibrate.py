@@ -8,7 +8,7 @@ import pytest
 from scipy.special import logsumexp
 
 from bayesdamp.calibrate import ranks, recovery
-from bayesdamp.calibrate.run import run_calibration
+from bayesdamp.calibrate.run import SOME_FAILED, run_calibration
 from bayesdamp.cli import main
 from bayesdamp.config import load_study
 from bayesdamp.inference.noise import NOISES
@@ -193,7 +193,8 @@ def simulated_chunks(sharper: float):
         truth = [rng.choice(len(models), p=p) for p in right]
         stated = np.exp(sharper * odds - logsumexp(sharper * odds, axis=1, keepdims=True))
         meta = {
-            "first": first, "models": models, "outcomes": ["ok"] * size, "accepted": [True] * size,
+            "first": first, "models": models, "accepted": [True] * size,
+            "outcomes": ["failed: x" if first + i == 21 else "ok" for i in range(size)],
             "evidence_outcomes": [["ok"] * len(models)] * size,
         }  # fmt: skip
         design = np.array([recovery.design_of(study, first + i) for i in range(size)])
@@ -204,16 +205,17 @@ def simulated_chunks(sharper: float):
 
 
 @pytest.mark.parametrize(("sharper", "inside"), [(1.0, True), (2.0, False)])
-def test_overconfident_probabilities_are_detected(tmp_path, monkeypatch, sharper, inside):
-    """False-alarm rate 1 %. Right probabilities have the log score that they predict."""
+def test_overconfident_probabilities_are_detected(tmp_path, monkeypatch, capsys, sharper, inside):
+    """False-alarm rate 1 %. Right probabilities have the log score that they predict. The line on a failed record has
+    its number in the table."""
     study, out = write_study(tmp_path, STUDY), tmp_path / "out"
     monkeypatch.setattr(recovery, "compute_chunk", simulated_chunks(sharper))
-    assert run_calibration(study, out, models=True, workers=1) == 0
+    assert run_calibration(study, out, models=True, workers=1) == SOME_FAILED
+    assert capsys.readouterr().err.endswith("recovery, record 21: failed: x\n")
     result = json.loads((out / "run.json").read_text())["result"]["recovery"]
     hits = result["hits"]
     assert (hits["low"] <= hits["excess"] <= hits["high"]) is inside
     assert sum(map(sum, result["confusion"])) == hits["records"] == 240
     assert (result["log_score_expected"] - result["log_score"] < 0.15) is inside
-    assert len(read_rows(out / "recovery.csv")) == 240
-    page = (out / "report.html").read_text(encoding="utf-8")
-    assert ("is inside the 99 % band" in page) is inside
+    assert read_rows(out / "recovery.csv").query("outcome != 'ok'")["record"].tolist() == [21]
+    assert ("is inside the 99 % band" in (out / "report.html").read_text(encoding="utf-8")) is inside
