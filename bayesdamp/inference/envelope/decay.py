@@ -47,8 +47,8 @@ HELD_MISFIT = 0.75
 """A constant level at the start of a record is accepted only if it reduces the sum of squared residuals of a fit to
 less than this fraction of the sum without it (conventional)."""
 LEAST_SCATTER = 0.02
-"""Smallest standard deviation of ln A (A is the amplitude) of a block of readings that the search for a constant level
-at the start assumes. It allows for errors of the damping laws and of the detector (conventional)."""
+"""Smallest standard deviation of ln A (A is the amplitude) of a block of readings that is assumed before the noise is
+inferred. It allows for errors of the damping laws and of the detector (conventional)."""
 EARLY_FRACTION = 0.1
 """Fraction of the blocks of readings, at the start of the decay, that are compared with their prediction by the later
 blocks. Blocks that do not agree are left out of the decay."""
@@ -293,7 +293,7 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
     """
     n = b.t.size
     visible = np.sqrt(b.floor.power) if b.floor is not None else 1e-3
-    rough = np.diag(1.0 / np.maximum(0.02, np.exp(-b.x) * visible))
+    rough = np.diag(1.0 / np.maximum(LEAST_SCATTER, np.exp(-b.x) * visible))
     law, x0, rates = loosest_fit(b, sums, rough)
     fit = law.solve(b.t, x0, rates)[0]
     # `curvature` is the mean of the fitted ln A over a block minus its value in the middle, to second order.
