@@ -58,7 +58,8 @@ class Likelihood:
         Largest error of a motion, in the unit of the record. If the target has deviations, `reference` and `tolerance`
         have no effect, because `Deviation.motions` is the solver.
     part : slice
-        Samples that are used. The motion always starts at the first sample of the record.
+        Samples that are used; all, if the target has deviations. The motion always starts at the first sample of the
+        record.
     scales : tuple of float
         Possible values of the common prior scale of coefficients (standard deviation of their scores), all equally
         probable; the prior is averaged over them.
@@ -69,6 +70,9 @@ class Likelihood:
     tolerance: float
     part: slice
     scales: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        assert self.target.deviation is None or self.part == slice(None)
 
     @classmethod
     def near(cls, target: Target, z: np.ndarray, tolerance: float) -> Self:
