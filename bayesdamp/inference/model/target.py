@@ -529,7 +529,7 @@ def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, 
         **NOISES.get(noise).priors(features),
     }
     if name not in priors:
-        raise InputError(
-            f"parameter {name!r} of the restoring law {osc.restoring} has no default prior; give a prior or its value"
-        )
+        of_noise = name in NOISES.get(noise).parameters
+        owner = f"noise model {noise}" if of_noise else f"restoring law {osc.restoring}"
+        raise InputError(f"parameter {name!r} of the {owner} has no default prior; give a prior or its value")
     return priors[name]
