@@ -506,8 +506,8 @@ class Case:
         except Refusal as refusal:
             if not starts or not noises:
                 raise
-            what = f"No least-squares fit: {refusal}. The search began only at the given start, with {noises[0]} noise."
-            return find_mode(self.target(noises[0], epsilon), starts, noise_level=level), (what,)
+            note = f"The search began only at the given start, with {noises[0]} noise, because {refusal}."
+            return find_mode(self.target(noises[0], epsilon), starts, noise_level=level), (note,)
         notes, fit = [], comparison.best.fit
         if comparison.frictions and "epsilon" not in model.priors:
             epsilon = comparison.epsilon
