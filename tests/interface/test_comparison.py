@@ -75,7 +75,7 @@ def test_only_models_with_a_term_without_a_kernel_are_left_out() -> None:
 def test_without_any_fit_the_outcome_is_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(model_comparison.ModelComparison, "evaluate", lambda *_: None)
     result = quick(CASE.signal)
-    assert result.outcome == "The equation of motion cannot be fitted with any of the damping models."
+    assert result.outcome.endswith("; choose a part of the record, or compare other damping models.")
     assert not result.verdict.decided
 
 
@@ -118,10 +118,7 @@ def test_a_double_well_may_have_a_known_negative_stiffness() -> None:
     y = trajectory("duffing", {**known, "cubic": 20.0, "zeta": 0.05, "theta0": 0.55, "omega0": 0.0}, t)[:, 0]
     y += 1e-4 * np.random.default_rng(1).standard_normal(t.size)
     signal = bd.signal(t, y, cleaned=False)
-    result = bd.compare(
-        signal, damping="viscous", restoring="duffing", known=known, priors=priors, sample=False
-    )
-    last = result.verdict.damping_ratio[-1]
+    last = quick(signal, restoring=["duffing"], known=known, priors=priors).verdict.damping_ratio[-1]
     assert last.low < 0.05 / 10**0.5 < last.high
 
 
@@ -144,10 +141,7 @@ REFUSED: list[tuple[dict, str]] = [
     ({"damping": ["viscuos"]}, "viscous"),
     ({"known": {"stifness": 20.0}}, "did you mean 'stiffness'"),
     ({"known": {"cubic": 1.0}, "restoring": "linear"}, r"known\.cubic: unknown key"),
-    (
-        {"known": {"stiffness": -4.0}, "restoring": "pendulum"},
-        "stiffness = -4: it must be above 0 under the law pendulum",
-    ),
+    ({"known": {"stiffness": -4.0}, "restoring": "pendulum"}, "-4: it must be above 0 under the law"),
     ({"priors": {"visc": bd.HalfNormal(0.1)}}, "did you mean 'viscous'"),
     ({"sensor": -1.0}, "0 to below"),
 ]
@@ -187,10 +181,8 @@ def test_a_record_in_degrees_is_answered_in_degrees(tmp_path: Path) -> None:
         assert (a.unit, b.unit) == ("rad", "deg")
         assert b.amplitude == pytest.approx(np.degrees(a.amplitude), rel=1e-6)
         assert b.value == pytest.approx(a.value, rel=1e-6)
-    assert " deg" in deg.verdict.sentence
     assert " rad" not in deg.verdict.sentence
-    assert " deg" in repr(deg)
-    assert " deg" in deg._repr_html_()
+    assert all(" deg" in text for text in (deg.verdict.sentence, repr(deg), deg._repr_html_()))
     turn = 180 / np.pi
     for name, power in {"amplitude": 1, "ratio": 0, "lost": 2, "lost_high": 2}.items():
         assert deg.curve[name].to_numpy() == pytest.approx(rad.curve[name].to_numpy() * turn**power, rel=1e-5)
@@ -236,9 +228,8 @@ def test_a_fit_of_a_record_in_degrees_uses_degrees() -> None:
 
 def test_a_record_of_two_cycles_has_no_curve_without_a_law_and_the_report_says_so(tmp_path: Path) -> None:
     t = np.linspace(0.0, 2.0, 16)
-    result = quick(
-        bd.signal(t, 0.3 * np.exp(-0.05 * t) * np.cos(6.0 * t), cleaned=False), restoring=["linear"]
-    )
+    signal = bd.signal(t, 0.3 * np.exp(-0.05 * t) * np.cos(6.0 * t), cleaned=False)
+    result = quick(signal, restoring=["linear"])
     assert result.curve.empty
     assert not result.law_curve.empty
     page = result.report(tmp_path / "page.html").read_text(encoding="utf-8")
@@ -267,10 +258,8 @@ def test_a_law_that_contradicts_the_record_is_not_in_the_report(tmp_path: Path) 
     text = re.sub("<[^>]+>", " ", result.report(tmp_path / "page.html").read_text(encoding="utf-8"))
     assert "contradicts this, so none is named" in text
     control = compared().report(tmp_path / "control.html").read_text(encoding="utf-8")
-    for heading in ("Coefficients of", "Energy lost: "):
-        assert (heading in text, heading in control) == (False, True), heading
-    assert "is not drawn" in text
-    assert "is not drawn" not in control
+    for words, stated in (("Coefficients of", False), ("Energy lost: ", False), ("is not drawn", True)):
+        assert (words in text, words in control) == (stated, not stated), words
     assert not result.plot()[2].axison
 
 

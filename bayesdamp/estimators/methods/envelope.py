@@ -104,9 +104,8 @@ class _EnvelopeMatch:
         quiet = np.flatnonzero(inside & ~loud)
         self.used = np.flatnonzero(inside & (self.times < (self.times[quiet[0]] if quiet.size else np.inf)))
         if self.used.size * gap < period:
-            raise Refusal(
-                "the envelope is clearly above the noise for less than a period, which is too short"
-            )
+            much = f"{options.above:g} times the noise"
+            raise Refusal(f"the envelope is above {much} for less than a period; reduce the option `above`")
         self.observed_log = np.log(observed[self.used])
         tolerance = TOLERANCE * float(np.abs(features.turning_amplitudes).max())
         self.trajectories = Trajectories(self.osc, self.record_times, signal.quantity, self.base, tolerance)

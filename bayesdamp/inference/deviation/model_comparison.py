@@ -452,7 +452,8 @@ def compare_candidates(
 
     results = at_once(evaluate, [c for c in followed if c not in refused])
     if not any(results):
-        raise Refusal("the equation of motion cannot be fitted with any of the damping models")
+        what = "the equation of motion cannot be fitted with any of the damping models"
+        raise Refusal(f"{what}; choose a part of the record, or compare other damping models")
     # The order must not depend on which thread was first.
     order = dict.fromkeys([*fits.fullest, *(MotionCandidate(fits.terms, law) for law in fits.laws), *given])
     return replace(
