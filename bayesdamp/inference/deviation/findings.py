@@ -75,8 +75,8 @@ class Findings:
     ----------
     damping, damping_if_exact : mapping of str to float
         Probability of each compared sum (terms joined by +), the most probable one first. `damping` allows deviations
-        from the laws if the comparison does; `damping_if_exact` assumes exact laws. In both, rivals have the rest of
-        the probability.
+        from the laws if the comparison does, and rivals have the rest of the probability. `damping_if_exact` assumes
+        exact laws and no rivals; its sum is 1.
     other_forms : mapping of str to float
         Probability of each rival.
     exponent : Quantity, optional
@@ -193,7 +193,7 @@ def compute_findings(
         Seed of the random streams; equal seeds give equal numbers.
     """
     data, approximate, rng = comparison.data, comparison.approximate, np.random.default_rng(seed)
-    exact = candidate_probabilities(comparison, exact=True)
+    exact = candidate_probabilities(comparison, exact=True, forms=False)
     everything = candidate_probabilities(comparison, exact=not approximate)
     chosen = candidate_probabilities(comparison, exact=not approximate, forms=False)
     compared = {r.candidate for r in comparison.results}
@@ -228,7 +228,7 @@ def compute_findings(
     assert frequency is not None
     return Findings(
         damping={n: p * (1 - sum(other_forms.values())) for n, p in _probability_by_name(chosen).items()},
-        damping_if_exact=_probability_by_name({c: p for c, p in exact.items() if c in compared}),
+        damping_if_exact=_probability_by_name(exact),
         other_forms=_probability_by_name(other_forms),
         exponent=exponent,
         restoring=_probability_by_name(chosen, 1),

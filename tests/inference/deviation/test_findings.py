@@ -55,6 +55,7 @@ def test_probabilities_of_candidates_sums_and_terms_are_consistent(comparison: M
     sums = {**findings.damping, **findings.other_forms}
     assert findings.term["coulomb"] == pytest.approx(sum(p for s, p in sums.items() if "coulomb" in s))
     assert findings.restoring == pytest.approx({"linear": 1.0})
+    assert sum(findings.damping_if_exact.values()) == pytest.approx(1.0, abs=1e-12)
     assert findings.best.damping == ("viscous", "coulomb")
 
 
