@@ -22,7 +22,8 @@ KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "rate": ((Real,), "a number, in Hz"),
 }
 """For names of arguments: the allowed types, and a description of them for error messages. They apply to every public
-function that has an argument of this name. The default value of an argument is always allowed."""
+function that has an argument of this name. The default value of an argument is always allowed. Modules add the classes
+that they define."""
 
 
 class CheckedMethods:

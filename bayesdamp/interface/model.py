@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from bayesdamp import types
-from bayesdamp.calls import checked_call
+from bayesdamp.calls import KINDS, checked_call
 from bayesdamp.config.checks import check_keys, check_number
 from bayesdamp.config.signals import NOISE, canonical_model, check_translation
 from bayesdamp.estimators.shared import has_noise
@@ -386,6 +386,7 @@ class Model(Result):
 
 
 Model.__init__ = checked_call(Model.__init__, "Model")
+KINDS["model"] = ((Model,), "a Model")
 
 
 @dataclass(frozen=True)
@@ -525,20 +526,11 @@ class Case:
         return find_mode(target, starts, noise_level=level), tuple(notes)
 
 
-def check_signal(signal: object, model: object) -> Signal:
-    """Check the types of a signal and a model, and return the signal as a `Signal` of the interface.
+def check_signal(signal: types.Signal, model: Model) -> Signal:
+    """Check whether a model suits a signal, and return the signal as a `Signal` of the interface.
 
-    Raises
-    ------
-    InputError
-        If an argument has the wrong type, or the restoring law describes an angle but the record is a translation.
+    Raises InputError if the restoring law describes an angle but the record is a translation.
     """
-    if not isinstance(signal, types.Signal):
-        raise InputError(
-            f"signal is {type(signal).__name__}; it must be a Signal, for example from read(...).signal()"
-        )
-    if not isinstance(model, Model):
-        raise InputError(f"model is {type(model).__name__}; it must be a Model")
     check_translation(signal.unit, model.restoring, signal.name)
     return Signal.of(signal)
 

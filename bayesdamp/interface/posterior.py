@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayesdamp import __version__, types
+from bayesdamp.calls import KINDS
 from bayesdamp.config.checks import check_keys, read_section
 from bayesdamp.config.study import Header, PosteriorTable
 from bayesdamp.formatting import Table, data_frame, digits
@@ -27,7 +28,7 @@ from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.priors import joint_log_density
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.store.results import NO_DRAWS
-from bayesdamp.types import OK, InputError, Refusal
+from bayesdamp.types import OK, Refusal
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -364,7 +365,7 @@ def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray
     target, mode = post.fit.engine
     noise = NOISES.get(target.noise)
     draws = post.draws[:, numbers].reshape(-1, len(post.names))
-    values = {**{k: np.full(len(draws), float(v)) for k, v in target.known.items()}}
+    values = {k: np.full(len(draws), float(v)) for k, v in target.known.items()}
     values |= {name: draws[:, i] for i, name in enumerate(post.names)}
     gaps, rng = np.diff(post.fit.signal.t), np.random.default_rng([post.seed, 2])
     motions = mode.likelihood.motions.many(values)
@@ -386,6 +387,10 @@ def _times(post: Posterior) -> dict[str, Any]:
     law = post.fit.law
     t = post.fit.signal.t if law is None else law.comparison.data.times
     return {"time": ("time", t, {"units": "s"})}
+
+
+KINDS["fit"] = ((Fit,), "a Fit, the result of fit(signal, model)")
+KINDS["source"] = ((Posterior, Fit), "a Posterior or a Fit")
 
 
 def sample(
@@ -432,10 +437,6 @@ def sample(
     InputError
         If an argument is invalid.
     """
-    if not isinstance(fit, Fit):
-        raise InputError(
-            f"sample: the first argument is {type(fit).__name__}; it must be a Fit, the result of fit(signal, model)"
-        )
     grows, draws = draws is None, DEFAULT_DRAWS if draws is None else draws
     read_section(PosteriorTable, {"chains": chains, "warmup": warmup, "draws": draws}, "sample")
     read_section(Header, {"version": 1, "seed": seed}, "sample")
@@ -561,10 +562,6 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
     >>> bd.evidence(fit, "laplace").outcome
     'ok'
     """
-    if not isinstance(source, Posterior | Fit):
-        raise InputError(
-            f"evidence: the first argument is {type(source).__name__}; it must be a Posterior or a Fit"
-        )
     posterior = source if isinstance(source, Posterior) else None
     fit = source.fit if isinstance(source, Posterior) else source
     approximate = fit.model.approximate

@@ -24,7 +24,7 @@ REFUSED: dict[str, Callable[[], object]] = {
     "features: signal is ndarray; it must be a Signal": lambda: ANY.features(Y),
     "signal: give times and values as signal(t, y), or signal(y, rate=HERTZ)": lambda: ANY.signal(T),
     "Model: missing a required argument: 'damping'": lambda: ANY.Model(),
-    "model is str; it must be a Model": lambda: ANY.fit(bd.signal(T, Y), "viscous"),
+    "fit: model is str; it must be a Model": lambda: ANY.fit(bd.signal(T, Y), "viscous"),
     "compare: give one signal": lambda: ANY.compare(3),
     "signal: give times or rate, not both": lambda: ANY.signal(T, Y, rate=25.0),
     "signal: rate is 0; it must be a number of Hz": lambda: ANY.signal(Y, rate=0),
