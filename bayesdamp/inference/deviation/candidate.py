@@ -26,14 +26,14 @@ STARTS = (-1.0, 0.0, 1.0)
 """Fits start at these values of a parameter that a damping term has besides its coefficient, such as an exponent. They
 are standard normal scores: the parameter is transformed so that its prior is N(0, 1), and the values are low, middle
 and high in this prior. For two or more such parameters only the low and the high value are combined."""
-MOST_STEPS = 30
+MOST_STEPS = 8
 """Largest number of Gauss–Newton steps to the joint mode of a candidate's parameters and its deviations from the
-laws. Few need more than ten (measured)."""
-SHARES = (1.0, 0.4, 0.16, 0.06)
-"""Fractions of a full Gauss–Newton step that `linearise_at_mode` tries in turn (conventional)."""
-LEAST_GAIN = 0.1
-"""A step is accepted if the posterior density increases by at least this fraction of the increase that the linear model
-predicts (the condition of Armijo; conventional)."""
+laws."""
+STEPS = ((1.0, 0.0), (0.5, 0.0), (1.0, 10.0), (1.0, 1e3), (1.0, 1e5))
+"""Attempts that `linearise_at_mode` makes in turn for one Gauss–Newton step: the fraction of the full step, and
+Marquardt's damping parameter, which changes the direction of the step. Where a record determines only a combination of
+parameters (for small swings, a spring's angle and gravity), the parameters of equal fit form a curve. A full or a
+shorter step goes along the tangent and leaves this curve; a damped step does not."""
 SETTLED = 0.1
 """The Gauss–Newton steps end before a step that would change the motion by less than this: norm of the change over all
 samples, in standard deviations of the noise. Such a step changes a log evidence by less than 0.1 nats (measured)."""
@@ -119,14 +119,11 @@ class Linearisation:
     def variance(self, data: Data) -> float:
         """Return the variance of the noise, in the record's unit squared.
 
-        It is the sum of `left` squared divided by the degrees of freedom n − K, plus the variance of the solver's error
-        (`Data.least_variance`, the only use of `data`). If n ≤ K, the residual of the fit under exact laws replaces
-        `left`, with n − d degrees of freedom (at least 1) for d inferred parameters.
+        It is the sum of `left` squared divided by the degrees of freedom (n − K, at least 1), plus the variance of the
+        solver's error (`Data.least_variance`, the only use of `data`).
         """
-        squares, degrees = float(self.left @ self.left), self.left.size - self.u.size
-        if degrees <= 0:
-            squares, degrees = self.fit.squares, max(self.left.size - self.z.size, 1)
-        return data.least_variance + squares / degrees
+        degrees = max(self.left.size - self.u.size, 1)
+        return data.least_variance + float(self.left @ self.left) / degrees
 
     def grid(self, coarse: bool) -> Grid:
         """Return the grid of hyperparameters of the deviations g and h: prior sds (sizes) and correlation lengths.
@@ -376,7 +373,8 @@ def linearise_at_mode(
     values in the coarse grid of `Linearisation.grid` (see `prior_root`). The steps end
 
     - before a step that would change the motion by less than `SETTLED`;
-    - if none of the fractions `SHARES` of a step increases the posterior density enough (see `LEAST_GAIN`);
+    - if no attempt in `STEPS` is accepted. An attempt is accepted if its sum of squared residuals is at most the larger
+      of two values: the present sum, and the sum that the linear model predicts (apart from a small tolerance);
     - after `MOST_STEPS` steps.
 
     Parameters
@@ -404,32 +402,20 @@ def linearise_at_mode(
     for _ in range(MOST_STEPS):
         used = variance if variance is not None else at.variance(data)
         root = prior_root(at.model, grid, used)
-        mode = mode_of(at.model, root, used)
-        if at.distance(mode, used) < SETTLED:
-            return at
-        inverse = np.linalg.pinv(root)
-        present = cost(at.squares / used, inverse @ at.u)
-        for i, share in enumerate(SHARES[first:], first):
+        for i, (share, hold) in enumerate(STEPS[first:], first):
+            mode = mode_of(at.model, root, used, at.z, hold)
+            if at.distance(mode, used) < SETTLED:
+                return at
             u = at.u + share * (mode - at.u)
-            gain = present - cost(float(at.model.squares(u[None])[0]) / used, inverse @ u)
+            predicted = at.model.rest + float(np.sum((at.model.root @ u - at.model.target) ** 2))
             u[:d] = fit.parameters.retract(solver.restoring, at.z, u[:d])
             trial = linearise(solver, data, fit, u)
-            limit = present - LEAST_GAIN * gain + SETTLED**2
-            if trial is not None and cost(trial.squares / used, inverse @ u) <= limit:
+            if trial is not None and trial.squares <= max(at.squares, predicted) + SETTLED**2 * used:
                 at, first = trial, max(i - 1, 0)
                 break
         else:
             break
     return at
-
-
-def cost(squares: float, normal: np.ndarray) -> float:
-    """Return −2 times a log posterior density, up to a constant, in nats.
-
-    squares: sum of squared residuals, divided by the variance of the noise. normal: unknowns, transformed such that
-    their prior is N(0, 1).
-    """
-    return squares + float(normal @ normal)
 
 
 def prior_root(model: LinearModel, grid: Grid, variance: float) -> np.ndarray:
@@ -447,7 +433,9 @@ def prior_root(model: LinearModel, grid: Grid, variance: float) -> np.ndarray:
     return root
 
 
-def mode_of(model: LinearModel, root: np.ndarray, variance: float) -> np.ndarray:
+def mode_of(
+    model: LinearModel, root: np.ndarray, variance: float, scores: np.ndarray, hold: float
+) -> np.ndarray:
     """Return the mode u, (K,), of a linear model's posterior, with coefficients ≥ 0.
 
     u contains the parameters, transformed to standard normal priors (scores), then the deviations from the laws at
@@ -461,9 +449,13 @@ def mode_of(model: LinearModel, root: np.ndarray, variance: float) -> np.ndarray
         Matrix R, where R Rᵀ is the prior covariance of u.
     variance : float
         Variance of the noise, in the record's unit squared.
+    scores : ndarray, shape (d,)
+        Present scores, to which `hold` pulls the solution.
+    hold : float
+        Marquardt's damping parameter: weight of the pull, relative to the weight 1 of the prior of each score.
     """
-    total, sd = model.root.shape[1], np.sqrt(variance)
-    stacked = np.concatenate([model.root @ root / sd, np.eye(total)])
-    aim = np.concatenate([model.target / sd, np.zeros(total)])
-    positive = np.concatenate([model.positive, np.zeros(total - model.positive.size, bool)])
+    d, total, sd = model.positive.size, model.root.shape[1], np.sqrt(variance)
+    stacked = np.concatenate([model.root @ root / sd, np.eye(total), np.sqrt(hold) * np.eye(d, total)])
+    aim = np.concatenate([model.target / sd, np.zeros(total), np.sqrt(hold) * scores])
+    positive = np.concatenate([model.positive, np.zeros(total - d, bool)])
     return root @ nonnegative(stacked, aim, positive)

@@ -7,10 +7,10 @@ import bayesdamp as bd
 import bayesdamp.inference.deviation.candidate as candidates
 from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.model.target import Scores
-from bayesdamp.physics.oscillator import Oscillator, simulate
 from validation.measured.run import DATA
 
 RECORD = DATA / "spring_disc" / "molla_durissima_discopieno_14.91945_0.2016_3.csv"
+pytestmark = pytest.mark.skipif(not RECORD.is_file(), reason="needs the measured records of ../shared/data")
 
 
 def remaining_squares(law: str) -> float:
@@ -24,7 +24,6 @@ def remaining_squares(law: str) -> float:
     return float(np.sum((comparison.data.y - result.linearisation.motion.y) ** 2))
 
 
-@pytest.mark.skipif(not RECORD.is_file(), reason="needs the measured records of ../shared/data")
 def test_a_law_with_indeterminate_parameters_fits_as_well_as_a_simple_law(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -32,29 +31,5 @@ def test_a_law_with_indeterminate_parameters_fits_as_well_as_a_simple_law(
     plain = remaining_squares("linear")
     assert remaining_squares("horizontal_pendulum") == pytest.approx(plain, rel=0.02)
     monkeypatch.setattr(Scores, "retract", lambda self, law, z, new: new)
+    monkeypatch.setattr(candidates, "STEPS", ((1.0, 0.0), (0.5, 0.0), (0.25, 0.0), (0.12, 0.0)))
     assert remaining_squares("horizontal_pendulum") > 1.5 * plain
-
-
-def test_deviations_of_the_frequency_make_up_for_a_wrong_law(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Under the linear law, h follows the frequency of a pendulum that swings by ± 1 rad, up to the noise.
-
-    Control: with full Gauss–Newton steps only, the search stops far from the mode.
-    """
-    frequency, noise, t = 4.47, 0.005, np.linspace(0.0, 56.2, 1200)
-    p = {
-        "zeta": np.log(8) / t[-1],
-        "stiffness": frequency**2,
-        "rest_angle": 0.0,
-        "theta0": 1.0,
-        "omega0": 0.0,
-    }
-    y = simulate(Oscillator(("viscous",), "pendulum"), p, t)
-    record = bd.Signal(t, y + noise * np.random.default_rng(0).standard_normal(t.size))
-
-    def squares() -> float:
-        (result,) = compare_signal(record, damping=["viscous"], restoring=["linear"]).results
-        return result.linearisation.squares / noise**2
-
-    assert squares() == pytest.approx(t.size, rel=0.1)
-    monkeypatch.setattr(candidates, "SHARES", (1.0,))
-    assert squares() > 10 * t.size
