@@ -260,19 +260,6 @@ def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str,
     return dict(zip(parameters.free_names, sds.tolist(), strict=True))
 
 
-def orbits_at(
-    amplitudes: Sequence[float], restoring: str, law: np.ndarray, rest: float
-) -> list[Orbit | None]:
-    """Return the undamped orbits with the amplitudes (rad or m) about the equilibrium `rest`; None if unbounded.
-
-    restoring: name of the law. law: values of its parameters, in the order of `RestoringLaw.parameters`. rest: in rad
-    or m.
-    """
-    orbits = orbit_about(by_kernel(LAWS.get(restoring).kernel, law), rest, np.array(amplitudes))
-    each = (Orbit(*values) for values in zip(*vars(orbits).values(), strict=True))
-    return [orbit if np.isfinite(orbit.energy) else None for orbit in each]
-
-
 def restoring_of(restoring: str, law: np.ndarray) -> Force:
     """Return the restoring force per unit of inertia for n draws of a law's parameters, (n, r).
 
@@ -324,7 +311,11 @@ def orbits_of(result: CandidateResult, amplitudes: Sequence[float]) -> list[Orbi
     """
     name, law = result.candidate.restoring, result.law
     rest = result.data.equilibrium(name, law)
-    return [None] * len(amplitudes) if rest is None else orbits_at(amplitudes, name, law, rest)
+    if rest is None:
+        return [None] * len(amplitudes)
+    orbits = orbit_about(by_kernel(LAWS.get(name).kernel, law), rest, np.array(amplitudes))
+    each = (Orbit(*values) for values in zip(*vars(orbits).values(), strict=True))
+    return [orbit if np.isfinite(orbit.energy) else None for orbit in each]
 
 
 def unit_works(
@@ -414,7 +405,7 @@ def ratios_at(
         parts.append((d, orbits, per_unit, _noise_of_ratios(comparison, d.result, per_unit)))
     summaries = []
     for i, amplitude in enumerate(amplitudes):
-        values, noises, weights = [], [], []
+        values, noises = [], []
         for d, orbits, per_unit, noise in parts:
             orbit = orbits[i]
             if orbit is not None:
@@ -422,13 +413,12 @@ def ratios_at(
                 g, h = deviations_at(d, amplitude, rng)
                 values.append(ratios * np.exp(g) / (1 + h))
                 noises.append(noise[i])
-                weights.append(len(d.coefficients))
         if not values:
             summaries.append(Ratio(amplitude, *(float("nan"),) * 5))
             continue
         ratios = np.concatenate(values)
         ratios = ratios * (1 + sensor * rng.standard_normal(ratios.size))
-        noise = float(np.average(noises, weights=weights))
+        noise = float(np.average(noises, weights=list(map(len, values))))
         q = quantity(ratios, min(noise, float(np.std(ratios))))
         summaries.append(Ratio(amplitude, q.value, q.low, q.high, q.sd_noise, q.sd_law))
     return tuple(summaries)
@@ -442,11 +432,10 @@ def _noise_of_ratios(
     It follows from the covariance of the posterior under exact laws. per_unit: results of `ratios_per_unit` at the
     amplitudes.
     """
-    parameters, means = result.fit.parameters, np.array([each.mean(axis=0) for each in per_unit])
-    coefficients = parameters.free < len(result.solver.terms)
-    gradients = np.zeros((len(means), parameters.free.size))
-    gradients[:, coefficients] = means[:, parameters.free[coefficients]]
-    gradients *= parameters.rates(result.fit.z)
+    parameters = result.fit.parameters
+    slopes = np.zeros((len(per_unit), len(parameters.names)))
+    slopes[:, : len(result.solver.terms)] = [each.mean(axis=0) for each in per_unit]
+    gradients = slopes[:, parameters.free] * parameters.rates(result.fit.z)
     return result.exact_posterior.sds(gradients) * np.sqrt(comparison.variance / result.exact_variance)
 
 

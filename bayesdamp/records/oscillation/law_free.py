@@ -314,12 +314,9 @@ class LawFree:
         return float(self.times_of(np.array([np.sqrt(first * last)]))[0])
 
     @cached_property
-    def _log_amplitude(self) -> Smoothed:
-        return _smooth(self.windows, self.sizes)
-
-    @cached_property
-    def _phase(self) -> Smoothed:
-        return _smooth(self.windows, self.windows.phases, (0.0,))
+    def _curves(self) -> tuple[Smoothed, Smoothed]:
+        """Return the smoothed log amplitude of the displacement and the smoothed phase, as functions of scaled time."""
+        return _smooth(self.windows, self.sizes), _smooth(self.windows, self.windows.phases, (0.0,))
 
     def at(self, times: np.ndarray) -> LawFreeDamping:
         """Return amplitude of the displacement, damping ratio and frequency, with standard errors, at times in s, (k,).
@@ -330,9 +327,8 @@ class LawFree:
         half = 0.5 * (last - first)
         place = 2 * (np.asarray(times, float) - first) / (last - first) - 1
         with threadpool_limits(1, "blas"):
-            sizes, slope, variance = self._log_amplitude(place)
             # The frequency is the slope of the smoothed phases.
-            _, frequency, spread = self._phase(place)
+            (sizes, slope, variance), (_, frequency, spread) = (curve(place) for curve in self._curves)
         sd = np.sqrt(variance + (RATE_ERROR * slope) ** 2)
         amplitude = np.exp(sizes)
         _, factor, factor_sd, energy = self.backbone.at(amplitude)
@@ -423,8 +419,7 @@ def _smooth(windows: Sinusoids, values: np.ndarray, powers: Sequence[float] = PO
     weights = weights / weights.sum()
 
     def smoothed(at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        parts = zip(*(curve(at) for curve in curves), strict=True)
-        sizes, slopes, sds = map(np.concatenate, parts)
+        sizes, slopes, sds = map(np.concatenate, zip(*(curve(at) for curve in curves), strict=True))
         return weights @ sizes, *_mix_curves(weights, slopes, sds)
 
     return smoothed
