@@ -106,7 +106,7 @@ def by_kernel(kernel: Callable[[float, Sequence[float]], float], law: np.ndarray
     of these parameters, in the order of the law's `parameters`, (r,).
     """
     values, on_array = tuple(law.tolist()), on_arrays(kernel)
-    return lambda x: on_array(x, values) if x.size > 1 else np.array([kernel(x.item(), values)])
+    return lambda x: on_array(x, values) if x.size != 1 else np.array([kernel(x.item(), values)])
 
 
 def bracket(force: Force, near: float, reach: float, points: int) -> tuple[float, float] | None:

@@ -10,7 +10,7 @@ A candidate is a sum of damping terms under a restoring law. The draws are summa
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from itertools import accumulate
 from typing import Self
 
@@ -21,11 +21,11 @@ from bayesdamp.inference.deviation.model_comparison import CandidateResult, Mode
 from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.forces import Force, by_kernel, on_arrays, slope_of
-from bayesdamp.physics.kernel import Motion, Solver
+from bayesdamp.physics.kernel import Solver
 from bayesdamp.physics.orbit import Orbit, orbit_about
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import odds
-from bayesdamp.types import Ratio
+from bayesdamp.types import Friction, Ratio
 
 POWER_TIMES = 4000
 """Number of equidistant times in a motion at which `shares_of` computes the power that each damping term dissipates."""
@@ -143,6 +143,11 @@ class CandidateDraws:
         u = fraction * (self.g.shape[1] - 1) % 1.0
         return np.sqrt(u * (1 - u)) * self._step_sds * rng.standard_normal(len(self.g))
 
+    @cached_property
+    def _distinct(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the r distinct rows of `further`, (r, e), and for each draw the index of its row, (n,)."""
+        return np.unique(self.further, axis=0, return_inverse=True)
+
     def by_further(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Evaluate a function of the terms' own parameters for each draw, but only once for each distinct set.
 
@@ -150,7 +155,7 @@ class CandidateDraws:
         with the r distinct rows of `further`, (r, e), and returns values (r, m). Return the values for the n draws, (n,
         m), or (1, m) if all draws have the same own parameters.
         """
-        rows, place = np.unique(self.further, axis=0, return_inverse=True)
+        rows, place = self._distinct
         values = function(rows)
         return values[place.ravel()] if len(rows) > 1 else values
 
@@ -255,17 +260,6 @@ def noise_sds(comparison: ModelComparison, result: CandidateResult) -> dict[str,
     return dict(zip(parameters.free_names, sds.tolist(), strict=True))
 
 
-@lru_cache(maxsize=4096)
-def orbit_at(amplitude: float, restoring: str, law: tuple[float, ...], rest: float) -> Orbit | None:
-    """Return the undamped orbit with an amplitude (rad or m) about the equilibrium `rest`; None if it is unbounded.
-
-    restoring: name of the law. law: values of its parameters, in the order of `RestoringLaw.parameters`. rest: in rad
-    or m.
-    """
-    orbit = orbit_about(by_kernel(LAWS.get(restoring).kernel, np.array(law)), rest, amplitude)
-    return orbit if np.isfinite(orbit.energy) else None
-
-
 def restoring_of(restoring: str, law: np.ndarray) -> Force:
     """Return the restoring force per unit of inertia for n draws of a law's parameters, (n, r).
 
@@ -296,51 +290,32 @@ def balanced_frequency(force: Force, rest: np.ndarray, amplitude: float) -> np.n
     return np.sqrt(np.maximum(2 * pull / (len(_COSINES) * amplitude), 0.0))
 
 
-def turning_amplitudes(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Return times in s and amplitudes (rad or m) of a motion's half cycles, as two arrays of the same length.
-
-    An amplitude is half the distance between two turning points; its time is the middle between them. An amplitude that
-    is larger than the previous one is replaced by the previous one, so that the amplitudes never grow. Half cycles of
-    zero amplitude are left out. For an averaged record (one reduced to amplitudes and phases) the motion and its times
-    are those of the compressed oscillation that is solved in its place, which decays through the same amplitudes in
-    fewer cycles.
-    """
-    times, states = motion.refined
-    v = states[:, 1]
-    # Turning points: the velocity changes sign between two nodes, or reaches zero at a node (counted once).
-    reached = (v[:-1] != 0) & (v[1:] == 0)
-    reached[0] |= v[0] == 0
-    turns = np.flatnonzero((v[:-1] * v[1:] < 0) | reached)
-    share = v[turns] / np.where(v[turns] == v[turns + 1], 1.0, v[turns] - v[turns + 1])
-    h = times[turns + 1] - times[turns]
-    t = times[turns] + share * h
-    x = states[turns, 0] + h * share * (states[turns, 1] + 0.5 * h * share * states[turns, 2])
-    sizes, at = 0.5 * np.abs(np.diff(x)), 0.5 * (t[1:] + t[:-1])
-    good = sizes > 0
-    return at[good], np.minimum.accumulate(sizes[good])
-
-
 def time_fraction(result: CandidateResult, amplitude: float) -> float:
     """Return the time at which a candidate's motion reaches an amplitude (rad or m), as a fraction of the record.
 
     An amplitude outside the range of the motion's amplitudes gets the time of the nearest one. With fewer than two half
     cycles the result is 0.5.
     """
-    at, sizes = turning_amplitudes(result.motion)
+    at, sizes = result.motion.half_cycles
     if at.size < 2:
         return 0.5
     t = np.interp(-np.log(amplitude), -np.log(sizes), at)
     return float(np.clip(t / result.data.end, 0.0, 1.0))
 
 
-def orbit_of(result: CandidateResult, amplitude: float) -> Orbit | None:
-    """Return the undamped orbit with an amplitude (rad or m) under a candidate's restoring law at its posterior mode.
+def orbits_of(result: CandidateResult, amplitudes: Sequence[float]) -> list[Orbit | None]:
+    """Return the undamped orbits with amplitudes (rad or m) under a candidate's restoring law at its posterior mode.
 
-    None if there is no equilibrium near the record's midline, or if the orbit would escape over a potential barrier.
+    All are None if there is no equilibrium near the record's midline. An orbit is None if it would escape over a
+    potential barrier.
     """
     name, law = result.candidate.restoring, result.law
     rest = result.data.equilibrium(name, law)
-    return None if rest is None else orbit_at(float(amplitude), name, tuple(map(float, law)), rest)
+    if rest is None:
+        return [None] * len(amplitudes)
+    orbits = orbit_about(by_kernel(LAWS.get(name).kernel, law), rest, np.array(amplitudes))
+    each = (Orbit(*values) for values in zip(*vars(orbits).values(), strict=True))
+    return [orbit if np.isfinite(orbit.energy) else None for orbit in each]
 
 
 def unit_works(
@@ -354,24 +329,23 @@ def unit_works(
     epsilon: width of the velocity range in which dry friction changes its sign, in rad/s or m/s, by default that of the
     solver.
     """
-    x, v = np.tile(orbit.x, 2), np.concatenate([orbit.velocity, -orbit.velocity])
+    x, v = np.concatenate([orbit.x, orbit.x]), np.concatenate([orbit.velocity, -orbit.velocity])
     weight = np.concatenate([orbit.weight, -orbit.weight])
     return solver.works(x, v, weight, further, active, epsilon)
 
 
-def ratios_per_unit(d: CandidateDraws, amplitude: float) -> np.ndarray | None:
-    """Return the equivalent damping ratio at an amplitude per unit of each coefficient, for each draw, (n, m).
+def ratios_per_unit(d: CandidateDraws, orbit: Orbit | None) -> np.ndarray:
+    """Return the equivalent damping ratio on an orbit per unit of each coefficient, for each draw, (n, m).
 
     The equivalent damping ratio is the energy lost in a cycle of the undamped orbit, divided by 4π times the orbit's
     energy. The result, multiplied by the coefficients and summed over the m terms, is this ratio without deviations
-    from the laws. The orbit is the same for all draws, that under the restoring law at the mode of the candidate's
-    posterior. The result is (1, m) if all draws have the same own parameters (those besides the coefficients, such as
-    an exponent). It is None if no orbit has the amplitude (rad or m). Terms that the candidate does not have get 0.
+    from the laws. The orbit is the same for all draws. The result is (1, m) if all draws have the same own parameters
+    (those besides the coefficients, such as an exponent). It is nan if there is no orbit. Terms that the candidate does
+    not have get 0.
     """
     solver = d.result.solver
-    orbit = orbit_of(d.result, amplitude)
     if orbit is None:
-        return None
+        return np.full((1, len(solver.terms)), np.nan)
     works = d.by_further(lambda rows: unit_works(orbit, solver, rows, d.result.fit.active))
     return works / (4 * np.pi * orbit.energy)
 
@@ -397,37 +371,19 @@ def deviations_at(
     return at_fraction(d.g, share) + d.between_knots(share, rng), at_fraction(d.h, share)
 
 
-def ratio_at(
+def ratios_at(
     comparison: ModelComparison,
     drawn: Sequence[CandidateDraws],
-    amplitude: float,
+    amplitudes: Sequence[float],
     sensor: float,
     rng: np.random.Generator,
-) -> Ratio:
-    """Return median, 95 % interval and parts of the sd (`Quantity`) of the equivalent damping ratio at an amplitude.
-
-    The parameters are those of `draw_ratios`. All numbers but the amplitude are nan if no orbit has this amplitude.
-    """
-    ratios, noise = draw_ratios(comparison, drawn, amplitude, sensor, rng)
-    if not ratios.size:
-        return Ratio(amplitude, *(float("nan"),) * 5)
-    q = quantity(ratios, min(noise, float(np.std(ratios))))
-    return Ratio(amplitude, q.value, q.low, q.high, q.sd_noise, q.sd_law)
-
-
-def draw_ratios(
-    comparison: ModelComparison,
-    drawn: Sequence[CandidateDraws],
-    amplitude: float,
-    sensor: float,
-    rng: np.random.Generator,
-) -> tuple[np.ndarray, float]:
-    """Return draws of the equivalent damping ratio at an amplitude, (n,), and the sd that noise alone would cause.
+) -> tuple[Ratio, ...]:
+    """Return median, 95 % interval and parts of the sd (`Quantity`) of the equivalent damping ratio at each amplitude.
 
     The ratio is the energy lost in a cycle of the undamped orbit, divided by 4π times the orbit's energy. The draws of
-    all candidates are joined and include the deviations from the laws. The sd is averaged over the draws; it is
-    computed for each candidate from its posterior under exact laws. Candidates without an orbit of this amplitude are
-    left out; if all are, the draws are empty and the sd is nan.
+    all candidates are joined and include the deviations from the laws. The sd that noise alone would cause is averaged
+    over the draws. Candidates without an orbit of an amplitude are left out there; if all are, all numbers but the
+    amplitude are nan.
 
     Parameters
     ----------
@@ -435,41 +391,58 @@ def draw_ratios(
         The comparison of the candidates.
     drawn : sequence of CandidateDraws
         Draws of each candidate.
-    amplitude : float
-        Amplitude in rad or m.
+    amplitudes : sequence of float
+        Amplitudes in rad or m.
     sensor : float
         Relative sd of the sensor's linearity and clock: each draw contains a random factor with this sd; 0 for none.
     rng : numpy.random.Generator
         Random stream.
     """
-    values, noises, weights = [], [], []
+    parts = []
     for d in drawn:
-        per_unit = ratios_per_unit(d, amplitude)
-        if per_unit is None:
+        orbits = orbits_of(d.result, amplitudes)
+        per_unit = [ratios_per_unit(d, orbit) for orbit in orbits]
+        parts.append((d, orbits, per_unit, _noise_of_ratios(comparison, d.result, per_unit)))
+    summaries = []
+    for i, amplitude in enumerate(amplitudes):
+        values, noises = [], []
+        for d, orbits, per_unit, noise in parts:
+            orbit = orbits[i]
+            if orbit is not None:
+                ratios = _average_over_frictions(comparison, d, orbit, per_unit[i], rng)
+                g, h = deviations_at(d, amplitude, rng)
+                values.append(ratios * np.exp(g) / (1 + h))
+                noises.append(noise[i])
+        if not values:
+            summaries.append(Ratio(amplitude, *(float("nan"),) * 5))
             continue
-        ratios = _average_over_frictions(comparison, d, amplitude, per_unit, rng)
-        g, h = deviations_at(d, amplitude, rng)
-        values.append(ratios * np.exp(g) / (1 + h))
-        # Propagate the covariance of the posterior under exact laws: this is the sd that noise alone causes.
-        result, mean = d.result, per_unit.mean(axis=0)
-        parameters = result.fit.parameters
-        rates, gradient = parameters.rates(result.fit.z), np.zeros(parameters.free.size)
-        coefficients = parameters.free < mean.size
-        gradient[coefficients] = mean[parameters.free[coefficients]] * rates[coefficients]
-        scale = np.sqrt(comparison.variance / result.exact_variance)
-        noises.append(float(result.exact_posterior.sds(gradient[None])[0] * scale))
-        weights.append(len(d.coefficients))
-    if not values:
-        return np.empty(0), float("nan")
-    ratios = np.concatenate(values)
-    ratios = ratios * (1 + sensor * rng.standard_normal(ratios.size))
-    return ratios, float(np.average(noises, weights=weights))
+        ratios = np.concatenate(values)
+        ratios = ratios * (1 + sensor * rng.standard_normal(ratios.size))
+        noise = float(np.average(noises, weights=list(map(len, values))))
+        q = quantity(ratios, min(noise, float(np.std(ratios))))
+        summaries.append(Ratio(amplitude, q.value, q.low, q.high, q.sd_noise, q.sd_law))
+    return tuple(summaries)
+
+
+def _noise_of_ratios(
+    comparison: ModelComparison, result: CandidateResult, per_unit: Sequence[np.ndarray]
+) -> np.ndarray:
+    """Return the sd that noise alone causes in a candidate's damping ratio at each of a amplitudes, (a,).
+
+    It follows from the covariance of the posterior under exact laws. per_unit: results of `ratios_per_unit` at the
+    amplitudes.
+    """
+    parameters = result.fit.parameters
+    slopes = np.zeros((len(per_unit), len(parameters.names)))
+    slopes[:, : len(result.solver.terms)] = [each.mean(axis=0) for each in per_unit]
+    gradients = slopes[:, parameters.free] * parameters.rates(result.fit.z)
+    return result.exact_posterior.sds(gradients) * np.sqrt(comparison.variance / result.exact_variance)
 
 
 def _average_over_frictions(
     comparison: ModelComparison,
     d: CandidateDraws,
-    amplitude: float,
+    orbit: Orbit,
     per_unit: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
@@ -479,28 +452,27 @@ def _average_over_frictions(
     `ModelComparison.frictions`, which have different ε, is chosen at random with its posterior probability. The draw's
     ratio at the solver's ε is multiplied by a quotient: the energy that all terms of the chosen fit lose in a cycle,
     divided by that of the fit at the solver's ε. The ratios do not change if the candidate has no friction, if ε is
-    known, or if the fit at the solver's ε loses no energy. per_unit: result of `ratios_per_unit`.
+    known, or if the fit at the solver's ε loses no energy. per_unit: result of `ratios_per_unit` on this orbit.
     """
     ratios = np.sum(d.coefficients * per_unit, axis=1)
     solver, active, frictions = d.result.solver, d.result.fit.active, comparison.frictions
     switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
     if not switching or not frictions:
         return ratios
-    orbit = orbit_of(d.result, amplitude)
-    assert orbit is not None  # `per_unit` was computed on it
-    # Compare the loss of all terms together: its split among terms that the record cannot distinguish is arbitrary.
     whole = comparison.solvers[d.result.candidate.restoring]
-    coefficients = np.array([f.coefficients for f in frictions])
-    works = [
-        unit_works(orbit, whole, np.array([f.further]), own != 0, f.epsilon)[0]
-        for f, own in zip(frictions, coefficients, strict=True)
-    ]
-    lost = np.sum(np.array(works) * coefficients, axis=1)
-    used = int(np.argmin([abs(f.epsilon - solver.epsilon) for f in frictions]))
-    if not lost[used] > 0:
+
+    def lost_by(f: Friction) -> float:
+        # Compare the loss of all terms together: its split among terms that the record cannot distinguish is arbitrary.
+        coefficients = np.array(f.coefficients)
+        works = unit_works(orbit, whole, np.array([f.further]), coefficients != 0, f.epsilon)[0]
+        return float(works @ coefficients)
+
+    usual = lost_by(min(frictions, key=lambda f: abs(f.epsilon - solver.epsilon)))
+    if not usual > 0:
         return ratios
-    weights = [f.weight for f in frictions]
-    return ratios * (lost / lost[used])[rng.choice(len(weights), len(ratios), p=weights)]
+    chosen = rng.choice(len(frictions), len(ratios), p=[f.weight for f in frictions])
+    used, place = np.unique(chosen, return_inverse=True)
+    return ratios * np.array([lost_by(frictions[i]) / usual for i in used])[place]
 
 
 def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
@@ -553,7 +525,7 @@ def _energies(result: CandidateResult, knots: int) -> np.ndarray:
     They are squared amplitudes of the candidate's motion, divided by their sum. They are all equal if the motion has
     fewer than two half cycles.
     """
-    at, sizes = turning_amplitudes(result.motion)
+    at, sizes = result.motion.half_cycles
     times = np.linspace(0, 1, knots) * result.data.end
     weight = np.ones(knots) if at.size < 2 else np.interp(times, at, sizes) ** 2
     return weight / weight.sum()

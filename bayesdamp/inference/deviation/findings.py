@@ -22,10 +22,10 @@ from bayesdamp.inference.deviation.draws import (
     midline_drift,
     natural_frequency,
     noise_sds,
-    orbit_of,
+    orbits_of,
     quantity,
-    ratio_at,
     ratio_over_law,
+    ratios_at,
     restoring_of,
     shares_of,
     time_fraction,
@@ -212,8 +212,7 @@ def compute_findings(
     size_g = np.concatenate([mean_deviation(d.result, d.g) for d in every])
     size_h = np.concatenate([mean_deviation(d.result, d.h) for d in every])
     floor = sensor if approximate else 0.0
-    curve = tuple(ratio_at(comparison, every, a, floor, rng) for a in along)
-    ratios = tuple(ratio_at(comparison, every, a, floor, rng) for a in wanted)
+    ratios = ratios_at(comparison, every, (*along, *wanted), floor, rng)
     of_best = next((d for d in drawn if d.result is best), None)
     exponent = quantity(np.array(comparison.exponents)) if comparison.exponents else None
     coefficients, undetermined, inseparable = (
@@ -233,8 +232,8 @@ def compute_findings(
         exponent=exponent,
         restoring=_probability_by_name(chosen, 1),
         term={t: sum(p for c, p in everything.items() if t in c.damping) for t in comparison.terms},
-        ratios=ratios,
-        curve=curve,
+        ratios=ratios[len(along) :],
+        curve=ratios[: len(along)],
         frequency=frequency,
         energy={t: quantity(shares[:, i]) for i, t in enumerate(comparison.terms)},
         bound=forms | absent,
@@ -280,7 +279,7 @@ def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None)
             h = d.h[:, -1]
             own = natural_frequency(force, _equilibria(d.result, d.law), d.result.data.amplitude)
         else:
-            orbit = orbit_of(d.result, amplitude)
+            (orbit,) = orbits_of(d.result, [amplitude])
             if orbit is None:
                 continue
             h = at_fraction(d.h, time_fraction(d.result, amplitude))
@@ -457,7 +456,7 @@ def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.n
         arrays[name] = np.array([getattr(r, of) for r in numbers.curve])
     amplitude = arrays["amplitude"]
     terms, solver = comparison.terms, comparison.solvers[numbers.best.restoring]
-    orbits = [orbit_of(best, float(a)) for a in amplitude]
+    orbits = orbits_of(best, amplitude.tolist())
     energy = np.array([np.nan if o is None else o.energy for o in orbits])
     none = np.full(len(terms), np.nan)
     for r in comparison.results:

@@ -214,13 +214,14 @@ def bound_other_forms(
     works = solver.works(x, v, weight, result.further, result.fit.active)[0]
     viscous = 2 * comparison.data.frequency * float(np.sum(weight * v))
     right = x > comparison.data.rest_under(result.candidate.restoring, result.law)
+    halves = [(x[at], v[at], weight[at]) for at in (right, ~right)]
     sizes = np.zeros(len(forms))
     for i, form in enumerate(forms):
         # Mean power of the form at positions on either side of the equilibrium.
         alone = replace(solver, terms=(form.name,))
         states = [form.values, *([form.less] if form.less else [])]
         further = np.array([[values[n] for n in alone.further] for values in states])
-        each = [alone.works(x, v, weight * side, further, np.ones(1, bool))[:, 0] for side in (right, ~right)]
+        each = [alone.works(*half, further, np.ones(1, bool))[:, 0] for half in halves]
         sides = np.array([part[0] - part[1:].sum() for part in each])
         if abs(sides.sum()) > LEAST_WORK * np.abs(sides).sum():
             sizes[i] = SCORE_RATIO * viscous / abs(sides.sum())

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -181,7 +181,7 @@ class CandidateResult:
         """
         return self.fit.z if self.linearisation is None else self.linearisation.z
 
-    @property
+    @cached_property
     def values(self) -> np.ndarray:
         """Return the values of all parameters of the solver at the mode, (k,), in the order of `Solver.names`."""
         return self.fit.parameters.values(self.z)

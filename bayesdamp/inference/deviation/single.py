@@ -21,7 +21,7 @@ from bayesdamp.inference.deviation.draws import (
     mean_deviation,
     noise_sds,
     quantity,
-    ratio_at,
+    ratios_at,
     with_parts_of_sd,
 )
 from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit
@@ -341,7 +341,7 @@ class Single:
         this amplitude.
         """
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
-        return tuple(ratio_at(self.comparison, [drawn], a, sensor, rng) for a in amplitudes)
+        return ratios_at(self.comparison, [drawn], amplitudes, sensor, rng)
 
     def motions(self, u: Array, t: Array | None = None, quantity: str | None = None) -> Array:
         """Return the motions, (n, m), of n draws u of all unknowns, (n, K); a motion that is unbounded is NaN.

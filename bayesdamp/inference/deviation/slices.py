@@ -29,7 +29,7 @@ from bayesdamp.inference.deviation.candidate import (
     linearise_at_mode,
     refit,
 )
-from bayesdamp.inference.deviation.draws import orbit_of, unit_works
+from bayesdamp.inference.deviation.draws import orbits_of, unit_works
 from bayesdamp.inference.deviation.linear import LinearModel, LinearPosterior, linear_posterior
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.parameters import Parameters
@@ -504,8 +504,7 @@ def exponent_starts(comparison: ModelComparison) -> list[float]:
     best, middle = comparison.best, comparison.data.middle
     solver = comparison.solvers[best.candidate.restoring]
     ratios = []
-    for a in (middle.amplitude * NEAR, middle.amplitude / NEAR):
-        orbit = orbit_of(best, a)
+    for orbit in orbits_of(best, [middle.amplitude * NEAR, middle.amplitude / NEAR]):
         if orbit is None:
             return []
         works = unit_works(orbit, solver, best.further, best.fit.active)[0]

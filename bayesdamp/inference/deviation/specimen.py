@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from bayesdamp.inference.deviation.draws import orbit_of, unit_works
+from bayesdamp.inference.deviation.draws import orbits_of, unit_works
 from bayesdamp.inference.deviation.linear import LEAST_KNOTS, grid_of
 from bayesdamp.inference.deviation.model_comparison import CandidateResult
 from bayesdamp.inference.deviation.repeats import RecordLikelihood, Repeats, join_runs, solve
@@ -95,8 +95,7 @@ def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLi
     )
     active = result.fit.active
     per_unit, growth = np.zeros((amplitudes.size, len(names))), np.zeros((amplitudes.size, len(names)))
-    for row, amplitude in enumerate(amplitudes):
-        orbit = orbit_of(result, float(amplitude))
+    for row, orbit in enumerate(orbits_of(result, amplitudes.tolist())):
         if orbit is None:
             per_unit[row] = np.nan
             continue

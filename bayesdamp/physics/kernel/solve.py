@@ -123,6 +123,30 @@ class Motion:
         ends = (steps[:, None] > 0) | (np.arange(PARTS) == 0)
         return np.append(times[ends], self.times[-1:]), np.vstack([states[ends], self.states[-1:, :3]])
 
+    @cached_property
+    def half_cycles(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return times in s and amplitudes (rad or m) of the half cycles, as two arrays of the same length.
+
+        An amplitude is half the distance between two turning points; its time is the middle between them. An amplitude
+        that is larger than the previous one is replaced by the previous one, so that the amplitudes never grow. Half
+        cycles of zero amplitude are left out. For an averaged record (one reduced to amplitudes and phases) the motion
+        and its times are those of the compressed oscillation that is solved in its place, which decays through the same
+        amplitudes in fewer cycles.
+        """
+        times, states = self.refined
+        v = states[:, 1]
+        # Turning points: the velocity changes sign between two nodes, or reaches zero at a node (counted once).
+        reached = (v[:-1] != 0) & (v[1:] == 0)
+        reached[0] |= v[0] == 0
+        turns = np.flatnonzero((v[:-1] * v[1:] < 0) | reached)
+        share = v[turns] / np.where(v[turns] == v[turns + 1], 1.0, v[turns] - v[turns + 1])
+        h = times[turns + 1] - times[turns]
+        t = times[turns] + share * h
+        x = states[turns, 0] + h * share * (states[turns, 1] + 0.5 * h * share * states[turns, 2])
+        sizes, at = 0.5 * np.abs(np.diff(x)), 0.5 * (t[1:] + t[:-1])
+        good = sizes > 0
+        return at[good], np.minimum.accumulate(sizes[good])
+
 
 @dataclass(frozen=True)
 class Solver:

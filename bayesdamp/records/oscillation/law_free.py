@@ -13,8 +13,9 @@ oscillation, and from it the equivalent viscous damping ratio follows.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy  # loads its modules when they are used
@@ -94,6 +95,9 @@ window (for windows that are raised cosines)."""
 MOST_HARMONIC = 0.05
 """Largest amplitude of the third harmonic, relative to the first, that is used in corrections; a larger one is replaced
 by this value (conventional)."""
+Smoothed = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+"""A function of scaled times (k,) that returns smoothed log amplitudes or phases, their slopes, and the variances or
+standard deviations of the slopes, with the last axis (k,) each."""
 _X, _W = np.polynomial.legendre.leggauss(16)  # nodes and weights of the energy integral
 
 
@@ -309,6 +313,11 @@ class LawFree:
         first, last = np.exp(self.line(np.array([-1.0, 1.0])))
         return float(self.times_of(np.array([np.sqrt(first * last)]))[0])
 
+    @cached_property
+    def _curves(self) -> tuple[Smoothed, Smoothed]:
+        """Return the smoothed log amplitude of the displacement and the smoothed phase, as functions of scaled time."""
+        return _smooth(self.windows, self.sizes), _smooth(self.windows, self.windows.phases, (0.0,))
+
     def at(self, times: np.ndarray) -> LawFreeDamping:
         """Return amplitude of the displacement, damping ratio and frequency, with standard errors, at times in s, (k,).
 
@@ -318,9 +327,8 @@ class LawFree:
         half = 0.5 * (last - first)
         place = 2 * (np.asarray(times, float) - first) / (last - first) - 1
         with threadpool_limits(1, "blas"):
-            sizes, slope, variance = _smooth(self.windows, self.sizes, place)
             # The frequency is the slope of the smoothed phases.
-            _, frequency, spread = _smooth(self.windows, self.windows.phases, place, (0.0,))
+            (sizes, slope, variance), (_, frequency, spread) = (curve(place) for curve in self._curves)
         sd = np.sqrt(variance + (RATE_ERROR * slope) ** 2)
         amplitude = np.exp(sizes)
         _, factor, factor_sd, energy = self.backbone.at(amplitude)
@@ -349,7 +357,7 @@ def law_free(signal: Signal) -> LawFree:
         replace(windows, errors=np.hypot(windows.errors, share * least / windows.amplitudes))
         for share in CONSTANT_ERRORS
     ]
-    windows = max(options, key=lambda w: _smooth_power(w, log_sizes, 0.0, x[:1])[0].max())
+    windows = max(options, key=lambda w: _smooth_power(w, log_sizes, 0.0)[0].max())
     order = DERIVATIVES[signal.quantity]
     sizes, phases, half = log_sizes, windows.phases, 0.5 * float(windows.times[-1] - windows.times[0])
     if order:
@@ -381,7 +389,7 @@ def law_free(signal: Signal) -> LawFree:
     weight = np.cos(np.pi * share) ** 2
     for _ in range(AVERAGING_ROUNDS):
         # Correct for the average over a window, which is larger than at its middle if the curve is convex.
-        curve = scipy.interpolate.CubicSpline(x, _smooth(windows, sizes, x)[0])
+        curve = scipy.interpolate.CubicSpline(x, _smooth(windows, sizes)(x)[0])
         inside = np.exp(curve(x[:, None] + share * width[:, None]) - curve(x)[:, None])
         sizes = averages - np.log(inside @ (weight / weight.sum()))
     windows, line = replace(windows, phases=phases), _fit_line(windows, sizes)
@@ -397,24 +405,24 @@ def _fit_line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial
     return np.polynomial.Polynomial.fit(windows.scaled_times, sizes, degree, w=1 / windows.errors)
 
 
-def _smooth(
-    windows: Sinusoids,
-    values: np.ndarray,
-    at: np.ndarray,
-    powers: Sequence[float] = POWERS,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _smooth(windows: Sinusoids, values: np.ndarray, powers: Sequence[float] = POWERS) -> Smoothed:
     """Smooth the `values` (k,) of the windows, which are log amplitudes or phases, as functions of time.
 
-    Return, at scaled times `at` (m,), the smoothed values, their slopes by scaled time, and the variances of these
-    slopes. They are weighted means over `powers` and over the variances of the random walk (`WALKS`). powers: powers of
-    the amplitude, each of which is modelled as a straight line in time plus an integrated random walk
-    (`_smooth_power`). For phases it must be (0.0,), with which the values themselves are modelled.
+    Return a function of scaled times (m,). It returns the smoothed values, their slopes by scaled time, and the
+    variances of these slopes. They are weighted means over `powers` and over the variances of the random walk
+    (`WALKS`). powers: powers of the amplitude, each of which is modelled as a straight line in time plus an integrated
+    random walk (`_smooth_power`). For phases it must be (0.0,), with which the values themselves are modelled.
     """
-    fits = [_smooth_power(windows, values, p, at) for p in powers]
-    logs, sizes, slopes, sds = (np.concatenate(parts) for parts in zip(*fits, strict=True))
+    each, curves = zip(*(_smooth_power(windows, values, p) for p in powers), strict=True)
+    logs = np.concatenate(each)
     weights = np.exp(logs - logs.max())
     weights = weights / weights.sum()
-    return weights @ sizes, *_mix_curves(weights, slopes, sds)
+
+    def smoothed(at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        sizes, slopes, sds = map(np.concatenate, zip(*(curve(at) for curve in curves), strict=True))
+        return weights @ sizes, *_mix_curves(weights, slopes, sds)
+
+    return smoothed
 
 
 def _mix_curves(
@@ -539,15 +547,13 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
     return Backbone(largest, tuple((float(w), c, cov) for w, (_, c, cov) in zip(weights, fits, strict=True)))
 
 
-def _smooth_power(
-    windows: Sinusoids, logs: np.ndarray, power: float, at: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _smooth_power(windows: Sinusoids, logs: np.ndarray, power: float) -> tuple[np.ndarray, Smoothed]:
     """Smooth the amplitude: model a power of it (0: its log) as a straight line in time plus an integrated random walk.
 
-    logs: log amplitudes in the windows, (n,), whose errors have the covariance of the windows. at: scaled times at
-    which the curve is evaluated, (k,). Return the log marginal likelihoods plus log priors, in nats, of the v variances
-    of the walk in `WALKS`, (v,). Return also, for each variance, the smoothed log amplitudes (or phases), their slopes
-    in scaled time, and the standard deviations of the slopes, (v, k) each.
+    logs: log amplitudes in the windows, (n,), whose errors have the covariance of the windows. Return the log marginal
+    likelihoods plus log priors, in nats, of the v variances of the walk in `WALKS`, (v,). Return also a function of
+    scaled times (k,), which returns, for each variance, the smoothed log amplitudes (or phases), their slopes in scaled
+    time, and the standard deviations of the slopes, (v, k) each.
     """
     x = windows.scaled_times
     middle = logs.mean()
@@ -556,19 +562,16 @@ def _smooth_power(
     # Covariance of the transformed values, and kernel of the integrated random walk, which starts at the first window.
     noise = windows.covariance * np.outer(base, base)
     scale = float(np.exp(np.mean(np.log(np.diag(noise)))))
-    z, w = x + 1.0, np.maximum(at + 1.0, 0.0)  # scaled times from the start
+    z = x + 1.0  # scaled times from the start
     less, more = np.minimum(z[:, None], z), np.maximum(z[:, None], z)
     walk = less**2 * (3 * more - less) / 6
-    less, more = np.minimum(w[:, None], z), np.maximum(w[:, None], z)
-    walk_at, walk_slope = less**2 * (3 * more - less) / 6, z * less - 0.5 * less**2
     # Transform the values to coordinates in which the noise is independent with variance `scale`, and the walk is
     # independent too.
     root = np.linalg.cholesky(noise / scale)
-    half = np.linalg.solve(root, walk)
-    powers, axes = np.linalg.eigh(np.linalg.solve(root, half.T))
-    to_axes = axes.T @ np.linalg.inv(root)
+    inverse_root = np.linalg.inv(root)
+    powers, axes = np.linalg.eigh(inverse_root @ walk @ inverse_root.T)
+    to_axes = axes.T @ inverse_root
     columns, values = to_axes @ np.stack([np.ones_like(x), x], axis=1), to_axes @ values
-    walk_at, walk_slope = walk_at @ to_axes.T, walk_slope @ to_axes.T
     precision = 1 / (1 + WALKS[:, None] * np.maximum(powers, 0.0))  # (v, n)
     weighted = columns * precision[:, :, None]
     inverse = np.linalg.inv(columns.T @ weighted)
@@ -586,16 +589,24 @@ def _smooth_power(
         - 0.5 * (free + NOISE_WEIGHT) * np.log(variance)
         + np.sum(np.log(base))  # Jacobian: all densities are those of the log amplitudes
     )
-    level = c[:, :1] + c[:, 1:] * at + WALKS[:, None] * (off @ walk_at.T)
-    # Keep the curve within 20 to 25 % of the amplitudes.
-    base_at = np.interp(at, x, base)
-    stretched = np.clip(1 + power * level, 0.8 * base_at, 1.25 * base_at)
-    sizes = middle + (level if power == 0 else np.log(stretched) / power)
-    slopes = (c[:, 1:] + WALKS[:, None] * (off @ walk_slope.T)) / stretched
-    line = np.array([0.0, 1.0]) - WALKS[:, None, None] * (walk_slope @ weighted)
-    spread = WALKS[:, None] * (w - WALKS[:, None] * (precision @ walk_slope.T**2))
-    spread += np.sum(line @ inverse * line, axis=2)
     degrees = free * ESTIMATES_PER_WINDOW / STARTS_PER_WINDOW + NOISE_WEIGHT
     wide = float(scipy.special.stdtrit(degrees, 0.975)) / NORMAL_95
-    sds = wide * np.sqrt(variance[:, None] * np.maximum(spread, 0.0)) / stretched
-    return log, sizes, slopes, sds
+
+    def curves(at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        w = np.maximum(at + 1.0, 0.0)
+        less, more = np.minimum(w[:, None], z), np.maximum(w[:, None], z)
+        walk_at = less**2 * (3 * more - less) / 6 @ to_axes.T
+        walk_slope = (z * less - 0.5 * less**2) @ to_axes.T
+        level = c[:, :1] + c[:, 1:] * at + WALKS[:, None] * (off @ walk_at.T)
+        # Keep the curve within 20 to 25 % of the amplitudes.
+        base_at = np.interp(at, x, base)
+        stretched = np.clip(1 + power * level, 0.8 * base_at, 1.25 * base_at)
+        sizes = middle + (level if power == 0 else np.log(stretched) / power)
+        slopes = (c[:, 1:] + WALKS[:, None] * (off @ walk_slope.T)) / stretched
+        line = np.array([0.0, 1.0]) - WALKS[:, None, None] * (walk_slope @ weighted)
+        spread = WALKS[:, None] * (w - WALKS[:, None] * (precision @ walk_slope.T**2))
+        spread += np.sum(line @ inverse * line, axis=2)
+        sds = wide * np.sqrt(variance[:, None] * np.maximum(spread, 0.0)) / stretched
+        return sizes, slopes, sds
+
+    return log, curves

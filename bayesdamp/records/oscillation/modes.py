@@ -144,10 +144,8 @@ def damped_modes(t: np.ndarray, y: np.ndarray) -> Iterator[Modes]:
     t, y = np.asarray(t, float) - t[0], np.asarray(y, float)
     points, rest = np.empty((0, 2)), y - y.mean()
     while fit := _add_mode(t, y, points, rest):
-        points, rest = fit
+        points, columns, c, rest = fit
         omega, rate = points.T
-        columns = _columns(t, points)
-        c = np.linalg.lstsq(columns, y, rcond=None)[0]
         size = np.hypot(c[1::2], c[2::2])
         ends = size * np.exp(-rate * t[-1])
         order = np.argsort(-np.maximum(size, ends))
@@ -188,8 +186,10 @@ def _slopes(t: np.ndarray, columns: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 def _add_mode(
     t: np.ndarray, y: np.ndarray, points: np.ndarray, rest: np.ndarray
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the least-squares fit with one more mode: points (k + 1, 2) and residuals (n,); None if all searches fail.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return the least-squares fit with one more mode; None if all searches fail.
+
+    The fit consists of its points (k + 1, 2), design matrix (n, 2k + 3), coefficients (2k + 3,) and residuals (n,).
 
     t, y: times in s and values, (n,). points: angular frequency (rad/s) and decay rate (1/s) of each of the k modes of
     the previous fit, (k, 2). rest: its residuals, (n,). All modes are searched together, from `points` and a new mode.
@@ -239,7 +239,7 @@ def _add_mode(
     def move(z: np.ndarray, step: np.ndarray) -> np.ndarray:
         return np.minimum(z + step, high)
 
-    fits: list[tuple[np.ndarray, np.ndarray]] = []
+    fits: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
     for omega in starts:
         is_near = np.any(np.abs(points[:, 0] - omega) < MIN_SEPARATION * bin_width)
         if omega <= 0 or (fits and is_near):
@@ -252,8 +252,9 @@ def _add_mode(
             continue
         modes = (top.x * scale).reshape(-1, 2)
         columns = _columns(t, modes)
-        fits.append((modes, y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]))
-    return min(fits, key=lambda fit: float(fit[1] @ fit[1]), default=None)
+        c = np.linalg.lstsq(columns, y, rcond=None)[0]
+        fits.append((modes, columns, c, y - columns @ c))
+    return min(fits, key=lambda fit: float(fit[-1] @ fit[-1]), default=None)
 
 
 def few_samples(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:

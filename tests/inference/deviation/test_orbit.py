@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from bayesdamp.inference.deviation.draws import orbit_at, unit_works
+from bayesdamp.inference.deviation.draws import unit_works
 from bayesdamp.physics.damping import PAPER_TERMS
+from bayesdamp.physics.forces import by_kernel
 from bayesdamp.physics.kernel import Solver
+from bayesdamp.physics.orbit import orbit_about
+from bayesdamp.physics.restoring import LAWS
 
 W = 4.5
 
@@ -16,7 +19,8 @@ W = 4.5
 def test_energy_and_work_of_a_pendulum_are_those_of_quadrature() -> None:
     """The energy is 2k sin²(A/2), and the work of the terms a quadrature over the angle, x = A sin φ."""
     k, amplitude = W**2, 2.8
-    orbit = orbit_at(amplitude, "pendulum", (k, 0.1), 0.1)
+    force = by_kernel(LAWS.get("pendulum").kernel, np.array([k, 0.1]))
+    orbit = orbit_about(force, 0.1, amplitude)
     assert orbit.energy == pytest.approx(2 * k * math.sin(amplitude / 2) ** 2, rel=1e-10)
     solver = Solver(PAPER_TERMS, "pendulum", np.zeros(1), "angle", amplitude, W, 1e-6, np.zeros(2))
     works = unit_works(orbit, solver, np.zeros((1, 0)), np.ones(3, bool))[0]
