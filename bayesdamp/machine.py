@@ -99,9 +99,9 @@ def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
         return list(pool.map(function, work))
 
 
-OBJECTS_PER_COLLECTION = 100_000
-"""Number of new objects after which Python collects garbage. With Python's default, 700, the collections take a tenth
-of the time of a short run, because each may traverse the 100,000 objects of JAX (measured)."""
+OBJECTS_PER_COLLECTION = 500_000
+"""Number of new objects after which Python collects garbage. A comparison of models on one record makes 350,000. With
+Python's default, 700, the collections take a tenth of the time of a short run with JAX (measured)."""
 
 
 def collect_garbage_rarely() -> None:

@@ -374,8 +374,8 @@ def run_info(study: Study, store: Store) -> Row:
         results = {m: store.find(f"mode/{first.name}/{m}", arrays=False) for m in study.compare(spec)}
         modes = {m: ModeContent.maybe(c) for m, c in results.items() if c}
         priors[spec.name] = {m: dict(mode.priors) if mode else {} for m, mode in modes.items()}
-        if not modes and (answered := stored_answer(first)):  # only the answer fitted candidates
-            own = answered.content.priors
+        if not modes and content:  # only the answer fitted candidates
+            own = content.priors
             priors[spec.name] = {spec.candidate(c.damping, c.restoring): dict(c.priors) for c in own}
     # Damping terms that the study compares or simulates.
     names = {t for s in study.signals for m in study.dampings(s) for t in m.split("+")}

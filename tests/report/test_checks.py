@@ -51,6 +51,12 @@ def chain(sampler: str = "nuts", at: float = 0.05, outcome: str = "ok") -> list[
 ESTIMATE = {**ROW, "model": "viscous", "stage": "refined", "parameter": "zeta", "truth": 0.05}
 
 
+class Parts(SimpleNamespace):
+    """An object with the given attributes; like a `RunFolder`, it can be a key of a cache."""
+
+    __hash__ = object.__hash__  # type: ignore[assignment]
+
+
 def run_of(answer: Verdict | None = None, truth: str = "", **given: Any) -> RunFolder:
     """Return an object with the parts of a run that checks read; `results`: functions of the parts of a task's name."""
     results = {"answer": lambda *_: cell("answer", answer) if answer else None, **given.pop("results", {})}
@@ -65,7 +71,7 @@ def run_of(answer: Verdict | None = None, truth: str = "", **given: Any) -> RunF
         "simulation": lambda _: {"damping": truth.split("+")} if truth else {},
         "provenance": lambda _: SimpleNamespace(warnings=()),
     }
-    return cast(RunFolder, SimpleNamespace(**{**parts, **given}))
+    return cast(RunFolder, Parts(**{**parts, **given}))
 
 
 def checked(run: RunFolder) -> tuple[list[str], list[str]]:

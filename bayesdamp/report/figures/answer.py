@@ -104,14 +104,9 @@ def draw_answer(
     t, has_fit = arrays["t"], "fit" in arrays
     whole.plot(*thin_line(t, arrays["record"], MOST_POINTS), color=FAINT, lw=1.8, label="record")
     if has_fit:
-        whole.plot(
-            *thin_line(t, arrays["fit"], MOST_POINTS),
-            color=colour(damping),
-            lw=0.6,
-            label=f"fit of {words.model(damping)}",
-        )
-    title = "Record and fit" if has_fit else "Record"
-    whole.set(title=title, xlabel="time / s", ylabel=recorded or unit)
+        label = f"fit of {words.model(damping)}"
+        whole.plot(*thin_line(t, arrays["fit"], MOST_POINTS), color=colour(damping), lw=0.6, label=label)
+    whole.set(title="Record and fit" if has_fit else "Record", xlabel="time / s", ylabel=recorded or unit)
     whole.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, fontsize=7.5)
     if rest is not None and not has_fit:
         rest.set_axis_off()
@@ -137,6 +132,9 @@ def draw_answer(
     if lost:  # the formulas that Matplotlib writes by default take 0.1 s
         energy.yaxis.set_major_formatter(lambda y, _: "10" + f"{math.log10(y):.0f}".translate(SUPERSCRIPTS))
         energy.fmt_ydata = "{:.3g}".format  # what an interactive figure shows at the cursor
+    # Most minor ticks are outside of the axis; they would not be visible, but take time.
+    minor, (low, high) = energy.get_yticks(minor=True), energy.get_ylim()
+    energy.set_yticks(minor[(minor >= low) & (minor <= high)], minor=True)
     label_with_plain_numbers(energy.xaxis)
     energy.set_xlim(a.min(), a.max())
     energy.legend(loc="best")
@@ -165,8 +163,7 @@ def _ratios(ax: Axes, arrays: Mapping[str, np.ndarray], unit: str) -> None:
     a, laws = arrays["amplitude"], [name for name in sorted(arrays) if name.startswith("law/")]
     for name in laws:
         terms = name.removeprefix("law/")
-        width = 0.7 if "+" in terms else 1.0
-        look = {"color": colour(terms), "ls": dash(terms), "lw": width}
+        look = {"color": colour(terms), "ls": dash(terms), "lw": 0.7 if "+" in terms else 1.0}
         ax.plot(a, 100 * arrays[name], label=words.model(terms), **look)
     how = "and each model fitted alone" if laws else "measured without a law"
     title = f"Equivalent damping ratio, {how}"
@@ -243,8 +240,7 @@ def draw_envelope(
     if "curve/t" not in arrays or verdict.window is None:
         rest.set_axis_off()
         return
-    names = ("t", "level", "fit", "fit_sd", "scatter")
-    t, level, fit, sd, scatter = (arrays[f"curve/{name}"] for name in names)
+    t, level, fit, sd, scatter = (arrays[f"curve/{n}"] for n in ("t", "level", "fit", "fit_sd", "scatter"))
     whole.fill_between(t, fit - 2 * sd, fit + 2 * sd, color=FIT_COLOUR, alpha=0.3, lw=0)
     whole.plot(t, fit, color=FIT_COLOUR, lw=1.4)
     for at in (verdict.window.start, verdict.window.stop):

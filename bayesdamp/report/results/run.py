@@ -387,13 +387,14 @@ def coefficients(run: RunFolder, model: str) -> list[str]:
     return [parameters[term] for term in candidate_parts(model)[0].split("+") if term in parameters]
 
 
+@lru_cache(8)  # each section reads one record after the other, and at most three kinds of answers on it
 def answer_of(
-    run: RunFolder, signal: str, kinds: Sequence[str] = ("sampled", "answer")
+    run: RunFolder, signal: str, kinds: tuple[str, ...] = ("sampled", "answer")
 ) -> RecordAnswer | None:
     """Return the answer (the comparison of damping models) on the first repeat of a record; None if there is none.
 
     `kinds` lists the kinds of tasks whose answer is accepted, the preferred kind first: "sampled" (from sampling) and
-    "answer" (from linear approximations).
+    "answer" (from linear approximations). The last answers are cached.
     """
     task_results = (run.task_result(kind, signal, run.repeats(signal)[0]) for kind in kinds)
     task_result = next((c for c in task_results if c is not None and c.outcome == OK), None)
