@@ -228,25 +228,32 @@ def adapt(
             variance = other.variance(record.y - motion, motion - motion.mean(), gaps) / data.thinned
         return AdaptedData(data, chosen, variance)
     for _ in range(ROUNDS):
+        # Far from the most probable motion the observed information may be much smaller than the expected one. A step
+        # with it would go too far, so that steps use the larger of the two.
         residual = record.y - motion
-        variance = noise.variance(residual, motion - motion.mean(), gaps)
-        data = data.working(noise.working_residuals(residual, gaps, variance) - residual)
+        variance = noise.variance(residual, motion - motion.mean(), gaps, least=1.0)
+        working = data.working(noise.working_residuals(residual, gaps, variance) - residual)
         # Linearise the candidate about its mode for the adapted values.
-        fit, new = refit(solver, data, at.fit), None
-        if fit is not None and approximate:
-            new = linearise_at_mode(solver, data, fit, None)
-        elif fit is not None:
-            new = linearise(solver, data, fit)
-        if new is None:
+        fit = refit(solver, working, at.fit)
+        if fit is None:
             break
-        moved = float(np.linalg.norm(new.motion.y - at.motion.y)) * np.sqrt(data.thinned / variance)
-        at = new
-        motion = _at_samples(solver, record, at)
-        if motion is None or moved < SETTLED:
+        new = (
+            linearise_at_mode(solver, working, fit, None) if approximate else linearise(solver, working, fit)
+        )
+        moved = None if new is None else _at_samples(solver, record, new)
+        if new is None or moved is None:
+            break
+        change = float(np.linalg.norm(new.motion.y - at.motion.y)) * np.sqrt(data.thinned / variance)
+        at, motion = new, moved
+        if change < SETTLED:
             break
         noise = fit_one(noise.name, record.y - motion)
+    residual = record.y - motion
+    variance = noise.variance(residual, motion - motion.mean(), gaps)
     return AdaptedData(
-        data, SampleNoise(noise, chosen.weighed), data.least_variance + variance / data.thinned
+        data.working(noise.working_residuals(residual, gaps, variance) - residual),
+        SampleNoise(noise, chosen.weighed),
+        data.least_variance + variance / data.thinned,
     )
 
 

@@ -7,6 +7,7 @@ modified residuals with which a least-squares fit finds the most probable motion
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 import scipy  # loads its modules when they are used
@@ -30,8 +31,8 @@ INFORMATION_STEP = 0.3
 """`FittedNoise.variance` shifts residuals to compute a derivative. This is the largest shift of a residual, as a
 multiple of the median absolute residual (conventional)."""
 LEAST_INFORMATION = 0.3
-"""Smallest observed Fisher information that `FittedNoise.variance` uses, as a fraction of the expected one; a smaller
-one is replaced by this, because the observed one can be negative by chance (conventional)."""
+"""Smallest observed Fisher information that `FittedNoise.variance` uses by default, as a fraction of the expected one;
+a smaller one is replaced by this, because the observed one can be negative by chance (conventional)."""
 LARGEST_SCORE = 6.0
 """Largest absolute value of the standard normal score of a noise parameter at which `fit_noise` starts its search. If
 the score of the estimate is larger, the search starts at this value."""
@@ -231,12 +232,14 @@ class FittedNoise:
     values: Mapping[str, float] = field(default_factory=dict)
     log_evidence: float = float("nan")
 
-    def variance(self, residual: np.ndarray, direction: np.ndarray, gaps: np.ndarray) -> float:
+    def variance(
+        self, residual: np.ndarray, direction: np.ndarray, gaps: np.ndarray, least: float = LEAST_INFORMATION
+    ) -> float:
         """Return the variance of white normal noise that gives the same Fisher information about a shift of the record.
 
         For a shift that oscillates at one frequency, least squares with this variance are as good as generalised least
         squares (U. Grenander, Ann. Math. Stat. 25, 252 (1954)). The information is the observed one, from finite
-        differences of the derivative of the log density, but at least `LEAST_INFORMATION` times the expected one.
+        differences of the derivative of the log density, but at least `least` times the expected one.
 
         Parameters
         ----------
@@ -246,6 +249,8 @@ class FittedNoise:
             The shift of each sample, up to a common factor.
         gaps : ndarray, shape (n - 1,)
             Times between the samples, in s.
+        least : float
+            Smallest observed information that is used, as a fraction of the expected one.
 
         Returns
         -------
@@ -258,7 +263,7 @@ class FittedNoise:
         observed = float(step @ (below - above)) / (2 * float(step @ step))
         root = noise.information_root(direction, gaps, self.values)
         expected = float(np.sum(root**2) / np.sum(direction**2))
-        return 1.0 / max(observed, LEAST_INFORMATION * expected)
+        return 1.0 / max(observed, least * expected)
 
     def working_residuals(self, residual: np.ndarray, gaps: np.ndarray, variance: float) -> np.ndarray:
         """Return modified residuals, (n,), whose least-squares gradient is that of the log density of the noise.
@@ -383,17 +388,13 @@ def fit_noise(
         negative_log_density, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}
     ).x
     axes = EVIDENCE_STEP * np.eye(z.size)
-    mixed = [
-        [
-            negative_log_density(z + a + b)
-            - negative_log_density(z + a - b)
-            - negative_log_density(z - a + b)
-            + negative_log_density(z - a - b)
-            for b in axes
-        ]
-        for a in axes
-    ]
-    sign, log_det = np.linalg.slogdet(np.array(mixed) / (4 * EVIDENCE_STEP**2))
+
+    def mixed(a: np.ndarray, b: np.ndarray) -> float:
+        """Return the mixed second difference of the density at its mode for two steps, (p,) each."""
+        return sum(s * u * negative_log_density(z + s * a + u * b) for s, u in product((1, -1), repeat=2))
+
+    hessian = np.array([[mixed(a, b) for b in axes] for a in axes]) / (4 * EVIDENCE_STEP**2)
+    sign, log_det = np.linalg.slogdet(hessian)
     return FittedNoise(
         name, values(z), (-negative_log_density(z) - 0.5 * float(log_det)) if sign > 0 else -np.inf
     )
