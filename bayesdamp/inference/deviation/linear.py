@@ -418,13 +418,13 @@ def condense(
         which have priors with a common scale, and which belong to damping terms. By default none has a common scale,
         and none belongs to damping terms.
     """
-    k = columns.shape[1]
-    lacking = max(k + 1 - r.size, 0)  # if there are fewer than K + 1 equations, add equations 0 = 0
-    whole = np.asarray(np.linalg.qr(np.pad(np.column_stack([columns, r]), ((0, lacking), (0, 0))), mode="r"))
+    n, k = columns.shape
+    both = np.zeros((max(n, k + 1), k + 1))  # if there are fewer than K + 1 equations, add equations 0 = 0
+    both[:n, :k], both[:n, k] = columns, r
+    whole = np.asarray(np.linalg.qr(both, mode="r"))
     none = np.zeros(positive.size, bool)
     shared, damping = (none if mask is None else mask for mask in (shared, damping))
-    rest = float(np.sum(whole[k:, k] ** 2))
-    return LinearModel(whole[:k, :k], whole[:k, k], rest, r.size, positive, shared, damping)
+    return LinearModel(whole[:k, :k], whole[:k, k], float(whole[k, k] ** 2), n, positive, shared, damping)
 
 
 @dataclass(frozen=True)
@@ -608,18 +608,30 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
     combination of sizes (prior sds) and correlation lengths of the deviations from the laws. The arguments are those of
     `linear_posterior`.
     """
-    d, total = model.positive.size, model.root.shape[1]
-    principal = _Principal.of(model, variance)
-    # With the scores after the deviations, the last rows of the triangle belong to the scores alone.
-    if principal.keeps_digits(grid, variance):
-        triangles = _without_h(principal, grid, variance)
-    else:
-        variances, order = np.full(grid.log_prior.size, variance), np.roll(np.arange(total), -d)
-        triangles = _Triangles.of(principal, grid, variances, order)
+    principal, triangles = _factorised(model, grid, variance)
+    d = principal.at.size
     factors = np.swapaxes(np.linalg.inv(triangles.lower[:, -d:, -d:]), 1, 2)
     means = principal.at + (factors @ triangles.half[:, -d:, None])[:, :, 0]
     log = triangles.log_evidence(model, grid, variance, samples)
     return Normals(log, means @ principal.axes.T, principal.axes @ factors)
+
+
+def log_evidences(model: LinearModel, grid: Grid, variance: float, samples: float) -> np.ndarray:
+    """Return only the field `log` of `score_normals`, (c,), in nats."""
+    return _factorised(model, grid, variance)[1].log_evidence(model, grid, variance, samples)
+
+
+def _factorised(model: LinearModel, grid: Grid, variance: float) -> tuple[_Principal, _Triangles]:
+    """Return the model in principal coordinates, and its triangles with the parameters after the deviations.
+
+    The last rows of each triangle then belong to the parameters alone. The arguments are those of `score_normals`.
+    """
+    principal = _Principal.of(model, variance)
+    if principal.keeps_digits(grid, variance):
+        return principal, _without_h(principal, grid, variance)
+    variances = np.full(grid.log_prior.size, variance)
+    order = np.roll(np.arange(model.root.shape[1]), -principal.at.size)
+    return principal, _Triangles.of(principal, grid, variances, order)
 
 
 def _without_h(principal: _Principal, grid: Grid, variance: float) -> _Triangles:
