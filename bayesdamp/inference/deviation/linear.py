@@ -653,8 +653,9 @@ def _without_h(principal: _Principal, grid: Grid, variance: float) -> _Triangles
     change[:, :n, :n] = grid.roots_g
     products = np.swapaxes(change, 1, 2) @ products[:, None] @ change
     products = products[places, grid.length_g]
-    products[:, :n] *= grid.size_g[:, None, None]
-    products[:, :, :n] *= grid.size_g[:, None, None]
+    # Only the lower triangles are used.
+    products[:, :n, :n] *= grid.size_g[:, None, None] ** 2
+    products[:, n:, :n] *= grid.size_g[:, None, None]
     triangles = _Triangles.of_products(products, np.concatenate([np.zeros(n), principal.at]))
     return replace(triangles, left=triangles.left + np.linalg.slogdet(information)[1][places])
 
@@ -760,9 +761,9 @@ class _ScaledPriors:
         left, sizes, right = np.linalg.svd(posteriors.factors[:, shared], full_matrices=False)
         aim = np.einsum("cij,ci->cj", left, posteriors.means[:, shared])
         extra = 1.0 / SHARED_SIGMAS**2 - 1.0
-        shrunk = 1.0 + extra[:, None] * sizes[:, None, :] ** 2
-        log = posteriors.log[:, None] - 0.5 * np.sum(np.log(shrunk), axis=2)
-        log = log - 0.5 * extra * np.sum(aim[:, None, :] ** 2 / shrunk, axis=2)
+        shrunk = 1.0 + extra * sizes.T[:, :, None] ** 2
+        penalty = np.sum(np.log(shrunk) + extra * aim.T[:, :, None] ** 2 / shrunk, axis=0)
+        log = posteriors.log[:, None] - 0.5 * penalty
         log = log - shared.size * np.log(SHARED_SIGMAS) - np.log(SHARED_SIGMAS.size)
         return cls(posteriors, inside, log, aim, sizes, left, np.swapaxes(right, 1, 2), extra)
 
