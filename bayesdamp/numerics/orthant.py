@@ -49,8 +49,7 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         unsure = mean[:, 0] < SURE_SDS * np.sqrt(covariance[:, 0, 0])
         if not unsure.all():
             logs = np.zeros(count)
-            if unsure.any():
-                logs[unsure] = log_probability(mean[unsure], covariance[unsure])
+            logs[unsure] = log_probability(mean[unsure], covariance[unsure])
             return logs
     if k > MAX_NESTED:
         return _log_probability_by_lattice(mean, covariance)
@@ -58,7 +57,7 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     first = scipy.special.log_ndtr(mean[:, 0] / sd)
     if k == 1:
         return first
-    at = truncated_quantiles(mean[:, :1], sd[:, None], first[:, None], GAUSS_LEVELS)
+    at = _quantiles(mean[:, :1], sd[:, None], first[:, None], GAUSS_LEVELS)
     # Mean and covariance of the other coordinates, given each value of the first.
     slope = covariance[:, 1:, 0] / covariance[:, :1, 0]
     rest = covariance[:, 1:, 1:] - slope[:, :, None] * covariance[:, None, 0, 1:]
@@ -66,9 +65,8 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     if k == 2:
         inner = scipy.special.log_ndtr(means[:, :, 0] / np.sqrt(np.maximum(rest[:, 0], 1e-300)))
     else:
-        inner = log_probability(means.reshape(-1, k - 1), np.repeat(rest, GAUSS_POINTS, axis=0)).reshape(
-            count, -1
-        )
+        rests = np.repeat(rest, GAUSS_POINTS, axis=0)
+        inner = log_probability(means.reshape(-1, k - 1), rests).reshape(at.shape)
     top = inner.max(axis=1, keepdims=True)
     return first + top[:, 0] + np.log(np.exp(inner - top) @ GAUSS_WEIGHTS)
 
@@ -92,14 +90,12 @@ def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.
         inside = scipy.special.log_ndtr(centre / sd)
         log += inside
         if i < k - 1:
-            z[:, :, i] = (truncated_quantiles(centre, sd, inside, levels[:, i]) - centre) / sd
+            z[:, :, i] = (_quantiles(centre, sd, inside, levels[:, i]) - centre) / sd
     top = log.max(axis=1, keepdims=True)
     return top[:, 0] + np.log(np.mean(np.exp(log - top), axis=1))
 
 
-def truncated_quantiles(
-    mean: np.ndarray, sd: np.ndarray, inside: np.ndarray, levels: np.ndarray
-) -> np.ndarray:
+def _quantiles(mean: np.ndarray, sd: np.ndarray, inside: np.ndarray, levels: np.ndarray) -> np.ndarray:
     """Return quantiles of normal distributions that are truncated to values ≥ 0.
 
     mean, sd: means and standard deviations before the truncation. inside: log probabilities of values ≥ 0, before the
@@ -184,7 +180,7 @@ def _truncated_draws(
         sd = lower[tries, i, i]
         inside = scipy.special.log_ndtr(centre / sd)
         log_weight += inside
-        z[:, i] = (truncated_quantiles(centre, sd, inside, rng.random(tries.size)) - centre) / sd
+        z[:, i] = (_quantiles(centre, sd, inside, rng.random(tries.size)) - centre) / sd
     highest = np.full(counts.size, -np.inf)
     np.maximum.at(highest, tries, log_weight)
     weight = np.exp(log_weight - highest[tries])

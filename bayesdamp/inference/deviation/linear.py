@@ -714,19 +714,16 @@ def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -
         Mark the scores that must not be negative, and the scores whose priors have the common scale.
     """
     places = np.flatnonzero(positive)
-    scaled, scales, combos, log_each = None, None, np.arange(posteriors.log.size), posteriors.log
+    scales, combos, log_each = None, np.arange(posteriors.log.size), posteriors.log
+    means, factors = posteriors.means[:, places], posteriors.factors[:, places]
     if shared.any():
         scaled = _ScaledPriors.of(posteriors, positive, shared)
         combos, scales = scaled.probable()
         log_each = scaled.log[combos, scales]
-    if places.size:
-        if scaled is None or scales is None:
-            means, factors = posteriors.means[:, places], posteriors.factors[:, places]
-        else:
-            means, factors = scaled.posteriors(combos, scales, places)
-        # The densities of k half-normal priors are 2^k times normal ones. Multiply by the probability that all are ≥ 0.
-        inside = log_probability(means, factors @ np.swapaxes(factors, 1, 2))
-        log_each = log_each + (means.shape[1] * np.log(2.0) + inside)
+        means, factors = scaled.posteriors(combos, scales, places)
+    # The densities of k half-normal priors are 2^k times normal ones. Multiply by the probability that all are ≥ 0.
+    inside = log_probability(means, factors @ np.swapaxes(factors, 1, 2))
+    log_each = log_each + (places.size * np.log(2.0) + inside)
     evidence = float(np.logaddexp.reduce(log_each))
     return LinearPosterior(log_each, evidence, combos, scales, positive, shared, posteriors.only)
 
