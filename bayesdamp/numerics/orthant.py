@@ -49,8 +49,7 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         unsure = mean[:, 0] < SURE_SDS * np.sqrt(covariance[:, 0, 0])
         if not unsure.all():
             logs = np.zeros(count)
-            if unsure.any():
-                logs[unsure] = log_probability(mean[unsure], covariance[unsure])
+            logs[unsure] = log_probability(mean[unsure], covariance[unsure])
             return logs
     if k > MAX_NESTED:
         return _log_probability_by_lattice(mean, covariance)
@@ -58,7 +57,7 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     first = scipy.special.log_ndtr(mean[:, 0] / sd)
     if k == 1:
         return first
-    at = truncated_quantiles(mean[:, 0], sd, GAUSS_LEVELS[None, :])
+    at = _quantiles(mean[:, :1], sd[:, None], first[:, None], GAUSS_LEVELS)
     # Mean and covariance of the other coordinates, given each value of the first.
     slope = covariance[:, 1:, 0] / covariance[:, :1, 0]
     rest = covariance[:, 1:, 1:] - slope[:, :, None] * covariance[:, None, 0, 1:]
@@ -66,9 +65,8 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     if k == 2:
         inner = scipy.special.log_ndtr(means[:, :, 0] / np.sqrt(np.maximum(rest[:, 0], 1e-300)))
     else:
-        inner = log_probability(means.reshape(-1, k - 1), np.repeat(rest, GAUSS_POINTS, axis=0)).reshape(
-            count, -1
-        )
+        rests = np.repeat(rest, GAUSS_POINTS, axis=0)
+        inner = log_probability(means.reshape(-1, k - 1), rests).reshape(at.shape)
     top = inner.max(axis=1, keepdims=True)
     return first + top[:, 0] + np.log(np.exp(inner - top) @ GAUSS_WEIGHTS)
 
@@ -88,23 +86,23 @@ def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.
     z, log = np.zeros((count, LATTICE_POINTS, k)), np.zeros((count, LATTICE_POINTS))
     for i in range(k):
         centre = centres[:, i, None] + np.einsum("cpj,cj->cp", z[:, :, :i], lower[:, i, :i])
-        sd = np.broadcast_to(lower[:, i, i, None], centre.shape)
-        log += scipy.special.log_ndtr(centre / sd)
-        at = np.broadcast_to(levels[:, i], centre.shape).reshape(-1, 1)
-        value = truncated_quantiles(centre.ravel(), sd.ravel(), at)[:, 0].reshape(centre.shape)
-        z[:, :, i] = (value - centre) / sd
+        sd = lower[:, i, i, None]
+        inside = scipy.special.log_ndtr(centre / sd)
+        log += inside
+        if i < k - 1:
+            z[:, :, i] = (_quantiles(centre, sd, inside, levels[:, i]) - centre) / sd
     top = log.max(axis=1, keepdims=True)
     return top[:, 0] + np.log(np.mean(np.exp(log - top), axis=1))
 
 
-def truncated_quantiles(mean: np.ndarray, sd: np.ndarray, levels: np.ndarray) -> np.ndarray:
-    """Return quantiles, (c, p), of c normal distributions that are truncated to values ≥ 0.
+def _quantiles(mean: np.ndarray, sd: np.ndarray, inside: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    """Return quantiles of normal distributions that are truncated to values ≥ 0.
 
-    mean, sd: means and standard deviations before the truncation, (c,). levels: probabilities in (0, 1) at which the
-    quantiles are computed, (c, p), or (1, p) if they are the same for all distributions.
+    mean, sd: means and standard deviations before the truncation. inside: log probabilities of values ≥ 0, before the
+    truncation. levels: probabilities in (0, 1) at which the quantiles are computed. The four arrays are broadcast, and
+    the result has the common shape.
     """
-    z = -scipy.special.ndtri_exp(np.log1p(-levels) + scipy.special.log_ndtr(mean / sd)[:, None])
-    return np.maximum(mean[:, None] + sd[:, None] * z, 0.0)
+    return np.maximum(mean - sd * scipy.special.ndtri_exp(np.log1p(-levels) + inside), 0.0)
 
 
 def draw(
@@ -180,9 +178,9 @@ def _truncated_draws(
     for i in range(mean.shape[1]):
         centre = mean[tries, i] + np.einsum("ni,ni->n", z[:, :i], lower[tries, i, :i])
         sd = lower[tries, i, i]
-        log_weight += scipy.special.log_ndtr(centre / sd)
-        value = truncated_quantiles(centre, sd, rng.random((tries.size, 1)))[:, 0]
-        z[:, i] = (value - centre) / sd
+        inside = scipy.special.log_ndtr(centre / sd)
+        log_weight += inside
+        z[:, i] = (_quantiles(centre, sd, inside, rng.random(tries.size)) - centre) / sd
     highest = np.full(counts.size, -np.inf)
     np.maximum.at(highest, tries, log_weight)
     weight = np.exp(log_weight - highest[tries])

@@ -9,7 +9,7 @@ import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.least_squares import SEARCHED, LeastSquaresFit, fit, nonnegative
-from bayesdamp.inference.deviation.linear import Grid, LinearModel, condense, grid_of, score_normals
+from bayesdamp.inference.deviation.linear import Grid, LinearModel, condense, grid_of, log_evidences
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.inference.model.target import default_prior
 from bayesdamp.physics.damping import TERMS
@@ -426,7 +426,7 @@ def prior_root(model: LinearModel, grid: Grid, variance: float) -> np.ndarray:
     prior sds and correlation lengths of g and h have their most probable values in the grid, which are computed without
     the condition that coefficients are ≥ 0. variance: variance of the noise, in the record's unit squared.
     """
-    top = int(np.argmax(score_normals(model, grid, variance, model.count).log))
+    top = int(np.argmax(log_evidences(model, grid, variance, model.count)))
     root = np.eye(model.root.shape[1])
     d = model.positive.size
     root[d:, d:] = grid.only(np.array([top])).factors[0]

@@ -418,13 +418,13 @@ def condense(
         which have priors with a common scale, and which belong to damping terms. By default none has a common scale,
         and none belongs to damping terms.
     """
-    k = columns.shape[1]
-    lacking = max(k + 1 - r.size, 0)  # if there are fewer than K + 1 equations, add equations 0 = 0
-    whole = np.asarray(np.linalg.qr(np.pad(np.column_stack([columns, r]), ((0, lacking), (0, 0))), mode="r"))
+    n, k = columns.shape
+    both = np.zeros((max(n, k + 1), k + 1))  # if there are fewer than K + 1 equations, add equations 0 = 0
+    both[:n, :k], both[:n, k] = columns, r
+    whole = np.asarray(np.linalg.qr(both, mode="r"))
     none = np.zeros(positive.size, bool)
     shared, damping = (none if mask is None else mask for mask in (shared, damping))
-    rest = float(np.sum(whole[k:, k] ** 2))
-    return LinearModel(whole[:k, :k], whole[:k, k], rest, r.size, positive, shared, damping)
+    return LinearModel(whole[:k, :k], whole[:k, k], float(whole[k, k] ** 2), n, positive, shared, damping)
 
 
 @dataclass(frozen=True)
@@ -608,18 +608,30 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
     combination of sizes (prior sds) and correlation lengths of the deviations from the laws. The arguments are those of
     `linear_posterior`.
     """
-    d, total = model.positive.size, model.root.shape[1]
-    principal = _Principal.of(model, variance)
-    # With the scores after the deviations, the last rows of the triangle belong to the scores alone.
-    if principal.keeps_digits(grid, variance):
-        triangles = _without_h(principal, grid, variance)
-    else:
-        variances, order = np.full(grid.log_prior.size, variance), np.roll(np.arange(total), -d)
-        triangles = _Triangles.of(principal, grid, variances, order)
+    principal, triangles = _factorised(model, grid, variance)
+    d = principal.at.size
     factors = np.swapaxes(np.linalg.inv(triangles.lower[:, -d:, -d:]), 1, 2)
     means = principal.at + (factors @ triangles.half[:, -d:, None])[:, :, 0]
     log = triangles.log_evidence(model, grid, variance, samples)
     return Normals(log, means @ principal.axes.T, principal.axes @ factors)
+
+
+def log_evidences(model: LinearModel, grid: Grid, variance: float, samples: float) -> np.ndarray:
+    """Return only the field `log` of `score_normals`, (c,), in nats."""
+    return _factorised(model, grid, variance)[1].log_evidence(model, grid, variance, samples)
+
+
+def _factorised(model: LinearModel, grid: Grid, variance: float) -> tuple[_Principal, _Triangles]:
+    """Return the model in principal coordinates, and its triangles with the parameters after the deviations.
+
+    The last rows of each triangle then belong to the parameters alone. The arguments are those of `score_normals`.
+    """
+    principal = _Principal.of(model, variance)
+    if principal.keeps_digits(grid, variance):
+        return principal, _without_h(principal, grid, variance)
+    variances = np.full(grid.log_prior.size, variance)
+    order = np.roll(np.arange(model.root.shape[1]), -principal.at.size)
+    return principal, _Triangles.of(principal, grid, variances, order)
 
 
 def _without_h(principal: _Principal, grid: Grid, variance: float) -> _Triangles:
@@ -641,8 +653,9 @@ def _without_h(principal: _Principal, grid: Grid, variance: float) -> _Triangles
     change[:, :n, :n] = grid.roots_g
     products = np.swapaxes(change, 1, 2) @ products[:, None] @ change
     products = products[places, grid.length_g]
-    products[:, :n] *= grid.size_g[:, None, None]
-    products[:, :, :n] *= grid.size_g[:, None, None]
+    # Only the lower triangles are used.
+    products[:, :n, :n] *= grid.size_g[:, None, None] ** 2
+    products[:, n:, :n] *= grid.size_g[:, None, None]
     triangles = _Triangles.of_products(products, np.concatenate([np.zeros(n), principal.at]))
     return replace(triangles, left=triangles.left + np.linalg.slogdet(information)[1][places])
 
@@ -701,19 +714,16 @@ def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -
         Mark the scores that must not be negative, and the scores whose priors have the common scale.
     """
     places = np.flatnonzero(positive)
-    scaled, scales, combos, log_each = None, None, np.arange(posteriors.log.size), posteriors.log
+    scales, combos, log_each = None, np.arange(posteriors.log.size), posteriors.log
+    means, factors = posteriors.means[:, places], posteriors.factors[:, places]
     if shared.any():
         scaled = _ScaledPriors.of(posteriors, positive, shared)
         combos, scales = scaled.probable()
         log_each = scaled.log[combos, scales]
-    if places.size:
-        if scaled is None or scales is None:
-            means, factors = posteriors.means[:, places], posteriors.factors[:, places]
-        else:
-            means, factors = scaled.posteriors(combos, scales, places)
-        # The densities of k half-normal priors are 2^k times normal ones. Multiply by the probability that all are ≥ 0.
-        inside = log_probability(means, factors @ np.swapaxes(factors, 1, 2))
-        log_each = log_each + (means.shape[1] * np.log(2.0) + inside)
+        means, factors = scaled.posteriors(combos, scales, places)
+    # The densities of k half-normal priors are 2^k times normal ones. Multiply by the probability that all are ≥ 0.
+    inside = log_probability(means, factors @ np.swapaxes(factors, 1, 2))
+    log_each = log_each + (places.size * np.log(2.0) + inside)
     evidence = float(np.logaddexp.reduce(log_each))
     return LinearPosterior(log_each, evidence, combos, scales, positive, shared, posteriors.only)
 
@@ -748,9 +758,9 @@ class _ScaledPriors:
         left, sizes, right = np.linalg.svd(posteriors.factors[:, shared], full_matrices=False)
         aim = np.einsum("cij,ci->cj", left, posteriors.means[:, shared])
         extra = 1.0 / SHARED_SIGMAS**2 - 1.0
-        shrunk = 1.0 + extra[:, None] * sizes[:, None, :] ** 2
-        log = posteriors.log[:, None] - 0.5 * np.sum(np.log(shrunk), axis=2)
-        log = log - 0.5 * extra * np.sum(aim[:, None, :] ** 2 / shrunk, axis=2)
+        shrunk = 1.0 + extra * sizes.T[:, :, None] ** 2
+        penalty = np.sum(np.log(shrunk) + extra * aim.T[:, :, None] ** 2 / shrunk, axis=0)
+        log = posteriors.log[:, None] - 0.5 * penalty
         log = log - shared.size * np.log(SHARED_SIGMAS) - np.log(SHARED_SIGMAS.size)
         return cls(posteriors, inside, log, aim, sizes, left, np.swapaxes(right, 1, 2), extra)
 
