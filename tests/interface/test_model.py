@@ -52,10 +52,7 @@ REFUSED: list[tuple[dict, str]] = [
     ({"priors": {"viscous": 0.1}}, "must be one of Normal"),
     ({"priors": {"viscous": bd.Normal(0.0, 1.0)}}, "allows values below zero"),
     ({"priors": {"viscous": bd.HalfNormal(1.0), "zeta": bd.HalfNormal(1.0)}}, "is a second prior of zeta"),
-    (
-        {"priors": {"stiffness": bd.Normal(1.0, 1.0)}, "known": {"stiffness": 1.0}},
-        "its value or its prior, not both",
-    ),
+    ({"priors": {"stiffness": bd.Normal(1.0, 1.0)}, "known": {"stiffness": 1.0}}, "or its prior, not both"),
     ({"deviation": "law", "sensor": -1.0}, "a number from 0 to below 0.5"),
     ({"deviation": "law", "priors": {"noise_sd": bd.HalfNormal(1.0)}}, "is not inferred under deviation"),
 ]

@@ -217,10 +217,7 @@ class RunMaker:
             self.put(f"evidence/{path}/{method}", {}, {})
 
     def info(self) -> dict:
-        note = (
-            "The velocity ε, within which friction changes its sign, was not given; it is assumed to be "
-            "2 % of the peak velocity: 0.25 rad/s."
-        )
+        note = "The velocity ε, within which friction changes its sign, was not given; it is assumed."
         cut = {"start": 2.0, "stop": 21.23, "epsilon_note": note}
         about = {
             "bench": {"notes": ["Cut."], "unit": "deg", "quantity": "angle", "simulated": False, **cut},

@@ -66,8 +66,7 @@ def test_the_start_does_not_depend_on_the_clock(monkeypatch: pytest.MonkeyPatch)
     exact = window_module.turning_points
 
     def rounded(*args) -> TurningPoints:
-        turns = exact(*args)
-        return replace(turns, times=np.round(turns.times, 9))
+        return replace(exact(*args), times=np.round(exact(*args).times, 9))
 
     monkeypatch.setattr(window_module, "turning_points", rounded)
     record = kicked(np.random.default_rng(100), 2)

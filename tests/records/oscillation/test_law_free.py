@@ -8,9 +8,10 @@ from scipy.integrate import quad
 from scipy.special import ellipk
 from scipy.stats import chi2
 
+import bayesdamp as bd
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import law_free
-from bayesdamp.types import LawFreeDamping, Signal
+from bayesdamp.types import LawFreeDamping, Refusal, Signal
 from tests.physics.independent import trajectory, viscous as viscous_decay
 
 K = 20.0
@@ -20,6 +21,19 @@ def curve_of(signal: Signal) -> LawFreeDamping:
     """Return damping ratio and frequency at 12 equidistant times."""
     fit = law_free(signal)
     return fit.at(np.linspace(*fit.span, 12))
+
+
+def test_amplitudes_that_differ_too_much_are_refused() -> None:
+    """Five of 80 samples are wrong by 10 to 25 % of the first amplitude."""
+    system = {"stiffness": K, "theta0": 0.2, "duration": 6.0, "samples": 80, "noise_sd": 0.001}
+    record, rng = (
+        bd.simulate({"viscous": 0.16, "coulomb": 0.02}, seed=133, **system),
+        np.random.default_rng(133),
+    )
+    at, y = rng.choice(80, 5, replace=False), np.array(record.y)
+    y[at] += 0.001 * rng.uniform(20, 50, 5) * rng.choice([-1, 1], 5)
+    with pytest.raises(Refusal, match="remove outliers"):
+        law_free(bd.signal(record.t, y))
 
 
 def test_the_backbone_of_a_pendulum_is_the_elliptic_integral() -> None:
