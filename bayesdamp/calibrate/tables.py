@@ -41,7 +41,7 @@ RANK_COLUMNS = ("model", "sampler", "parameter", "ranks")
 RECORD_COLUMNS = ("record", "noise", "cycles", "model", "outcome", "doubts")
 """First columns of recovery.csv: the number of the record, its noise (fraction of the reference amplitude), number of
 cycles, true model, outcome (`ok`, or why it is not used), and the number of models whose evidence is doubtful. They are
-followed by a column for each damping sum with its probability."""
+followed by a column for each sum of damping terms with its probability."""
 
 Row = dict[str, Any]
 Results = Mapping[str, Sequence[TaskResult]]
