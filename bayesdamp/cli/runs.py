@@ -93,7 +93,9 @@ def run_and_print(
     folder
         The folder of the run.
     depth
-        Last step of the run: the answer alone, the sampled answer, or everything that the study asks for.
+        Step after which the run ends: `ANSWER`, the comparison of damping models by linear approximations; `SAMPLED`,
+        in addition the sampling of the posteriors of the most probable models; or `WHOLE`, everything that the study
+        asks for.
     finish
         Function that prints the end of the output, from the folder of the run; by default `print_conclusion`. It is
         not called if `as_json` is True.
