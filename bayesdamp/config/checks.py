@@ -103,7 +103,7 @@ def read_prior(raw: object, key: str, *, negative: bool = True) -> Any:
         raise StudyError(key, f"is {show(raw)}; it must be {example}")
     kind = raw.get("prior")
     if kind is None:
-        raise StudyError(key, f"has no type of prior; it must be {example}")
+        raise StudyError(key, f"does not state the type of the prior; the value must be {example}")
     if not isinstance(kind, str) or kind not in PRIORS:
         what = f"unknown prior {show(kind)}{nearest(str(kind), list(PRIORS))}"
         raise StudyError(join_keys(key, "prior"), what)

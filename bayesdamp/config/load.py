@@ -70,12 +70,12 @@ _PUBLISHED = ("estimator", "signal", "error_pct", "time")
 """Columns of a CSV file of published results: the estimator, the signal, the error in per cent, the computing time."""
 _NO_STUDY = "give a study file (TOML), or a run's run.json"
 PRUNE_NATS = 20.0
-"""A candidate (a damping sum under a restoring law) is left out of the sampling and of the full evidence computation if
-its log evidence is at least this far below the largest, in nats: its relative probability is then at most 2e-9. For
-this
-test the evidence is computed by linear approximations."""
+"""A candidate (a sum of damping terms under a restoring law) is left out of the sampling and of the full evidence
+computation if its log evidence is at least this far below the largest, in nats: its relative probability is then at
+most 2e-9. For this test the evidence is computed by linear approximations."""
 SAMPLED_CANDIDATES = 2
-"""Number of candidates (damping sums under a restoring law) whose posterior is sampled, the most probable ones."""
+"""Number of candidates (sums of damping terms under a restoring law) whose posterior is sampled, the most probable
+ones."""
 WARMUP, DRAWS = 100, 500
 """`WARMUP`: number of first draws of each of four Markov chains, which are discarded. `DRAWS`: number of draws of each
 chain that are used. They are nearly independent, because the sampler works in whitened coordinates; if they are not, it
@@ -428,7 +428,7 @@ def laws_for(unit: str) -> tuple[str, ...]:
 def comparison(
     records: Sequence[RecordOptions], *, plugins: Sequence[PluginModule] = (), **settings: Any
 ) -> Study:
-    """Return the study that compares damping sums under restoring laws on each record.
+    """Return the study that compares sums of damping terms under restoring laws on each record.
 
     Parameters
     ----------
@@ -470,7 +470,7 @@ def comparison_tables(
     deviation: str = "auto",
     sensor: float = SENSOR,
 ) -> dict[str, Any]:
-    """Return the tables of the study that compares damping sums under restoring laws on each record.
+    """Return the tables of the study that compares sums of damping terms under restoring laws on each record.
 
     Parameters
     ----------

@@ -329,8 +329,8 @@ def resolve_signal(
     if entry.unit not in UNITS:
         raise StudyError(join_keys(key, "unit"), f"unknown unit {show(entry.unit)}; it must be {UNIT}")
     if entry.frequency is not None:
-        right = 'give quantity = "envelope", or remove it'
-        raise StudyError(join_keys(key, "frequency"), f"is for an envelope; {right}")
+        what = 'applies only to an envelope; give quantity = "envelope", or remove frequency'
+        raise StudyError(join_keys(key, "frequency"), what)
     (system, *others), reference = _read_systems(base, entry.system, laws, key)
     if entry.simulate is None:
         source: Simulation | Recording = _read_recording(entry, folder, key)
@@ -403,7 +403,7 @@ def canonical_model(name: object, key: str) -> str:
 
 
 def canonical_models(names: tuple[str, ...], key: str) -> tuple[str, ...]:
-    """Return damping sums, in the order given, each with its terms in the order of `damping_order`.
+    """Return damping sums, such as viscous+coulomb, each with its terms in the order of `damping_order`.
 
     key: key of the study file with the sums, for messages. Raises StudyError if a name is not a sum of different
     damping terms, or if a sum is repeated.

@@ -228,7 +228,7 @@ class EstimatorsTable(StudySection):
 
 
 class ModelsTable(StudySection):
-    """[models]: the damping sums and restoring laws to compare, and priors of damping terms.
+    """[models]: the sums of damping terms and restoring laws to compare, and priors of damping terms.
 
     compare: damping sums (sums of damping terms, such as viscous+coulomb); "all" stands for the seven sums of viscous,
     Coulomb and quadratic damping. restoring: restoring laws that each sum is combined with; if it is empty, each signal
@@ -408,14 +408,14 @@ class SignalSpec:
         return self.source.repeats if isinstance(self.source, Simulation) else 1
 
     def candidate(self, damping: str, restoring: str) -> str:
-        """Return the name of a candidate (a damping sum under a restoring law).
+        """Return the name of a candidate (a sum of damping terms under a restoring law).
 
         It contains the law only if several laws are compared on this signal.
         """
         return candidate_name(damping, restoring if len(self.restoring) > 1 else "")
 
     def parts(self, candidate: str) -> tuple[str, str]:
-        """Return the damping sum and the restoring law of a candidate, from its name.
+        """Return the damping sum (such as viscous+coulomb) and the restoring law of a candidate, from its name.
 
         If the name contains no law, the law is the first one of the signal.
         """
@@ -472,11 +472,15 @@ class Study:
     tables: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def dampings(self, spec: SignalSpec) -> tuple[str, ...]:
-        """Return the damping sums that are compared on a signal."""
+        """Return the names of the damping sums that are compared on a signal.
+
+        A damping sum is a sum of damping terms joined by +, such as "viscous+coulomb". The signal's own sums replace
+        those of the study.
+        """
         return self.models.compare if spec.compare is None else spec.compare
 
     def compare(self, spec: SignalSpec) -> tuple[str, ...]:
-        """Return the names of a signal's candidates: each damping sum under each restoring law.
+        """Return the names of a signal's candidates: each sum of damping terms under each restoring law.
 
         An envelope (recorded amplitudes) has no restoring law, and therefore no candidates.
         """

@@ -35,7 +35,7 @@ FAULTS = {
     "other law's": (swap("rest_angle = 0.0", "gravity = 1.0"), "system.gravity: unknown key; valid are restoring"),
     "system text": (swap("20.0", '"fre"'), "system.stiffness: is 'fre'; it must be a number (known), \"free\""),
     # priors
-    "no prior": (swap("20.0", "{ mean = 1 }"), "system.stiffness: has no type of prior; it must be a table such as"),
+    "no prior": (swap("20.0", "{ mean = 1 }"), "system.stiffness: does not state the type of the prior; the value must be"),
     "prior missing": (swap("20.0", '{ prior = "normal", mean = 1 }'), "stiffness.sd: is missing; it must be a num"),
     "negative noise": (swap("omega0", 'noise_sd = { prior = "uniform", low = -1, high = 1 }\nomega0'), "system.noise_sd: is uniform(low -1, high 1), which allows values below zero"),
     # [[signal]]
