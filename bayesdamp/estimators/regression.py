@@ -365,10 +365,13 @@ class Rows:
 class WhiteRows:
     """The weak form (`Rows`), transformed so that its errors are independent and have the variance of a sample's noise.
 
-    inertia (p + 1,), columns (p + 1, p): as in `Rows`, after a further orthogonal transformation that reduces the rows
-    to p + 1. count: number of rows before this reduction. moments (p + 1, p + 1): traces tr(C⁻¹B_k B_lᵀ), from which
-    the bias by noise follows. C is the covariance of the rows for samples with noise of variance 1. B_k are the
-    derivatives by the samples of column k and, for the last k, of the inertia.
+    inertia (p + 1,), columns (p + 1, p): as in `Rows`, after a further orthogonal transformation that reduces the
+    number of rows to p + 1. count: number of rows before this reduction.
+
+    moments (p + 1, p + 1): the traces tr(C⁻¹B_k B_lᵀ) for k and l from 0 to p, from which the bias that noise causes in
+    the coefficients follows. B_0, ..., B_(p − 1) are the derivatives of the p columns of `Rows` by the samples, and B_p
+    is the derivative of the inertia. C is the covariance of the sum inertia + columns @ x in `Rows`, if the noise of
+    the samples has the variance 1.
     """
 
     inertia: np.ndarray

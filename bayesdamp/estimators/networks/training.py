@@ -53,10 +53,11 @@ def single_thread() -> Iterator[None]:
 
 
 def jacobian(function: Callable[[Tensor], Tensor], rows: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the values of a function at each row, (n,) or (n, m), and their derivatives by it, (n, k) or (n, m, k).
+    """Return the values of a function at n rows, and the derivatives of each value by the elements of its row.
 
-    Each value may depend only on its own row of `rows` (n, k), so that the gradient of the sum of all values contains
-    the gradients of the single values. m: number of values for each row.
+    rows: (n, k). function: computes the values of all rows at once, (n,) or, with m values for each row, (n, m). The
+    derivatives are (n, k) or (n, m, k). A value may depend only on its own row. Therefore the derivatives of the first
+    value of every row are the gradient of the sum of these n values, and so on: m gradients are enough.
     """
     rows = rows.clone().requires_grad_()
     values = function(rows)
