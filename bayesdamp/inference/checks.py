@@ -168,7 +168,7 @@ DIFFERENCE_STEP = 0.1
 """Step of the finite differences of the residuals with respect to a parameter, in posterior standard deviations."""
 ZERO_SCORE = 1e-6
 """A damping coefficient counts as zero if the absolute value of its score is at most this. (A score is a parameter
-transformed to a standard normal prior; a score of 0 is a coefficient of 0.)"""
+transformed so that its prior is standard normal; a score of 0 is a coefficient of 0.)"""
 LINE_LIMIT = 0.005
 """A model has a misfit if the largest peak in the spectrum of its residuals has a p value below this. The limits
 `LINE_LIMIT`, `P_LIMIT` and `WINDOW_LIMIT` together reject 2 % of true models (conventional)."""
@@ -199,10 +199,10 @@ def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
 def laplace_draws(mode: Mode, count: int, seed: int) -> np.ndarray:
     """Draw scores from Laplace's approximation of the posterior, (count, d).
 
-    A score is a parameter transformed to a standard normal prior; the d columns are in the order of `Target.names`. The
-    approximation is a normal distribution with the gradient of the log posterior at the mode and the Gauss–Newton
-    covariance of `Mode.factor`. Scores of coefficients that cannot be negative (reflected scores) are truncated at
-    zero.
+    A score is a parameter transformed so that its prior is standard normal; the d columns are in the order of
+    `Target.names`. The approximation is a normal distribution with the gradient of the log posterior at the mode and
+    the Gauss–Newton covariance of `Mode.factor`. Scores of coefficients that cannot be negative (reflected scores) are
+    truncated at zero.
     """
     normal = truncated_near(mode.near, mode.z, mode.factor)
     return normal.draw(np.random.default_rng(seed), count)
@@ -263,6 +263,9 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
 def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[FitCheck, dict[str, np.ndarray]]:
     """Check how well a model fits: test its residuals, and fit halves of the record.
 
+    The predictive check compares the whitened residuals for draws from Laplace's approximation of the posterior with
+    simulated white noise. It uses their autocorrelation up to a largest lag, and their kurtosis.
+
     Parameters
     ----------
     target : Target
@@ -270,15 +273,17 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     mode : Mode
         Mode of its posterior.
     period : float
-        Period of the oscillation in s. The predictive check uses autocorrelations at lags up to one period, but at
-        least up to 4 samples and at most up to n/5.
+        Period of the oscillation in s. It is the largest lag of the predictive check, limited to the range from 4 to
+        n/5 samples (4 if n < 20).
     seed : int
         Seed of the random draws.
 
     Returns
     -------
     check : FitCheck
-        The numbers of fits.csv, and the verdict.
+        Rms and autocorrelation of the residuals, p value of the predictive check of the autocorrelation, largest change
+        of a damping coefficient between a half and the whole record, and the verdict: a text that says whether the
+        model fits and, if not, why. These values are columns of fits.csv.
     arrays : dict of str to ndarray
         `fit` and `residual`, (n,), in the unit of the record; `whitened`: the whitened residuals, (n,), which should be
         independent and standard normal; `autocorrelation`: that of the whitened residuals, (l,), from lag 0 to three

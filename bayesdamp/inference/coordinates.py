@@ -1,6 +1,7 @@
 """Coordinates in which a posterior is nearly standard normal.
 
-A score is a parameter that is transformed to a standard normal prior. Three maps lead from scores to the coordinates u:
+A score is a parameter that is transformed so that its prior is standard normal. Three maps lead from scores to the
+coordinates u:
 
 1. `NoiseMap` replaces the scores of two parameters of correlated noise by numbers whose posterior is nearly normal. The
    result is called level scores.
@@ -49,7 +50,7 @@ zero, because negative values are then practically impossible."""
 class TruncatedNormal:
     """A normal distribution of d scores, truncated at zero, whose log density has a given gradient at a point.
 
-    Scores are parameters transformed to standard normal priors.
+    Scores are parameters transformed so that their priors are standard normal.
 
     Parameters
     ----------
@@ -184,11 +185,11 @@ Gauss–Newton Hessian is approximately the identity. It replaces smaller eigenv
 class NoiseMap:
     """A map from level scores to scores, for two parameters of the noise whose posterior is not normal.
 
-    Scores are parameters transformed to standard normal priors. Level scores are new coordinates in which the posterior
-    is nearly normal. The two parameters are those that the noise model declares as `tied`. The second of them, such as
-    a correlation time, can have a very skew posterior; its level score is the standard normal quantile of its marginal
-    posterior. The level score of the first parameter is its score minus a shift: the change of its most probable value
-    with the second parameter. All other level scores are equal to the scores.
+    Scores are parameters transformed so that their priors are standard normal. Level scores are new coordinates in
+    which the posterior is nearly normal. The two parameters are those that the noise model declares as `tied`. The
+    second of them, such as a correlation time, can have a very skew posterior; its level score is the standard normal
+    quantile of its marginal posterior. The level score of the first parameter is its score minus a shift: the change of
+    its most probable value with the second parameter. All other level scores are equal to the scores.
 
     Attributes
     ----------

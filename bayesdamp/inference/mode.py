@@ -54,9 +54,10 @@ def maximise_posterior(
 ) -> Maximum:
     """Search for the mode of a posterior, starting from scores z, (d,).
 
-    Scores are the inferred parameters, transformed to standard normal priors. The common prior scale of damping
-    coefficients is fixed at 1, so that every score has the prior N(0, 1). (The prior that is averaged over all scales
-    has its maximum where all these coefficients are 0; on records with little damping the search would end there.)
+    Scores are the inferred parameters, transformed so that their priors are standard normal. The common prior scale of
+    damping coefficients is fixed at 1, so that every score has the prior N(0, 1). (The prior that is averaged over all
+    scales has its maximum where all these coefficients are 0; on records with little damping the search would end
+    there.)
 
     Parameters
     ----------
@@ -135,7 +136,7 @@ class LocalSearch:
     Attributes
     ----------
     origin, z : ndarray, shape (d,)
-        Start and end of the search, as scores (parameters transformed to standard normal priors).
+        Start and end of the search, as scores (parameters transformed so that their priors are standard normal).
     end : float
         Log posterior density at the end, in nats.
     volume : float
@@ -173,8 +174,8 @@ class StoredMode:
 class LinearDraws:
     """The posterior of a linear model, in which the record is linear in the scores and in the deviations from the laws.
 
-    Scores are the inferred parameters, transformed to standard normal priors. Deviations are slow changes of damping
-    and frequency that the damping and restoring laws do not describe.
+    Scores are the inferred parameters, transformed so that their priors are standard normal. Deviations are slow
+    changes of damping and frequency that the damping and restoring laws do not describe.
 
     Attributes
     ----------
@@ -190,7 +191,9 @@ class LinearDraws:
 
 @dataclass(frozen=True)
 class Mode:
-    """The mode of a posterior, as scores: the inferred parameters, transformed to standard normal priors.
+    """The mode of a posterior, as scores of the inferred parameters.
+
+    Scores are parameters, transformed so that their priors are standard normal.
 
     If damping and restoring laws are exact, it is the maximum of the posterior with the common prior scale of damping
     coefficients fixed at 1. If the model allows for deviations from its laws, it is the joint mode of scores and
@@ -362,9 +365,9 @@ def value_sds(target: Target, z: np.ndarray, covariance: np.ndarray) -> dict[str
 def value_intervals(target: Target, z: np.ndarray, sd: np.ndarray) -> dict[str, tuple[float, float]]:
     """Return the ends of the 95 % interval of each parameter in its unit, by name.
 
-    The scores (parameters transformed to standard normal priors) are assumed normal with mean z, (d,), and standard
-    deviations sd, (d,); the ends are the parameters at z ± 1.96 sd. Intervals of parameters with half-normal priors do
-    not go below zero.
+    The scores (parameters transformed so that their priors are standard normal) are assumed normal with mean z, (d,),
+    and standard deviations sd, (d,); the ends are the parameters at z ± 1.96 sd. Intervals of parameters with
+    half-normal priors do not go below zero.
     """
     low, high = z - NORMAL_95 * sd, z + NORMAL_95 * sd
     low = np.where(target.reflected, np.maximum(low, 0.0), low)

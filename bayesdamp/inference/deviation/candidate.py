@@ -62,9 +62,9 @@ class MotionCandidate:
 class Linearisation:
     """The motion of a candidate (damping terms under a restoring law) as a linear function of its K unknowns u.
 
-    u contains the d inferred parameters, transformed to standard normal priors (scores), then the deviations from the
-    laws at knots in time: first g (the damping force is multiplied by exp g), then h (the frequency is multiplied by 1
-    + h). Both have the same knots.
+    u contains the d inferred parameters, transformed so that their priors are standard normal (scores), then the
+    deviations from the laws at knots in time: first g (the damping force is multiplied by exp g), then h (the frequency
+    is multiplied by 1 + h). Both have the same knots.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Linearisation:
 
     @property
     def z(self) -> np.ndarray:
-        """Return the inferred parameters at u, transformed to standard normal priors (scores), (d,)."""
+        """Return the inferred parameters at u as scores, (d,): transformed so that their priors are standard normal."""
         return self.u[: self.fit.z.size]
 
     @property
@@ -306,8 +306,8 @@ def solve_at(
     at : LeastSquaresFit
         A fit of the candidate, from which only the parameters (priors, known values) and the active terms are used.
     u : ndarray, shape (K,)
-        The unknowns: the parameters, transformed to standard normal priors (scores), then g and h at knots in time. The
-        damping force is multiplied by exp g, and the frequency by 1 + h.
+        The unknowns: the parameters, transformed so that their priors are standard normal (scores), then g and h at
+        knots in time. The damping force is multiplied by exp g, and the frequency by 1 + h.
     tolerance : float, optional
         Error of an integration step as a fraction of the amplitude; by default that of fits (3e-8).
     """
@@ -325,7 +325,7 @@ def solve_at(
 def exact_model(fit: LeastSquaresFit) -> LinearModel:
     """Return the linear model of a candidate's motion about its fit under exact laws (without deviations g and h).
 
-    Its unknowns are the d inferred parameters, transformed to standard normal priors (scores).
+    Its unknowns are the d inferred parameters, transformed so that their priors are standard normal (scores).
     """
     target = fit.residual + fit.tangents @ fit.z
     return condense(fit.tangents, target, *fit.parameters.masks)
@@ -336,11 +336,11 @@ def linearise(
 ) -> Linearisation | None:
     """Linearise a candidate's motion about values u of its unknowns, (K,), by default about its fit `at`.
 
-    u contains the parameters, transformed to standard normal priors (scores), then the deviations from the laws at
-    knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h). At the
-    fit, which is under exact laws, g = h = 0. If u is given, only the parameters (priors, known values) and the active
-    terms of `at` are used. Return None if |g| or |h| is larger than `MOST_G` or `MOST_H`, or if the motion is
-    unbounded.
+    u contains the parameters, transformed so that their priors are standard normal (scores), then the deviations from
+    the laws at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 +
+    h). At the fit, which is under exact laws, g = h = 0. If u is given, only the parameters (priors, known values) and
+    the active terms of `at` are used. Return None if |g| or |h| is larger than `MOST_G` or `MOST_H`, or if the motion
+    is unbounded.
     """
     n = solver.knots.size
     u = np.concatenate([at.z, np.zeros(2 * n)]) if u is None else u
@@ -421,10 +421,11 @@ def linearise_at_mode(
 def prior_root(model: LinearModel, grid: Grid, variance: float) -> np.ndarray:
     """Return a matrix R, (K, K), for which R Rᵀ is the prior covariance of a linear model's K unknowns.
 
-    The unknowns are the parameters, transformed to standard normal priors (scores), then the deviations from the laws
-    at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h). The
-    prior sds and correlation lengths of g and h have their most probable values in the grid, which are computed without
-    the condition that coefficients are ≥ 0. variance: variance of the noise, in the record's unit squared.
+    The unknowns are the parameters, transformed so that their priors are standard normal (scores), then the deviations
+    from the laws at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1
+    + h). The prior sds and correlation lengths of g and h have their most probable values in the grid, which are
+    computed without the condition that coefficients are ≥ 0. variance: variance of the noise, in the record's unit
+    squared.
     """
     top = int(np.argmax(log_evidences(model, grid, variance, model.count)))
     root = np.eye(model.root.shape[1])
@@ -438,8 +439,9 @@ def mode_of(
 ) -> np.ndarray:
     """Return the mode u, (K,), of a linear model's posterior, with coefficients ≥ 0.
 
-    u contains the parameters, transformed to standard normal priors (scores), then the deviations from the laws at
-    knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h).
+    u contains the parameters, transformed so that their priors are standard normal (scores), then the deviations from
+    the laws at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 +
+    h).
 
     Parameters
     ----------

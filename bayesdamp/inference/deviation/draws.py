@@ -77,8 +77,8 @@ def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
 def with_parts_of_sd(summary: Mapping[str, float], noise: float) -> dict[str, float]:
     """Return a parameter's summary with two more keys, `sd_noise` and `sd_law`: two parts of its `sd`.
 
-    `sd_noise` is `noise`, the part that noise alone would cause under exact laws, but at most the sd. `sd_law` is √(sd²
-    − sd_noise²), the part that deviations from the laws cause.
+    `sd_noise` is `noise`, the sd that noise alone would cause if the laws were exact, but at most the sd. `sd_law` is
+    √(sd² − sd_noise²), the part that is caused by deviations of the motion from the damping and restoring laws.
     """
     noise = min(noise, summary["sd"])
     return {**summary, "sd_noise": noise, "sd_law": float(np.sqrt(summary["sd"] ** 2 - noise**2))}
@@ -115,8 +115,9 @@ class CandidateDraws:
     def of(cls, result: CandidateResult, u: np.ndarray) -> Self:
         """Convert draws u, (n, K), from a candidate's posterior to parameters in their units and to deviations g and h.
 
-        u contains the parameters, transformed to standard normal priors (scores), then the deviations from the laws at
-        knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h).
+        u contains the parameters, transformed so that their priors are standard normal (scores), then the deviations
+        from the laws at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied
+        by 1 + h).
         """
         d, solver = result.fit.z.size, result.solver
         values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places

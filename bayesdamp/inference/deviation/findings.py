@@ -256,9 +256,9 @@ def compute_findings(
 
 
 def _probability_by_name(each: Mapping[MotionCandidate, float], part: int = 0) -> dict[str, float]:
-    """Return the total probability of each damping sum (`part` = 0) or of each restoring law (`part` = 1), by name.
+    """Return the total probability of each sum of damping terms (`part` = 0) or restoring law (`part` = 1), by name.
 
-    The largest is first. each: probability of each candidate, which is a damping sum under a restoring law.
+    The largest is first. each: probability of each candidate, which is a sum of damping terms under a restoring law.
     """
     return sum_probabilities({c.name: p for c, p in each.items()}, part)
 

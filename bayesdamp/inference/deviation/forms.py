@@ -1,9 +1,9 @@
 """Test other forms of damping: their evidence as rivals of the compared sums, and upper limits of their energy loss.
 
-A rival is a damping sum with a form of damping that is not in the comparison. In it, this form replaces a term with
-which it may be confused: Stribeck friction replaces Coulomb friction, damping that grows with the displacement replaces
-quadratic damping, and a power of the velocity replaces a whole sum. If a rival is more probable than every compared
-sum, the true damping is probably none of these sums.
+A rival is a sum of damping terms with a form of damping that is not in the comparison. In it, this form replaces a term
+with which it may be confused: Stribeck friction replaces Coulomb friction, damping that grows with the displacement
+replaces quadratic damping, and a power of the velocity replaces a whole sum. If a rival is more probable than every
+compared sum, the true damping is probably none of these sums.
 
 For an upper limit, one form is added to the best sum, and the energy that it may dissipate is inferred. No further fit
 is needed: the linear model about the mode of the best sum gets one more column, the derivative of the motion by the
@@ -34,11 +34,11 @@ from bayesdamp.physics.kernel.solve import PARAMETERS
 from bayesdamp.priors import SCORE_RATIO
 
 REPLACED = {"displacement": "quadratic", "stribeck": "coulomb"}
-"""Other forms of damping (keys), each with the term that it replaces in a rival (value). A rival is a damping sum with
-a form that is not in the comparison; its evidence is computed after the comparison."""
+"""Other forms of damping (keys), each with the term that it replaces in a rival (value). A rival is a sum of damping
+terms with a form that is not in the comparison; its evidence is computed after the comparison."""
 ALONE = "power"
-"""The form of damping (one power of the velocity) that replaces a whole sum in a rival. A rival is a damping sum with a
-form that is not in the comparison; its evidence is computed after the comparison."""
+"""The form of damping (one power of the velocity) that replaces a whole sum in a rival. A rival is a sum of damping
+terms with a form that is not in the comparison; its evidence is computed after the comparison."""
 BEHIND = 7.0
 """A form of damping with parameters besides its coefficient, such as a Stribeck velocity, replaces a term only in
 compared sums whose log evidence is at most this many nats below the best. With any other sum, the posterior probability
@@ -70,8 +70,8 @@ def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
 def add_rivals(comparison: ModelComparison) -> ModelComparison:
     """Return a copy of the comparison whose field `forms` contains the results of the rivals.
 
-    A rival is a damping sum with a form of damping that is not compared. Rivals are evaluated under the restoring law
-    of the best candidate. These rivals are left out:
+    A rival is a sum of damping terms with a form of damping that is not compared. Rivals are evaluated under the
+    restoring law of the best candidate. These rivals are left out:
 
     - a rival whose fit fails;
     - a sum in which a form that has inferred parameters besides its coefficient replaces a term, if the log evidence of
@@ -274,11 +274,11 @@ def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> I
 def columns_of(result: CandidateResult) -> tuple[np.ndarray, np.ndarray] | None:
     """Return Jacobian (n, K) and target (n,) of the linear least-squares problem about a candidate's posterior mode.
 
-    Its unknowns u are the parameters, transformed to standard normal priors (scores), then the deviations from the laws
-    at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h). Under
-    exact laws u contains only the scores. The target is the record minus the constant part of the linearised motion, so
-    that |Jacobian u − target|² is the sum of squared residuals. Both are in the record's unit. None if the motion is
-    unbounded.
+    Its unknowns u are the parameters, transformed so that their priors are standard normal (scores), then the
+    deviations from the laws at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is
+    multiplied by 1 + h). Under exact laws u contains only the scores. The target is the record minus the constant part
+    of the linearised motion, so that |Jacobian u − target|² is the sum of squared residuals. Both are in the record's
+    unit. None if the motion is unbounded.
     """
     fit, linearisation = result.fit, result.linearisation
     if linearisation is None:

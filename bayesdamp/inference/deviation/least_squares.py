@@ -30,8 +30,8 @@ NOTHING = 0.1
 the decrease at which the search ends (`ROUGH`, `CLOSE`); otherwise the search ends at once."""
 LARGEST = 1e100
 """A fit fails if a derivative of the motion is larger than this: the motion then depends chaotically on its start, and
-sums of squares overflow. The derivatives are by the inferred parameters, transformed to standard normal priors
-(conventional)."""
+sums of squares overflow. The derivatives are by the inferred parameters, transformed so that their priors are standard
+normal (conventional)."""
 FIRST_CYCLES = 2.0
 """Length in cycles of the first part of the record that is fitted; each further part is twice as long, and the last is
 the whole record."""
@@ -52,7 +52,7 @@ class LeastSquaresFit:
     active : ndarray of bool, shape (m,)
         Marks which of the solver's m damping terms exert a force.
     z : ndarray, shape (d,)
-        The inferred parameters at the fit, each transformed to a standard normal prior (scores).
+        The inferred parameters at the fit, each transformed so that its prior is standard normal (scores).
     residual : ndarray, shape (n,)
         Record minus motion, in the record's unit.
     tangents : ndarray, shape (n, d)
@@ -107,9 +107,9 @@ def fit(
 ) -> LeastSquaresFit | None:
     """Fit a motion under exact laws to a record by least squares, including the priors of the parameters.
 
-    It minimises |residual|² + variance |z|², where z are the parameters, transformed to standard normal priors
-    (scores), and `variance` is the variance of the noise. No coefficient becomes negative. Return None if the motion at
-    the start of the search is unbounded, or if a motion depends chaotically on its parameters.
+    It minimises |residual|² + variance |z|², where z are the parameters, transformed so that their priors are standard
+    normal (scores), and `variance` is the variance of the noise. No coefficient becomes negative. Return None if the
+    motion at the start of the search is unbounded, or if a motion depends chaotically on its parameters.
 
     Parameters
     ----------

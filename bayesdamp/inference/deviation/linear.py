@@ -1,8 +1,8 @@
 """Compute posterior and evidence of a linear Gaussian model, summed over a grid of hyperparameters of its deviations.
 
-The unknowns are the parameters, transformed to standard normal priors (scores), and the deviations from the laws at
-knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h). The
-hyperparameters are the prior sds (sizes) and the correlation lengths of g and h.
+The unknowns are the parameters, transformed so that their priors are standard normal (scores), and the deviations from
+the laws at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h).
+The hyperparameters are the prior sds (sizes) and the correlation lengths of g and h.
 """
 
 from __future__ import annotations
@@ -207,8 +207,9 @@ out. This lowers a log evidence by at most a thousandth of a nat."""
 class LinearModel:
     """The sum of squared residuals of a linearised candidate as a quadratic form: |root u − target|² + rest.
 
-    u contains the d parameters, transformed to standard normal priors (scores), then the deviations from the laws at
-    knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h).
+    u contains the d parameters, transformed so that their priors are standard normal (scores), then the deviations from
+    the laws at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 +
+    h).
 
     Attributes
     ----------
@@ -254,10 +255,10 @@ class LinearModel:
 class DampingLikelihood:
     """The likelihood of the damping's parameters, with all other unknowns integrated out.
 
-    The k parameters are transformed to standard normal priors; x are the transformed values (scores). The log
-    likelihood in nats at each of c grid points is log + slopeᵀ x − xᵀ information x / 2, with arrays of shape (c,), (c,
-    k) and (c, k, k). It does not contain the prior of x. A grid point is one combination of sizes (prior sds) and
-    correlation lengths of the deviations from the laws.
+    The k parameters are transformed so that their priors are standard normal; x are the transformed values (scores).
+    The log likelihood in nats at each of c grid points is log + slopeᵀ x − xᵀ information x / 2, with arrays of shape
+    (c,), (c, k) and (c, k, k). It does not contain the prior of x. A grid point is one combination of sizes (prior sds)
+    and correlation lengths of the deviations from the laws.
     """
 
     log: np.ndarray
@@ -279,8 +280,8 @@ class LinearPosterior:
     """The posterior of a linear model: a mixture of m normal distributions, cut off where coefficients are negative.
 
     Each component belongs to one grid point (sizes and correlation lengths of the deviations from the laws) and to one
-    value of the common prior scale of coefficients. The K = d + 2n unknowns are the parameters, transformed to standard
-    normal priors (scores), and the deviations g and h at n knots in time each.
+    value of the common prior scale of coefficients. The K = d + 2n unknowns are the parameters, transformed so that
+    their priors are standard normal (scores), and the deviations g and h at n knots in time each.
 
     Attributes
     ----------
@@ -364,19 +365,19 @@ class LinearPosterior:
     def sds(self, combinations: np.ndarray) -> np.ndarray:
         """Return the sd of each of n linear combinations of the unknowns u within the components of the mixture, (n,).
 
-        u contains the parameters, transformed to standard normal priors (scores), then the deviations g and h from the
-        laws at knots in time (the damping force is multiplied by exp g, the frequency by 1 + h). combinations:
-        coefficients of the n combinations, (n, K). The variance is averaged over the components; their different means
-        do not contribute. It is the variance before coefficients are cut off at 0.
+        u contains the parameters, transformed so that their priors are standard normal (scores), then the deviations g
+        and h from the laws at knots in time (the damping force is multiplied by exp g, the frequency by 1 + h).
+        combinations: coefficients of the n combinations, (n, K). The variance is averaged over the components; their
+        different means do not contribute. It is the variance before coefficients are cut off at 0.
         """
         return np.sqrt(self.weights @ np.sum((combinations @ self.factors) ** 2, axis=2))
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Draw the unknowns u, (count, K); return them and the index of each draw's component in the mixture, (count,).
 
-        u contains the parameters, transformed to standard normal priors (scores), then the deviations from the laws at
-        knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1 + h). The
-        draws are ordered by component.
+        u contains the parameters, transformed so that their priors are standard normal (scores), then the deviations
+        from the laws at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied
+        by 1 + h). The draws are ordered by component.
         """
         numbers = rng.multinomial(count, self.weights / self.weights.sum())
         places = np.flatnonzero(numbers)
@@ -414,9 +415,9 @@ def condense(
     r : ndarray, shape (n,)
         Record minus the constant part of the linearised motion.
     positive, shared, damping : ndarray of bool, shape (d,)
-        Mark which of the first d unknowns (parameters, transformed to standard normal priors) must not be negative,
-        which have priors with a common scale, and which belong to damping terms. By default none has a common scale,
-        and none belongs to damping terms.
+        Mark which of the first d unknowns (parameters, transformed so that their priors are standard normal) must not
+        be negative, which have priors with a common scale, and which belong to damping terms. By default none has a
+        common scale, and none belongs to damping terms.
     """
     n, k = columns.shape
     both = np.zeros((max(n, k + 1), k + 1))  # if there are fewer than K + 1 equations, add equations 0 = 0
@@ -435,8 +436,8 @@ class Normals:
     laws (the damping force is multiplied by exp g, the frequency by 1 + h).
 
     log: log of evidence times prior probability of the grid point, in nats, (c,). means: means of the K unknowns, (c,
-    K). factors: matrices F in the covariances F Fᵀ, (c, K, L). The unknowns are the parameters, transformed to N(0, 1)
-    priors (scores), either alone or followed by g and h at knots in time.
+    K). factors: matrices F in the covariances F Fᵀ, (c, K, L). The unknowns are the parameters, transformed so that
+    their priors are N(0, 1) (scores), either alone or followed by g and h at knots in time.
     """
 
     log: np.ndarray
@@ -453,9 +454,9 @@ class Normals:
     def given(self, known: np.ndarray, values: np.ndarray) -> Normals:
         """Return the posteriors of the other unknowns, given that some scores are known.
 
-        Scores are parameters transformed to N(0, 1) priors. The evidence in the result is that of a model with these
-        fixed values, without their priors. known: marks the known scores, booleans (K,). values: their values, (K,);
-        elements for other unknowns have no effect.
+        Scores are parameters transformed so that their priors are N(0, 1). The evidence in the result is that of a
+        model with these fixed values, without their priors. known: marks the known scores, booleans (K,). values: their
+        values, (K,); elements for other unknowns have no effect.
         """
         basis, triangle = np.linalg.qr(np.swapaxes(self.factors[:, known], 1, 2))
         off = np.linalg.solve(np.swapaxes(triangle, 1, 2), (values[known] - self.means[:, known])[:, :, None])
@@ -471,10 +472,11 @@ class Normals:
 class _Principal:
     """A linear model in which principal coordinates v replace the parameters, relative to a fit without deviations.
 
-    The parameters, transformed to standard normal priors (scores), are axes (at + v). The matrix `axes`, (d, d), is
-    orthogonal, and `at`, (d,), is the posterior mean without the deviations g and h from the laws. `model` has the
-    unknowns v, g and h. Without deviations its information about v is diagonal, and its target is small. Therefore sums
-    of products of its columns keep their digits, even if a record determines some scores far better than others.
+    The parameters, transformed so that their priors are standard normal (scores), are axes (at + v). The matrix `axes`,
+    (d, d), is orthogonal, and `at`, (d,), is the posterior mean without the deviations g and h from the laws. `model`
+    has the unknowns v, g and h. Without deviations its information about v is diagonal, and its target is small.
+    Therefore sums of products of its columns keep their digits, even if a record determines some scores far better than
+    others.
     """
 
     model: LinearModel
@@ -574,10 +576,12 @@ class _Triangles:
 
 
 def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float) -> Normals:
-    """Compute the normal posterior of the parameters and the deviations g and h from the laws at each grid point.
+    """Compute the normal posterior of the parameters and of the deviations g and h from the laws at each grid point.
 
-    The parameters are transformed to standard normal priors (scores), which may be negative here. A grid point is one
-    combination of sizes (prior sds) and correlation lengths of the deviations.
+    g is the deviation of the log damping, and h is the relative deviation of the frequency, both at knots in time. A
+    grid point is one combination of sizes (prior sds) and correlation lengths of g and h. The parameters are
+    transformed so that their priors are standard normal (scores). Here also scores of damping coefficients may be
+    negative, because the posterior would not be normal with a bound.
 
     Parameters
     ----------
@@ -589,6 +593,12 @@ def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, sample
         Variance of the noise, in the record's unit squared; an array contains one for each grid point.
     samples : float
         Effective number of independent values in the record (see `linear_posterior`).
+
+    Returns
+    -------
+    Normals
+        For each of the c grid points: the log of evidence times prior probability, and the mean and the covariance of
+        the scores, g and h.
     """
     d, variance = model.positive.size, np.broadcast_to(variance, grid.log_prior.size)
     principal = _Principal.of(model, float(np.min(variance)))
@@ -604,9 +614,12 @@ def normals(model: LinearModel, grid: Grid, variance: float | np.ndarray, sample
 def score_normals(model: LinearModel, grid: Grid, variance: float, samples: float) -> Normals:
     """Compute the normal posterior of the parameters at each grid point, with the deviations g and h integrated out.
 
-    The parameters are transformed to standard normal priors (scores), which may be negative here. A grid point is one
-    combination of sizes (prior sds) and correlation lengths of the deviations from the laws. The arguments are those of
-    `linear_posterior`.
+    g is the deviation of the log damping, and h is the relative deviation of the frequency, both at knots in time. A
+    grid point is one combination of sizes (prior sds) and correlation lengths of g and h. The parameters are
+    transformed so that their priors are standard normal (scores). Here also scores of damping coefficients may be
+    negative, because the posterior would not be normal with a bound. The arguments are those of `linear_posterior`. The
+    result contains, for each of the c grid points, the log of evidence times prior probability, and the mean and the
+    covariance of the scores.
     """
     principal, triangles = _factorised(model, grid, variance)
     d = principal.at.size
@@ -663,9 +676,9 @@ def _without_h(principal: _Principal, grid: Grid, variance: float) -> _Triangles
 def linear_posterior(model: LinearModel, grid: Grid, variance: float, samples: float) -> LinearPosterior:
     """Compute the posterior and the evidence of a linear model under white noise.
 
-    The parameters are transformed to standard normal priors (scores). Scores marked in `model.shared` have the prior
-    N(0, σ²) instead, with a common scale σ; the evidence is summed over the values `SHARED_SIGMAS` of σ. Priors of
-    scores marked in `model.positive` are half-normal: cut off below zero.
+    The parameters are transformed so that their priors are standard normal (scores). Scores marked in `model.shared`
+    have the prior N(0, σ²) instead, with a common scale σ; the evidence is summed over the values `SHARED_SIGMAS` of σ.
+    Priors of scores marked in `model.positive` are half-normal: cut off below zero.
 
     Parameters
     ----------
@@ -700,11 +713,11 @@ def _whole(model: LinearModel, grid: Grid, variance: float, samples: float, comb
 def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -> LinearPosterior:
     """Replace the N(0, 1) priors of scores by their actual priors; return the posterior as a mixture.
 
-    A score is a parameter, transformed to a standard normal prior. Scores marked in `positive` get half-normal priors.
-    Scores marked in `shared` get priors with a common scale σ, whose values `SHARED_SIGMAS` are equally probable. The
-    mixture has a component for each grid point (sizes and correlation lengths of the deviations from the laws) or, with
-    shared scores, for each pair of grid point and σ that is not negligible. The result has the unknowns of
-    `posteriors`, and its `damping_likelihood` is None.
+    A score is a parameter, transformed so that its prior is standard normal. Scores marked in `positive` get
+    half-normal priors. Scores marked in `shared` get priors with a common scale σ, whose values `SHARED_SIGMAS` are
+    equally probable. The mixture has a component for each grid point (sizes and correlation lengths of the deviations
+    from the laws) or, with shared scores, for each pair of grid point and σ that is not negligible. The result has the
+    unknowns of `posteriors`, and its `damping_likelihood` is None.
 
     Parameters
     ----------
@@ -732,10 +745,10 @@ def with_priors(posteriors: Normals, positive: np.ndarray, shared: np.ndarray) -
 class _ScaledPriors:
     """Normal posteriors for every scale σ of the shared scores, whose prior is N(0, σ²) instead of N(0, 1).
 
-    Shared scores are coefficients, transformed to standard normal priors, whose priors have the common scale σ. Let u =
-    mean + F x, with x ~ N(0, I), be the unknowns for σ = 1; the shared scores are then m + S x. The other prior adds δ
-    |m + S x|² / 2 to −log p, with δ = 1/σ² − 1. With the singular value decomposition S = U D Wᵀ, this changes x only
-    along the k columns of W.
+    Shared scores are coefficients, transformed so that their priors are standard normal for σ = 1; σ is the common
+    scale of their priors. Let u = mean + F x, with x ~ N(0, I), be the unknowns for σ = 1; the shared scores are then m
+    + S x. The other prior adds δ |m + S x|² / 2 to −log p, with δ = 1/σ² − 1. With the singular value decomposition S =
+    U D Wᵀ, this changes x only along the k columns of W.
 
     normals: the posteriors for σ = 1, at c grid points (sizes and correlation lengths of the deviations). inside:
     indices, among the shared scores, of those that must not be negative, (i,). log: log of evidence times prior
@@ -822,7 +835,7 @@ class _ScaledPriors:
 def damping_likelihood(posteriors: Normals, places: np.ndarray, log_prior: np.ndarray) -> DampingLikelihood:
     """Compute the likelihood of the damping's parameters at each grid point, with all other unknowns integrated out.
 
-    The parameters are transformed to standard normal priors (scores).
+    The parameters are transformed so that their priors are standard normal (scores).
 
     Parameters
     ----------

@@ -77,8 +77,8 @@ ROUNDS = 2
 """Number of rounds of corrections for a record of very many cycles, whose motions are computed by averaging over
 cycles. Each round corrects the averaged motions with the full equation of motion and repeats the fits."""
 REACH = 20.0
-"""A candidate (a damping sum under a restoring law) is not fitted if its predicted log evidence is more than this many
-nats below the best prediction. The prediction is from the fit of the sum of all terms
+"""A candidate (a sum of damping terms under a restoring law) is not fitted if its predicted log evidence is more than
+this many nats below the best prediction. The prediction is from the fit of the sum of all terms
 (`ModelComparison.expected_evidences`). Of 385 candidates on 22 simulated records this left out 135, none of which was
 closer than 18 nats."""
 BEHIND = f"its log evidence is expected to be more than {REACH:g} nats below the best"
@@ -88,10 +88,10 @@ too small (see `REACH`)."""
 
 @dataclass(frozen=True)
 class CandidateResult:
-    """The fit, the posterior and the evidence of one candidate (a damping sum under a restoring law) on one record.
+    """The fit, the posterior and the evidence of one candidate on one record.
 
-    Deviations are time-dependent departures of the forces from their laws: g (log damping) and h (relative frequency).
-    The mode is the most probable point.
+    A candidate is a sum of damping terms under a restoring law. Deviations are time-dependent departures of the forces
+    from their laws: g (log damping) and h (relative frequency). The mode is the most probable point.
 
     Attributes
     ----------
@@ -203,7 +203,7 @@ class CandidateResult:
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """The Bayesian comparison of all candidates (damping sums under restoring laws) on one record.
+    """The Bayesian comparison of all candidates (sums of damping terms under restoring laws) on one record.
 
     Attributes
     ----------
@@ -235,7 +235,7 @@ class ModelComparison:
     results : tuple of CandidateResult
         Results of the candidates that are not refused.
     forms : tuple of CandidateResult
-        Results of the rivals: damping sums with a form of damping that is not in the compared sums.
+        Results of the rivals: sums of damping terms with a form of damping that is not in the compared sums.
     exponents : tuple of float
         Quantiles of the exponent p of a damping force c |v|^p, at the probabilities `slices.LEVELS`. Empty if this
         force alone has no result.
@@ -275,9 +275,9 @@ class ModelComparison:
         return max(self.results, key=lambda r: r.log_evidence)
 
     def result(self, candidate: MotionCandidate) -> CandidateResult:
-        """Return the result of a candidate (a damping sum under a restoring law), which is in `results` or `forms`.
+        """Return the result of a candidate (a sum of damping terms under a restoring law).
 
-        Raise StopIteration if it has none.
+        It is in `results` or `forms`. Raise StopIteration if it is in neither.
         """
         return next(r for r in (*self.results, *self.forms) if r.candidate == candidate)
 
@@ -312,11 +312,11 @@ class ModelComparison:
     def expected_evidences(
         self, candidates: Iterable[MotionCandidate], whole: Linearisation
     ) -> dict[MotionCandidate, float]:
-        """Predict the log evidences, in nats, of candidates (damping sums under one restoring law) without fits.
+        """Predict the log evidences, in nats, of candidates without fits.
 
-        whole: a larger sum under the same law, linearised about its mode. The predicted evidence is that of this linear
-        model with coefficients of 0 for all terms that the candidate does not have. It is infinite if the candidate has
-        a term that `whole` does not have.
+        Candidates are sums of damping terms, here under one restoring law. whole: a larger sum under the same law,
+        linearised about its mode. The predicted evidence is that of this linear model with coefficients of 0 for all
+        terms that the candidate does not have. It is infinite if the candidate has a term that `whole` does not have.
         """
         parameters = whole.fit.parameters
         # The score of a coefficient of 0 may be infinite under the user's prior. The model is linear in coefficients:
@@ -380,7 +380,7 @@ def compare_candidates(
     approximate: bool = True,
     noises: Sequence[str] = AUTOMATIC,
 ) -> ModelComparison:
-    """Fit every candidate (a damping sum under a restoring law) and compute its evidence.
+    """Fit every candidate (a sum of damping terms under a restoring law) and compute its evidence.
 
     Under each restoring law the sum of all terms is fitted first; the fits of the other candidates start from it.
     Candidates with a much smaller predicted evidence are not fitted (`REACH`).
@@ -390,7 +390,7 @@ def compare_candidates(
     data : Data
         The record.
     candidates : iterable of MotionCandidate
-        Damping sums under restoring laws.
+        Sums of damping terms under restoring laws.
     known : mapping or callable, optional
         Values of parameters by name, or a function from the name of a restoring law to such a mapping. They may include
         `noise_sd` (sd of a sample's noise, in the record's unit) and `epsilon` (width ε of the velocity range in which
@@ -543,7 +543,7 @@ def choose_noise(
 
 
 class _CandidateFits:
-    """Fits of candidates (damping sums under restoring laws) to one record, with one width ε of dry friction.
+    """Fits of candidates (sums of damping terms under restoring laws) to one record, with one width ε of dry friction.
 
     ε is the width of the velocity range in which friction changes its sign.
 
@@ -626,7 +626,7 @@ class _CandidateFits:
         return [c if c in self.fits else MotionCandidate(self.plain, c.restoring) for c in every]
 
     def fit_of(self, c: MotionCandidate) -> LeastSquaresFit | None:
-        """Return the fit of a candidate (a damping sum under a restoring law); None if the fit fails.
+        """Return the fit of a candidate (a sum of damping terms under a restoring law); None if the fit fails.
 
         If it does not exist yet, it is computed, starting from the fit of the sum of all terms.
         """
@@ -636,7 +636,7 @@ class _CandidateFits:
         return self.fits.get(c)
 
     def _fit(self, c: MotionCandidate, near: LeastSquaresFit | None) -> None:
-        """Fit a candidate (a damping sum under a restoring law), and store the fit in `fits`.
+        """Fit a candidate (a sum of damping terms under a restoring law), and store the fit in `fits`.
 
         The fit starts at `near`, the fit of a larger sum. If this fails, or if `near` is None, it starts at guesses: it
         then begins with the first cycles and goes on to longer and longer parts of the record. If both fail, the reason

@@ -167,11 +167,11 @@ class Parameters(Scores):
 class StraightParameters(Parameters):
     """Parameters with straight coordinates v in place of the scores of θ₀ and of the restoring law's parameters.
 
-    Scores are parameters transformed to standard normal priors; θ₀ is the displacement at the first sample. Motions are
-    more nearly linear in v = z₀ + J (ν − ν₀). Here ν are the natural coordinates of the law (`RestoringLaw.natural`),
-    quantities such as the frequency, which a record determines well. z₀ and ν₀ are the scores and the natural
-    coordinates at one point, the anchor. J is the derivative of the scores by ν at the anchor, so that v agrees with
-    the scores to first order.
+    Scores are parameters transformed so that their priors are standard normal; θ₀ is the displacement at the first
+    sample. Motions are more nearly linear in v = z₀ + J (ν − ν₀). Here ν are the natural coordinates of the law
+    (`RestoringLaw.natural`), quantities such as the frequency, which a record determines well. z₀ and ν₀ are the scores
+    and the natural coordinates at one point, the anchor. J is the derivative of the scores by ν at the anchor, so that
+    v agrees with the scores to first order.
 
     Attributes
     ----------

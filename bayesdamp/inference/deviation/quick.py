@@ -32,9 +32,9 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Reference, Signal
 
 NEAR = 10.0
-"""For a record of very many cycles, motions are computed by averaging over cycles. The motion of a candidate (a damping
-sum under a restoring law) is then corrected by the full equation of motion if the candidate's log evidence is at most
-this many nats below the best (conventional)."""
+"""For a record of very many cycles, motions are computed by averaging over cycles. The motion of a candidate (a sum of
+damping terms under a restoring law) is then corrected by the full equation of motion if the candidate's log evidence is
+at most this many nats below the best (conventional)."""
 
 
 def compare_signal(
@@ -48,7 +48,7 @@ def compare_signal(
     approximate: bool = True,
     noises: Sequence[str] = AUTOMATIC,
 ) -> ModelComparison:
-    """Compare damping sums under restoring laws on a record, by their evidence.
+    """Compare sums of damping terms under restoring laws on a record, by their evidence.
 
     A record of hundreds of cycles is reduced to amplitudes and phases, and its motions are averaged over cycles, unless
     the initial displacement or velocity is known. If averaging shifts a parameter by more than a tenth of its sd, the
@@ -79,7 +79,7 @@ def compare_signal(
     Returns
     -------
     ModelComparison
-        The fitted candidates with their evidences, the rivals (damping sums with a form of damping that is not
+        The fitted candidates with their evidences, the rivals (sums of damping terms with a form of damping that is not
         compared), and the quantiles of the exponent of a power law.
 
     Raises

@@ -128,7 +128,7 @@ def join_runs(
     *,
     seed: int = 0,
 ) -> Repeats:
-    """Compute the evidence and the joint posterior of one damping sum from several records of one specimen.
+    """Compute the evidence and the joint posterior of one sum of damping terms from several records of one specimen.
 
     In each record the specimen's coefficients are multiplied by a factor. The spread of the log factors between records
     is inferred; with a single record, which does not determine it, the spread is `NO_SPREAD`.

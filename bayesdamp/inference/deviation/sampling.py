@@ -37,10 +37,11 @@ ANCHOR_CHANGE = 0.1
 """The anchor of straight coordinates (see `MOST_ANCHORS`) is moved to the mode again if, at the mode, one of the
 coordinates differs by at least this from the standard normal score that it replaces (conventional)."""
 NATS_BEHIND = 5.0
-"""A candidate (a damping sum under a restoring law) is sampled if its log evidence is less than this many nats below
-the best. Sampling has never changed a log evidence by more (measured)."""
+"""A candidate (a sum of damping terms under a restoring law) is sampled if its log evidence is less than this many nats
+below the best. Sampling has never changed a log evidence by more (measured)."""
 MOST_SAMPLED = 6
-"""Largest number of candidates and rivals (damping sums under restoring laws) that are sampled (conventional)."""
+"""Largest number of candidates and rivals (sums of damping terms under restoring laws) that are sampled
+(conventional)."""
 LOOSER_TOLERANCES = (3e-6, 1e-6, 3e-7)
 """Tolerances with which the motions of draws may be solved, the loosest first: errors of an integration step, as
 fractions of the amplitude (conventional). The first tolerance that is accurate enough (`LARGEST_ERROR`) is used."""
@@ -159,9 +160,12 @@ class LinearProposal:
         return self.posterior.means[int(np.argmax(self.posterior.log_each))]
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw the unknowns u, (count, K); return also the index of each draw's mixture component, (count,).
+        """Draw the unknowns u, (count, K), from the posterior of the linear model.
 
-        u contains the parameters, as standard normal scores or straight coordinates, then the deviations from the laws.
+        u contains the parameters, as standard normal scores or straight coordinates (in which motions are more nearly
+        linear), then the deviations g and h from the laws at knots in time. The posterior is a mixture of normal
+        distributions, one for each combination of sizes and correlation lengths of the deviations (and of the common
+        prior scale of coefficients). Return also the index of the component from which each draw comes, (count,).
         """
         return self.posterior.draws(count, rng)
 
@@ -242,9 +246,9 @@ def _straighten(comparison: ModelComparison, result: CandidateResult) -> LinearP
 def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
     """Return a copy of the comparison in which the most probable candidates and rivals have draws in `sampled`.
 
-    Rivals are damping sums with a form of damping that is not compared. At most `MOST_SAMPLED` results are sampled:
-    those with the largest log evidence, within `NATS_BEHIND` nats of the best. Only results whose evidence may be
-    compared with the others are considered (`ModelComparison.compares`). Equal seeds give equal draws.
+    Rivals are sums of damping terms with a form of damping that is not compared. At most `MOST_SAMPLED` results are
+    sampled: those with the largest log evidence, within `NATS_BEHIND` nats of the best. Only results whose evidence may
+    be compared with the others are considered (`ModelComparison.compares`). Equal seeds give equal draws.
     """
     every = [r for r in (*comparison.results, *comparison.forms) if comparison.compares(r)]
     if not every:

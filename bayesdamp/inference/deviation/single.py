@@ -152,9 +152,10 @@ class FitState:
 
 @dataclass(frozen=True)
 class Single:
-    """One candidate (a damping sum under a restoring law) with deviations from its laws, linearised about its mode.
+    """One candidate with deviations from its laws, linearised about its mode.
 
-    The deviations are g (log damping) and h (relative frequency). The mode is the most probable point.
+    A candidate is a sum of damping terms under a restoring law. The deviations are g (log damping) and h (relative
+    frequency). The mode is the most probable point.
 
     Attributes
     ----------
@@ -263,10 +264,10 @@ class Single:
         return parameters.values(u[..., : parameters.free.size])[..., parameters.free]
 
     def with_parts_of_sds(self, posterior: Posterior) -> Posterior:
-        """Return a copy of a posterior whose summaries contain two parts of each parameter's sd.
+        """Return a copy of a posterior whose summaries contain two parts of each parameter's standard deviation (sd).
 
-        `sd_noise` is the part that noise alone would cause, and `sd_law` the part from deviations from the laws (see
-        `with_parts_of_sd`).
+        `sd_noise` is the sd that noise alone would cause. `sd_law` is the part that is caused by deviations of the
+        motion from the damping law and the restoring law. They add up as sd² = sd_noise² + sd_law².
         """
         each = posterior.summaries.items()
         return replace(posterior, summaries={n: with_parts_of_sd(s, self.noise_sds[n]) for n, s in each})
@@ -406,10 +407,11 @@ def fit_single(
     reference: Reference,
     noises: Sequence[str] = AUTOMATIC,
 ) -> Single:
-    """Fit one candidate (a damping sum under a restoring law) with deviations from its laws, and compute its evidence.
+    """Fit one candidate with deviations from its laws, and compute its evidence.
 
-    The noise and the width of friction are chosen with the sum of `PAPER_TERMS` and the candidate's other terms, as in
-    a comparison, so that two dampings under one restoring law are compared under the same noise.
+    A candidate is a sum of damping terms under a restoring law. The noise and the width of friction are chosen with the
+    sum of `PAPER_TERMS` and the candidate's other terms, as in a comparison, so that two dampings under one restoring
+    law are compared under the same noise.
 
     Parameters
     ----------

@@ -181,11 +181,12 @@ class SlicedProposal:
             yield rows, part, w[rows, self.place] - part.middle, np.delete(w[rows], self.place, axis=1)
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw w, (count, K); return also the index of each draw's mixture component within its slice, (count,).
+        """Draw w, (count, K); return also the index of the mixture's component for each draw, (count,).
 
         w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
-        In all draws the sliced parameter is at the middle of a slice. The draws are ordered by slice. The components
-        are those of the posterior of the slice's linear model.
+        In all draws the sliced parameter is at the middle of a slice. The draws are ordered by slice. The posterior of
+        the linear model of each slice is a mixture of normal distributions; the index is that of one of them
+        (component).
         """
         numbers = rng.multinomial(count, np.exp(self._logs - self.log_evidence))
         rows, combos = [], []

@@ -21,13 +21,13 @@ DERIVATIVE_STEP = 1e-4
 (conventional). In `ratio_likelihood` the step is this times the parameter's absolute value (at least 1e-3); in
 `_converted` it is in the parameter's unit."""
 NO_EVIDENCE = -60.0
-"""Smallest log evidence, in nats relative to the best candidate, that a candidate (a damping sum under a restoring law)
-can have on one record (conventional). It replaces smaller values, and is used for a candidate that was not evaluated on
-this record."""
+"""Smallest log evidence, in nats relative to the best candidate, that a candidate (a sum of damping terms under a
+restoring law) can have on one record (conventional). It replaces smaller values, and is used for a candidate that was
+not evaluated on this record."""
 NATS_BEHIND = 25.0
-"""A candidate (a damping sum under a restoring law) is not fitted jointly to all records if its largest possible
-evidence is more than this many nats below the best joint evidence so far (conventional). The largest possible evidence
-is the product of its maximum likelihoods on the single records. Both are multiplied by the prior odds."""
+"""A candidate (a sum of damping terms under a restoring law) is not fitted jointly to all records if its largest
+possible evidence is more than this many nats below the best joint evidence so far (conventional). The largest possible
+evidence is the product of its maximum likelihoods on the single records. Both are multiplied by the prior odds."""
 Model = tuple[str, str]
 """Names of a damping sum (its terms joined by +) and of a restoring law."""
 
@@ -109,10 +109,11 @@ def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLi
 
 @dataclass(frozen=True)
 class RunComparison:
-    """The evidence of every damping sum under every restoring law on one record.
+    """The evidence of every sum of damping terms under every restoring law on one record.
 
-    A candidate is a damping sum under a restoring law. A rival is a damping sum with a form of damping that the
-    compared sums do not contain; by default these are the sums of viscous, Coulomb and quadratic damping.
+    A candidate is a sum of damping terms under a restoring law. A rival is a sum of damping terms with a form of
+    damping that the compared sums do not contain; by default these are the sums of viscous, Coulomb and quadratic
+    damping.
 
     Attributes
     ----------
@@ -137,14 +138,14 @@ class RunComparison:
     amplitudes: np.ndarray = field(default_factory=lambda: np.ones(1))
 
     def best(self, restoring: str) -> float:
-        """Return the log evidence of the best damping sum under a restoring law, relative to the best candidate.
+        """Return the log evidence of the best sum of damping terms under a restoring law.
 
-        It is in nats. It is `NO_EVIDENCE` if no sum has been evaluated under this law.
+        It is in nats, relative to the best candidate. It is `NO_EVIDENCE` if no sum has been evaluated under this law.
         """
         return max([v for (_, law), v in self.log_evidence.items() if law == restoring], default=NO_EVIDENCE)
 
     def run_of(self, damping: str, restoring: str) -> RatioLikelihood | None:
-        """Return the likelihood of a damping sum under a restoring law; None if it was not computed on this record.
+        """Return the likelihood of a sum of damping terms under a restoring law; None if it was not computed.
 
         A rival (in `others`, a sum with a form of damping that is not compared) is evaluated under one law only. Under
         another law its likelihood is multiplied by a ratio of evidences: that of the best sum under the other law,
@@ -156,7 +157,7 @@ class RunComparison:
         return None
 
     def missing(self, damping: str, restoring: str, limit: str = "") -> float:
-        """Return the log evidence of a damping sum whose likelihood was not computed on this record.
+        """Return the log evidence of a sum of damping terms whose likelihood was not computed on this record.
 
         It is in nats relative to the best candidate, and at least `NO_EVIDENCE`. It is the first of these that exists:
 
@@ -171,7 +172,7 @@ class RunComparison:
 
 @dataclass(frozen=True)
 class SpecimenComparison:
-    """The Bayesian comparison of every model (a damping sum and a restoring law) on all records of a specimen.
+    """The Bayesian comparison of every model (a sum of damping terms and a restoring law) on all records of a specimen.
 
     Attributes
     ----------
@@ -209,9 +210,9 @@ class SpecimenComparison:
         return middle, low, high
 
     def others(self) -> dict[str, float]:
-        """Return the total probability of each rival over all restoring laws, by the name of its damping sum.
+        """Return the total probability of each rival over all restoring laws, by the name of its sum of damping terms.
 
-        Rivals are damping sums with a form of damping that is not in the compared sums.
+        Rivals are sums of damping terms with a form of damping that is not in the compared sums.
         """
         names = sorted({name for r in self.records for name in r.others})
         return {n: sum(p for (damping, _), p in self.probability.items() if damping == n) for n in names}
@@ -262,7 +263,7 @@ def compare_runs(
     *,
     seed: int = 0,
 ) -> SpecimenComparison:
-    """Compare every model (a damping sum and a restoring law) on several records of one specimen.
+    """Compare every model (a sum of damping terms and a restoring law) on several records of one specimen.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ class Proposal(Protocol):
         ...
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw the unknowns, (count, K); return also the index of each draw's mixture component, (count,)."""
+        """Draw the unknowns, (count, K); return also the index of the mixture's component for each draw, (count,)."""
         ...
 
     def crank_nicolson_step(

@@ -34,9 +34,9 @@ from bayesdamp.records.envelope.window import ABOVE_FLOOR
 from bayesdamp.types import InputError
 
 HOPELESS_NATS = 25.0
-"""The evidence of every damping sum is computed first with only one of the possible noises. If the log evidence is then
-more than this many nats below that of the best sum, the other noises are not tried for this sum, because they change it
-by a few nats only."""
+"""The evidence of every sum of damping terms is computed first with only one of the possible noises. If the log
+evidence is then more than this many nats below that of the best sum, the other noises are not tried for this sum,
+because they change it by a few nats only."""
 POSTERIOR_POINTS = 24
 """Number of points that represent the posterior of the parameters that a sum's terms have besides their
 coefficients."""
@@ -73,8 +73,8 @@ LARGEST_SCORE = 5.0
 """Largest absolute value of the coordinates of points in importance sampling; points beyond are moved to it. The
 coordinates are parameters as standard normal scores."""
 MOST_TERMS = 3
-"""Greatest number of terms in a damping sum for an envelope; a decay cannot distinguish more, and a larger sum is
-refused."""
+"""Greatest number of terms in a sum of damping terms for an envelope; a decay cannot distinguish more, and a larger sum
+is refused."""
 ASSUMPTIONS = (
     "Each term's equivalent damping ratio at the amplitude in the middle of the fall in dB has a half-normal prior. "
     "Its scale is unknown and the same for all terms of a sum: all orders of magnitude between "
@@ -514,7 +514,7 @@ def rank_sums(sums: Sequence[Sum], candidates: Sequence[EnvelopeCandidate]) -> R
     """
 
     def by_sum(logs: Sequence[float]) -> np.ndarray:
-        """Return the log of the total evidence of each damping sum's candidates, (sums,).
+        """Return the log of the total evidence of the candidates of each sum of damping terms, (sums,).
 
         logs: log evidence of each candidate, in nats.
         """
@@ -566,7 +566,7 @@ class PowerFit:
 
 
 def fit_power_law(b: Blocks, ranking: Ranking) -> PowerFit:
-    """Fit a power law to the decay, and compute its Bayes factor against all damping sums of the ranking together."""
+    """Fit a power law to the decay, and compute its Bayes factor against all ranked sums of damping terms together."""
     log_evidence, exponent = power_law_evidence(b)
     prior = np.logaddexp.reduce([s.log_prior for s in ranking.sums])
     return PowerFit(exponent, float(log_evidence - np.logaddexp.reduce(ranking.log_evidence) + prior))

@@ -200,7 +200,7 @@ class Deviation(NoiseModel):
         return across + self.basis @ white[int(np.argmax(each))]
 
     def log_likelihoods(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Raise Refusal: residuals are independent only given the deviations, so none has a density of its own."""
+        """Raise Refusal: deviations from the laws correlate the errors, so no residual has a density of its own."""
         raise Refusal(
             "with deviations from the laws the errors of samples are correlated, so that no sample has a density of "
             'its own; use deviation "none"'

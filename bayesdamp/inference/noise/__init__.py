@@ -225,7 +225,8 @@ class FittedNoise:
         Values of its parameters and constants by name; scales such as noise_sd are in the unit of the record.
     log_evidence : float
         Log density of the residuals in nats, integrated over the parameters by Laplace's approximation; −∞ if the
-        search did not end at a maximum, nan without a fit. If all parameters are known, it is the log density itself.
+        search did not end at a maximum, and nan if the noise model was not fitted (the default). If all parameters are
+        known, it is the log density itself.
     """
 
     name: str = GAUSSIAN
