@@ -85,7 +85,7 @@ class Comparison(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """A table with a row for each damping sum and restoring law on each record.
+        """A table with a row for each sum of damping terms and restoring law on each record.
 
         The columns are:
 

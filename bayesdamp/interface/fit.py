@@ -485,7 +485,9 @@ def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None
     """
     own = check_signal(signal, model)
     if model.approximate and start is not None:
-        raise InputError(f"fit: start has no effect under deviation {model.deviation!r}; remove it")
+        raise InputError(
+            f"fit: start has no effect if the model has deviation {model.deviation!r}; call fit without start"
+        )
     try:
         if model.approximate:
             return Fit.at_law(own, model, fit_approximate(own, model))

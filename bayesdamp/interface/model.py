@@ -1,7 +1,7 @@
 """Define a model of one decay, and search for its best fit to a record.
 
-A model is a damping sum, a restoring law, noise, priors and known parameters. `Density` is its posterior density as
-functions of the parameters, for any sampler or optimiser.
+A model is a sum of damping terms, a restoring law, noise, priors and known parameters. `Density` is its posterior
+density as functions of the parameters, for any sampler or optimiser.
 """
 
 from __future__ import annotations
@@ -575,9 +575,10 @@ def fit_exact(
     Returns
     -------
     mode
-        The highest posterior mode, with the chosen noise model. The solver's step sizes are chosen at this mode.
+        The highest posterior mode, under the noise model that was chosen.
     notes
-        Sentences on the choice of the noise model and of the width ε of Coulomb friction.
+        Sentences on the choice of the noise model, and of the width ε of the velocity range in which Coulomb friction
+        changes its sign.
 
     Raises
     ------
