@@ -264,8 +264,9 @@ class PowerLaw:
 class AmplitudeSolver:
     """Compute how an amplitude A decays, x(t) = ln(A/A_ref), with the interface of the kernel's `Solver`.
 
-    The parameters of `solve` are the decay rates in 1/s that the damping terms cause at the reference amplitude A_ref,
-    in the order of the law's terms (or the two parameters of a `PowerLaw`), then x at the start.
+    The parameters of `solve` are those of the decay law, then x at the start. A `DecayLaw` has a parameter for each of
+    its damping terms: the decay rate in 1/s that the term causes at the reference amplitude A_ref. A `PowerLaw` has two
+    parameters: ln of the decay rate (1/s) at A_ref, and the exponent.
 
     Attributes
     ----------
@@ -308,11 +309,11 @@ class AmplitudeSolver:
     ) -> Motion:
         """Compute the decay x(t) = ln(A/A_ref), with derivatives by the parameters p and by the deviation g at knots.
 
-        p: the decay rates in 1/s that the damping terms cause at the reference amplitude A_ref (or the two parameters
-        of a `PowerLaw`), then x at the start, (terms + 1,). In the result, the values are x at the times of the
-        measured amplitudes. The derivatives are those of x: by p and g for `tangents` = `ALL`, by p for `PARAMETERS`,
-        and none for `NONE`. Values and derivatives are multiplied by the matrix `white`. The states are x and dx/dt,
-        (n, 2), without this factor.
+        p, (k + 1,): the k parameters of the decay law, then x at the start. The parameters of a `DecayLaw` are the
+        decay rates in 1/s of its k damping terms at the reference amplitude A_ref. A `PowerLaw` has k = 2 parameters.
+        In the result, the values are x at the times of the measured amplitudes. The derivatives are those of x: by p
+        and g for `tangents` = `ALL`, by p for `PARAMETERS`, and none for `NONE`. Values and derivatives are multiplied
+        by the matrix `white`. The states are x and dx/dt, (n, 2), without this factor.
 
         The deviation g(t) is relative: all rates are multiplied by 1 + g(t). Therefore x(t) = X(t + ∫g dt), where X is
         the decay for g = 0. To first order, ∂x/∂g_k = -rate(x) ∫ b_k dt with the basis function b_k of knot k.

@@ -123,18 +123,20 @@ def orbit_about(force: Force, rest: ArrayLike, amplitude: ArrayLike) -> Orbit:
 def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, rest: ArrayLike) -> Cycle:
     """Return the cycle of the undamped motion at an amplitude, and the energy that the damping force removes in it.
 
-    All arguments that are arrays are broadcast against each other; the result has their common shape.
+    The result is a `Cycle`. It contains the positions and velocities in half of the cycle, from which the period
+    follows, and the energies. The arguments are broadcast against each other; arrays in the result have their common
+    shape (and a last axis for the quadrature nodes, if they contain values at these nodes).
 
     Parameters
     ----------
     osc
         The oscillator.
     p
-        Its parameters, by name.
+        Its parameters, by name: numbers or arrays.
     amplitude
         Half the distance between the turning points, rad or m.
     rest
-        The equilibrium, rad or m, such as `rest_position` returns it.
+        The equilibrium about which the motion oscillates, rad or m (see `rest_position`).
     """
     given = {n: np.asarray(p[n], float) for n in osc.inputs if n in p}
     shape = np.broadcast_shapes(*(v.shape for v in given.values()), np.shape(amplitude), np.shape(rest))

@@ -159,7 +159,7 @@ class Solver:
     t
         Times of the samples in s, (n,).
     quantity
-        One of `QUANTITIES`.
+        The recorded quantity, whose values `solve` computes: "angle" (the displacement), "velocity" or "acceleration".
     amplitude, frequency
         Scales from which the tolerances follow, in rad or m and in rad/s.
     epsilon
@@ -191,7 +191,7 @@ class Solver:
     def at(self, t: np.ndarray, quantity: str) -> Solver:
         """Return a solver for another quantity at other times t in s, (n,), without averages over windows.
 
-        The times must not be after the last knot. quantity: one of `QUANTITIES`.
+        The times must not be after the last knot. quantity: "angle" (the displacement), "velocity" or "acceleration".
         """
         return replace(self, t=t, quantity=quantity, samples=None)
 

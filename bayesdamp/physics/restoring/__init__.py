@@ -28,7 +28,8 @@ SYMBOLS = {
 class LinearForm:
     """A restoring law in the form of a linear regression: F_rest(θ) = offset + columns @ coefficients, at n angles θ.
 
-    columns: matrix of the c regressors, (n, c). offset: the part of the force that follows from known parameters, (n,).
+    columns: matrix with the c regressors (known functions of the angle) as columns, (n, c). The c coefficients are
+    unknown and are fitted. offset: the part of the force that follows from known parameters, (n,); 0 if there is none.
     decode: function that converts fitted coefficients, (c,), to the values of the law's unknown parameters by name.
     """
 
@@ -107,8 +108,9 @@ class RestoringLaw(ABC):
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
         """Write the law, at angles θ (n,), as a linear regression for the parameters that are not in `known`.
 
-        known: values of known parameters of the law, by name. The coefficients can be other quantities than the
-        parameters; `LinearForm.decode` converts them.
+        The result contains the regressors, the part of the force that follows from known parameters, and a function
+        that converts fitted coefficients to the unknown parameters (see `LinearForm`). It is needed because the
+        coefficients can be other quantities than the parameters. known: values of known parameters of the law, by name.
         """
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
@@ -130,7 +132,11 @@ class RestoringLaw(ABC):
         return None
 
     def unit(self, parameter: str) -> str:
-        """Return the unit of a parameter, by its name, for an angle in rad; "rad" for an unknown name."""
+        """Return the unit of a parameter of the law, if displacements are in rad.
+
+        Every parameter without an entry in this method is an angle, such as the angle at rest, so that its unit is rad.
+        A law with a parameter of another unit must override this method. parameter: name of the parameter.
+        """
         return {"stiffness": "1/s²", "gravity": "rad/s²", "cubic": "1/(rad² s²)"}.get(parameter, "rad")
 
 

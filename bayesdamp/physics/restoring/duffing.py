@@ -37,12 +37,14 @@ class Duffing(RestoringLaw):
         return {"stiffness": frequency**2, "rest_angle": rest, "cubic": 0.0, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Write the law at angles theta, (n,), as a linear regression for its unknown parameters.
+        """Write the force (k + β(θ − θ_e)²)(θ − θ_e) at angles theta, (n,), as a regression for its unknown parameters.
 
-        known: values of the known parameters, by name. If the equilibrium θ_e is known, the coefficients are the
-        stiffness k and the cubic stiffness β, without those that are known. If θ_e is unknown, the coefficients are the
-        four coefficients of a general cubic polynomial in θ, from which the parameters follow. Known values of k and β
-        are then not used in the fit.
+        The result contains regressors, an offset, and a function that converts the coefficients to the unknown
+        parameters (see `LinearForm`). If the equilibrium θ_e is known, the coefficients are the stiffness k and the
+        cubic stiffness β, if they are unknown; the offset is the part of the force that follows from the known one. If
+        θ_e is unknown, the coefficients are the four coefficients of a general cubic polynomial in θ minus its mean,
+        from which the parameters follow; the offset is 0, and known values of k and β are not used in the fit. known:
+        values of the known parameters, by name.
         """
         if "rest_angle" in known:
             x = theta - known["rest_angle"]

@@ -87,11 +87,12 @@ class HorizontalPendulum(RestoringLaw):
         return {"stiffness": k, "gravity": gravity, "spring_angle": spring, "theta0": start}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Write the law at angles theta, (n,), as a linear regression for its unknown parameters.
+        """Write the force k(θ − θ_s) − γ cos θ at angles theta, (n,), as a linear regression for unknown parameters.
 
-        known: values of the known parameters, by name. The coefficients are the stiffness k and the gravity term γ,
-        without those that are known. If the angle θ_s of the relaxed spring is unknown, the product kθ_s is a further
-        coefficient.
+        The result contains regressors, an offset, and a function that converts the coefficients to the unknown
+        parameters (see `LinearForm`). The coefficients are the stiffness k and the gravity term γ, if they are unknown.
+        If the angle θ_s of the relaxed spring is unknown, the product kθ_s is a further coefficient. The offset is the
+        part of the force that follows from known parameters. known: their values, by name.
         """
         spring = known.get("spring_angle")
         if spring is not None:

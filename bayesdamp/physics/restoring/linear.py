@@ -33,10 +33,12 @@ class LinearSpring(RestoringLaw):
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Write the law at angles theta, (n,), as a linear regression for its unknown parameters.
+        """Write the force k(θ − θ_e) at angles theta, (n,), as a linear regression for its unknown parameters.
 
-        known: values of the known parameters, by name. The coefficients are the stiffness k, if it is unknown, and
-        −kθ_e, if the equilibrium θ_e is unknown.
+        The result contains regressors, an offset, and a function that converts the coefficients to the unknown
+        parameters (see `LinearForm`). The coefficients are the stiffness k, if it is unknown, and −kθ_e, if the
+        equilibrium θ_e is unknown. The offset is the part of the force that follows from known parameters. known: their
+        values, by name.
         """
         rest = known.get("rest_angle")
         if rest is not None:

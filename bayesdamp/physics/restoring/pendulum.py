@@ -36,11 +36,13 @@ class Pendulum(RestoringLaw):
         return {"stiffness": frequency**2, "rest_angle": rest, **known}
 
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
-        """Write the law at angles theta, (n,), as a linear regression for its unknown parameters.
+        """Write the force k sin(θ − θ_e) at angles theta, (n,), as a linear regression for its unknown parameters.
 
-        known: values of the known parameters, by name. If the hanging position θ_e is unknown, the coefficients are k
-        cos θ_e and −k sin θ_e; a known value of the stiffness k is then not used in the fit. If only θ_e is known, the
-        coefficient is k; if both are known, there is none.
+        The result contains regressors, an offset, and a function that converts the coefficients to the unknown
+        parameters (see `LinearForm`). If the hanging position θ_e is unknown, the coefficients are k cos θ_e and −k sin
+        θ_e, and the offset is 0; a known value of the stiffness k is then not used in the fit. If only θ_e is known,
+        the coefficient is k, and the offset is 0. If both are known, there is no coefficient, and the offset is the
+        force. known: values of the known parameters, by name.
         """
         k, rest = known.get("stiffness"), known.get("rest_angle")
         if rest is not None:
