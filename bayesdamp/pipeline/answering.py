@@ -28,7 +28,7 @@ _COMPARISONS: dict[str, dict[str, ModelComparison]] = {}
 
 
 def _terms_of(study: Study, spec: SignalSpec) -> tuple[str, ...]:
-    """Return the names of the terms in the damping sums that the study compares on a signal, each once."""
+    """Return the names of all damping terms in the sums that the study compares on a signal, each once."""
     return tuple(dict.fromkeys(t for model in study.dampings(spec) for t in parse_model(model)))
 
 
@@ -129,8 +129,8 @@ def stored_answer(record: StudyRecord) -> Answer | None:
 def stored_fit(record: StudyRecord, damping: str, restoring: str) -> FitState:
     """Return the fit of one model, allowing deviations from its laws, that the task `ANSWER` on a record has stored.
 
-    damping, restoring: the damping sum and the restoring law of the model. Raises Refusal if the task stored no values,
-    or not this fit.
+    damping, restoring: the sum of damping terms and the restoring law of the model. Raises Refusal if the task stored
+    no values, or not this fit.
     """
     result = record.store.read(f"{ANSWER}/{record.name}")
     content = AnswerContent.maybe(result)

@@ -55,12 +55,12 @@ def _read(source: Recording, changed: int) -> EnvelopeRecord:
 
 
 def _sums(study: Study, spec: SignalSpec) -> Sums:
-    """Return the damping sums that the study compares on a signal, each as a tuple of the names of its terms."""
+    """Return the sums of damping terms that the study compares on a signal, each as a tuple of names."""
     return tuple(parse_model(name) for name in study.dampings(spec))
 
 
 def check_recording(study: Study, spec: SignalSpec) -> None:
-    """Check that an envelope can be read, and that the study's damping sums can be compared on it.
+    """Check that an envelope can be read, and that the study's sums of damping terms can be compared on it.
 
     Raises InputError if one of these is not possible.
     """

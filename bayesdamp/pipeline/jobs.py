@@ -1,7 +1,7 @@
 """List the jobs of a study with their tasks, order the jobs in stages, and leave out improbable models.
 
 A task is one computation with a stored result. A job is a list of tasks that one process computes (see `run`). A
-candidate is a model: a damping sum under a restoring law.
+candidate is a model: a sum of damping terms under a restoring law.
 """
 
 from collections.abc import Iterator, Sequence
@@ -65,12 +65,16 @@ class Depth(StrEnum):
 
 @dataclass(frozen=True)
 class Job:
-    """A list of tasks that one process computes one after another: those of one model, or one of the whole record.
+    """A list of tasks that one process computes one after another.
+
+    They are all tasks of one model on one record, or a single task that concerns the record and no single model.
 
     signal: name of the signal.
     repeat: number of the repeat of a simulated signal, from 0.
-    model: name of the model (candidate); None if the job concerns the whole record.
-    task_group: which task of the whole record: "read", "answer" or "sampled"; None if the job concerns a model.
+    model: name of the model (candidate); None if the job is a task on the whole record.
+    task_group: which task on the whole record; None if the job concerns a model. "read": simulate or read the record,
+    and store it. "answer": compare the damping models by linear approximations. "sampled": in addition, sample the
+    posteriors of the most probable models.
     is_sampled: for a model, whether the job includes its posteriors, and the evidence by nested sampling and by methods
     that need posterior draws.
     """

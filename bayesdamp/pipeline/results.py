@@ -166,7 +166,7 @@ class Run(ResultView):
             ("model", damping, {c.damping for c in self.candidates}),
         ):
             if name not in valid:
-                raise InputError(f"{self.name}: no {what} {name!r}{nearest(name, sorted(valid))}")
+                raise InputError(f"{self.name}: the run has no {what} {name!r}{nearest(name, sorted(valid))}")
         wanted = record, damping, repeat
         for candidate in self.candidates:
             same = wanted == (candidate.record, candidate.damping, candidate.repeat)

@@ -1,1 +1,4 @@
-"""Compute the tasks on one candidate (a damping sum under a restoring law): estimates, mode, posteriors, evidence."""
+"""Compute the tasks on one candidate: estimates, mode, posteriors, evidence.
+
+A candidate is a sum of damping terms under a restoring law.
+"""

@@ -1,4 +1,7 @@
-"""Read what the tasks on one candidate (a damping sum under a restoring law) need from the study and the store."""
+"""Read what the tasks on one candidate need from the study and the store.
+
+A candidate is a sum of damping terms under a restoring law.
+"""
 
 from dataclasses import replace
 from functools import cached_property
@@ -19,7 +22,7 @@ from bayesdamp.types import OK, InputError, Problem, Refusal, following
 
 
 class StudyCandidate:
-    """One candidate (a damping sum under a restoring law) on one record, with the inputs of its tasks.
+    """One candidate (a sum of damping terms under a restoring law) on one record, with the inputs of its tasks.
 
     model: name of the candidate. damping, terms, restoring: name of its damping sum, names of the terms of the sum, and
     name of its restoring law. repeat: number of the repeat of a simulated signal, from 0. path:
@@ -35,7 +38,7 @@ class StudyCandidate:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """Names of the estimators that the study applies to this candidate and repeat; () if there are none."""
+        """Names of the estimators that the study applies to this candidate on this repeat of the record, if any."""
         on = self.study.estimators.on(self.repeat)
         return on if self.model in self.study.estimate(self.spec) else ()
 
@@ -91,8 +94,9 @@ class StudyCandidate:
     def noise(self) -> str:
         """Name of the noise model for this candidate: of those that the study allows, the one with the most evidence.
 
-        The evidence is from the answer on the record. If the answer compared none of the allowed noise models, it is
-        the first allowed one.
+        The evidences of the noise models were computed by the task `ANSWER`, which compares the damping models on the
+        record. If it compared none of the allowed noise models, or has no result, the name is that of the first allowed
+        noise model.
         """
         compared = self.answer.noises if self.answer else ()
         allowed = [noise for noise in compared if noise.name in self.study.noises]

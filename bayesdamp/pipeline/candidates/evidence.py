@@ -1,4 +1,4 @@
-"""Compute the evidence of one candidate (a damping sum under a restoring law) by each method.
+"""Compute the evidence of one candidate (a sum of damping terms under a restoring law) by each method.
 
 Nested sampling is called the *referee* here: by default it is computed only if the other methods disagree.
 """
@@ -118,7 +118,7 @@ def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
 
 
 def probabilities(evidence: Mapping[str, Evidence]) -> dict[str, float]:
-    """Return the posterior probability of each model, from its evidence and the prior odds of its damping sum (`odds`).
+    """Return the posterior probability of each model, from its evidence and the prior `odds` of its damping terms.
 
     evidence: by name of the model. Models without a finite log evidence are left out; the probabilities of the others
     add up to 1.

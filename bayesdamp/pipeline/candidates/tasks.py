@@ -1,4 +1,7 @@
-"""List the tasks of a candidate (a damping sum under a restoring law) on a record with their keys, and compute them."""
+"""List the tasks of a candidate on a record with their keys, and compute them.
+
+A candidate is a sum of damping terms under a restoring law.
+"""
 
 from bayesdamp.estimators import ESTIMATORS, run as run_estimator
 from bayesdamp.inference.evidence import EVIDENCES
