@@ -135,28 +135,33 @@ class NoiseFloor:
         return NoiseFloor(self.power * factor, self.decay * factor, self.semivariance * factor**2, self.error)
 
     def parts(self, slow: float) -> tuple[float, float, float, float]:
-        """Separate the floor into fluctuating and constant power.
+        """Separate the power of the noise floor into a fluctuating and a constant part.
 
-        The fluctuating part is circular Gaussian noise of power F with autocorrelation R = `slow` ·
-        exp(-LAG_IN_DECAY_TIMES) between the compared readings. With the rest of the decay, of power D = `decay`, half
-        of the mean squared difference of powers is F²(1 - R²) + 2FD(1 - R). Its measured value, `semivariance`, gives
-        F; the rest of `power` is constant.
+        The fluctuating part, of power F, is assumed to be circular Gaussian noise. Its autocorrelation between two
+        readings that are `LAG_IN_DECAY_TIMES` decay times apart is R = `slow` · exp(-LAG_IN_DECAY_TIMES). The readings
+        also contain the rest of the decay, of power D = `decay`. Half of the mean squared difference between the powers
+        of two such readings is then F²(1 - R²) + 2FD(1 - R). Its measured value is `semivariance`, from which F
+        follows. The rest of `power` is constant.
 
-        If `semivariance` is larger than F = `power` allows, all of `power` is fluctuating.
+        If this F would be larger than `power`, or if `semivariance` is NaN, all of `power` is fluctuating.
 
         Parameters
         ----------
         slow
-            Fraction of the fluctuating power that changes slowly, over a decay time (thermal motion of the mode).
+            Fraction of the fluctuating power that changes slowly, over a decay time (thermal motion of the mode), from
+            0 to 1. The rest is independent between the two readings (detector noise).
 
         Returns
         -------
-        tuple[float, float, float, float]
-            Fluctuating power (at most `power`), constant power, standard deviation of the constant power, and log
-            weight of `slow`. The log weight is the log of the likelihood of `slow`, for a uniform prior of the constant
-            fraction; only its differences between values of `slow` have a meaning. It decreases if `semivariance` is
-            too large, with the excess in units of the standard error `error`. Without a semivariance, all of `power` is
-            fluctuating, and the other three are 0.
+        fluctuating, constant : float
+            The two powers, in the unit of `power`.
+        constant_sd : float
+            Standard deviation of the constant power; 0 in the two cases above.
+        log_weight : float
+            Log likelihood of `slow`, up to a constant, so that several values of `slow` can be compared. The fraction
+            of the power that is constant has a uniform prior, and is integrated out. If `semivariance` is larger than
+            its value s for F = `power`, the log likelihood is -½ (ln(`semivariance`/s) / `error`)². It is 0 if
+            `semivariance` is NaN.
         """
         if not np.isfinite(self.semivariance):
             return self.power, 0.0, 0.0, 0.0

@@ -59,7 +59,7 @@ class CassyReader(Reader):
         else:
             data = path.read_bytes()
         if len(data) > LARGEST_TEXT:
-            raise InputError(f"is a text of more than {LARGEST_TEXT >> 20} MiB; give a part of it")
+            raise InputError(f"the file has more than {LARGEST_TEXT >> 20} MiB of text; give a part of it")
         if b"<!DOCTYPE" in data:
             raise InputError("has a document type, which no CASSY Lab file has; export it again, or as CSV")
         quantities = [list(channels) for channels in ElementTree.fromstring(data).iter("channels")]
