@@ -45,7 +45,7 @@ _MODELS = {
 }
 """Colours and line styles of the seven sums of viscous, Coulomb and quadratic damping, by their sets of terms."""
 _OTHERS = ("#7F3C8D", "#80BA5A", "#A5AA99", "#8C564B")
-"""Colours of the damping sums that are not in `_MODELS`; several of these sums may have the same colour."""
+"""Colours of the sums of damping terms that are not in `_MODELS`; several of these sums may have the same colour."""
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8C564B", "#7F3C8D", INK)
 """Colours that distinguish several records, oscillations or methods in one figure."""
 DASHES = ("-", "--", "-.", ":")

@@ -362,6 +362,6 @@ def _name(method: str) -> str:
 
 
 def _same_sum(dampings: Iterable[str], damping: str) -> str | None:
-    """Return the first damping sum in `dampings` with the same terms as `damping`; None if there is none."""
+    """Return the first damping sum in `dampings` with the same terms (joined by +) as `damping`, or None."""
     terms = set(damping.split("+"))
     return next((d for d in dampings if set(d.split("+")) == terms), None)

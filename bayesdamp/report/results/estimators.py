@@ -54,9 +54,11 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, eq=False)
 class EstimatorComparison:
-    """Errors of the estimators under the model with which each signal was simulated.
+    """Errors of the estimators under the model with which each signal was simulated, next to published errors.
 
-    The tables have a row for each estimator, in the order of their categories.
+    A stage is one of `STAGES`: "initial" is the estimator's own estimate, "refined" the trajectory fit that starts
+    there. The published errors and times are those that the study file states. Each data frame has a row for each
+    estimator; they are ordered by their categories (`CATEGORIES`).
 
     Attributes
     ----------
@@ -64,13 +66,14 @@ class EstimatorComparison:
         By signal and stage (columns): root mean square error over the damping coefficients and the repeats, in per cent
         of the true values; nan if there is no estimate.
     doubted
-        (method, signal, stage) of the estimates whose outcome is not `ok`.
+        (estimator, signal, stage) of the estimates whose outcome is not `ok`.
     seconds
         By stage (columns): computing time in s, summed over signals and repeats; nan if there is none.
     published
-        By signal (columns): the published error in per cent, as it is printed, such as "~0"; "" if there is none.
+        By signal (columns): the published error in per cent, as text in the form in which it was printed, such as "~0";
+        "" if there is none. There are no columns if the study states no published errors.
     times
-        By method: the published computing time as text, as it is printed.
+        By estimator: the published computing time, as text.
     """
 
     errors: Frame

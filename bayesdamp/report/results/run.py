@@ -258,7 +258,7 @@ class EvidenceRanking:
     rows
         Rows of evidence.csv by this method, the most probable model first.
     shares
-        For every evidence method, the probability of each damping sum, summed over the restoring laws.
+        For every evidence method, the probability of each sum of damping terms, summed over the restoring laws.
     """
 
     method: str
@@ -267,12 +267,12 @@ class EvidenceRanking:
 
     @property
     def dampings(self) -> dict[str, float]:
-        """The probability of each damping sum by the method of the ranking, the most probable first (see `shares`)."""
+        """The probability of each sum of damping terms by the method of the ranking, the most probable first."""
         return self.shares[self.method]
 
 
 def damping_of(row: Row) -> str:
-    """Return the damping sum of a row's model, without the restoring law."""
+    """Return the damping sum (such as viscous+coulomb) of a row's model, without the restoring law."""
     return candidate_parts(row["model"])[0]
 
 
@@ -307,7 +307,7 @@ def rank_models(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | N
 
 
 def probabilities_by_odds(ranked: EvidenceRanking) -> dict[float, dict[str, float]]:
-    """Return how the probabilities of the damping sums depend on the prior odds of a further term.
+    """Return how the probabilities of the sums of damping terms depend on the prior odds of a further term.
 
     The prior probability of a sum contains a factor for each term after the first. The result maps half, once and twice
     the standard value of this factor to the probability of each sum with it. It is empty if all sums have the same

@@ -58,7 +58,7 @@ RATIOS = (
 """`RATIOS` is the caption of the table of damping ratios. `PARTS_OF_SD` is also part of the caption of the table of
 coefficients."""
 LEAST_SHOWN = 0.005
-"""Smallest probability of a damping sum, or of a term, that is listed for an envelope."""
+"""Smallest probability of a sum of damping terms, or of a term, that is listed for an envelope."""
 
 
 class AnswerSection(Section):
@@ -123,7 +123,7 @@ class AnswerSection(Section):
 
 
 def _list_probabilities(probabilities: Mapping[str, float]) -> str:
-    """Return a list in words of damping sums or terms with their probabilities, without those below `LEAST_SHOWN`."""
+    """Return a list in words of damping models or terms with their probabilities, without those below `LEAST_SHOWN`."""
     shown = {name: p for name, p in probabilities.items() if p >= LEAST_SHOWN}
     return fmt.listing(f"{words.model(name)} {fmt.probability(p)}" for name, p in shown.items())
 

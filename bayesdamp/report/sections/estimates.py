@@ -20,14 +20,16 @@ from bayesdamp.types import OK
 Details = Mapping[str, Any]
 """Results of an estimator besides parameter values, by name: selected terms, an expression, or a force."""
 PANELS = (
-    "Open circle: each method's own estimate. Filled circle: the trajectory fit that starts at this estimate. Of "
-    "several repeats, the first is shown. An arrow with a number: an estimate that is off the axis. Dashed line (where "
-    "the true value is known): the true value. Shaded (where there is a posterior): its 95 % interval."
+    "Open circle: each method's own estimate. Filled circle: the trajectory fit that starts at this estimate. If "
+    "the record was simulated several times with different random numbers (repeats), the first repeat is shown. An "
+    "arrow with a number: an estimate that is off the axis. Dashed line (where the true value is known): the true "
+    "value. Shaded (where there is a posterior): its 95 % interval."
 )
 TABLE = (
     "Estimates by method and stage, with the standard error (±) if the method gives one. The error is without "
-    "its sign, in % of the true value. With several repeats, values and errors are ranges over them, and the "
-    "time and the number of evaluations of the method's objective are the largest of all repeats."
+    "its sign, in % of the true value. If the record was simulated several times with different random numbers "
+    "(repeats), values and errors are ranges over the repeats, and the time and the number of evaluations of the "
+    "method's objective are the largest of all repeats."
 )
 """Parts of the captions of figures (`PANELS`) and tables (`TABLE`) that are the same for every run."""
 
@@ -67,7 +69,8 @@ class EstimatesSection(SignalSection):
             content = models[model] = list[object]()
             compared = [e for e in estimates_of(run, signal, model) if len(e.methods) + bool(e.posterior) > 1]
             if compared and is_drawn(run, place):
-                caption = f"Coefficients of {words.model(model)} damping, estimated from the record {signal}. {PANELS}"
+                what = f"Coefficients of {words.model(model)} damping"
+                caption = f"{what}, estimated from the record “{signal}”. {PANELS}"
                 draw = partial(estimate_panels, compared)
                 content.append(run.drawings.add(f"estimates-{signal}-{model}", caption, draw))
             content.append(_table(run, signal, model, rows))
@@ -123,7 +126,8 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Tabl
         "outcome": outcome,
     }
     truths = [f"{words.symbol(n).text} = {fmt.digits(v, n=6)} {estimated[n]}" for n, v in known.items()]
-    caption = f"Record {signal}, {words.model(model)} damping{': truth ' * bool(truths)}{fmt.listing(truths)}. {TABLE}"
+    record = f"Record “{signal}”, {words.model(model)} damping"
+    caption = f"{record}{': truth ' * bool(truths)}{fmt.listing(truths)}. {TABLE}"
 
     def kind(rows: Sequence[Row]) -> str:
         return "" if any(math.isfinite(r["value"]) for r in rows) else "quiet"
@@ -155,7 +159,7 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
             damping.append([words.method(method), str(d["chosen"])])
     if damping:
         caption = (
-            f"The form of the damping force that each method chose on the record {signal}: the terms of a sparse "
+            f"The form of the damping force that each method chose on the record “{signal}”: the terms of a sparse "
             "regression with their coefficients, or the expression of a symbolic regression in the velocity v."
         )
         parts.append(Table(["method", "damping"], damping, (0, 1), caption))
@@ -164,9 +168,9 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
             curves = (details[k] for k in ("velocity", "force", "law"))
             draw = partial(force, *curves, model, run.unit(signal).base)
             caption = (
-                f"Damping force against velocity, from the record {signal}: as learnt by the {words.method(method)} "
-                f"(solid line), and the {words.model(model)} law that was fitted to it (dashed line). The force is "
-                "divided by the mass or the moment of inertia."
+                f"Damping force against velocity, from the record “{signal}”: the force that the "
+                f"{words.method(method)} has learnt (solid line), and the {words.model(model)} law that was fitted to "
+                "this force (dashed line). The force is divided by the mass or the moment of inertia."
             )
             parts.append(run.drawings.add(f"force-{method}-{signal}-{model}", caption, draw))
     return [Markup("<h4>Further results of the methods</h4>"), stack(*parts)] if parts else []

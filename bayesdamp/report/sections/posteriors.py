@@ -84,7 +84,7 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
     samplers = fmt.listing(map(words.method, draws))
     caption = (
         f"Histograms of the posterior draws of each parameter of {words.model(model)} damping, from the record "
-        f"{signal}, by {samplers}."
+        f"“{signal}”, by {samplers}."
     )
     if any(math.isfinite(value) for value in true.values()):
         caption += " Dashed lines: the true values."
@@ -94,8 +94,8 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
     names = [n for n in damping if all(n in own for own in draws.values())]
     if len(names) > 1:
         caption = (
-            f"Posterior draws of each pair of coefficients of {words.model(model)} damping, from the record {signal}. "
-            "On the diagonal: a histogram of each coefficient."
+            f"Posterior draws of each pair of coefficients of {words.model(model)} damping, from the record "
+            f"“{signal}”. On the diagonal: a histogram of each coefficient."
         )
         draw = partial(pairs, model, names, draws, units, {n: true[n] for n in names})
         figures.append(run.drawings.add(f"pairs-{signal}-{model}", caption, draw))
@@ -147,7 +147,7 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table 
     if sampled:
         order = [r["parameter"] for r in sampled]
         sampled.sort(key=lambda r: order.index(r["parameter"]))
-        caption = f"Record {signal}, {words.model(model)} damping. {TABLE}"
+        caption = f"Record “{signal}”, {words.model(model)} damping. {TABLE}"
         parts.append(_table(run, signal, sampled, caption))
     sentences = {(r["sampler"], r["outcome"]) for r in rows if r["outcome"] != OK}
     for task_result in run.task_results("posterior", signal, repeat, model):

@@ -24,8 +24,8 @@ FITTED = (
     "each fit, the best first, with its root mean square (rms). Right of it, if the noise model whitens the residual: "
     "the autocorrelation of the whitened residual; white noise stays in the grey band (± 2 standard deviations)."
 )
-WITHOUT_FITS = "the part of the record that is used. Time counts from the start of this part."
-"""Captions of the figures of a record; the record's name and a colon precede them."""
+WITHOUT_FITS = "the part that is used. Time counts from the start of this part."
+"""Captions of the figures of a record; "Record", its name and a colon precede them."""
 NOT_STORED = "The samples of this record are not stored with the run; run the study again."
 
 
@@ -75,7 +75,7 @@ class RecordSection(SignalSection):
         raw_t, raw_y = (task_result.arrays.get(f"raw_{which}", np.empty(0)) for which in "ty")
         if len(raw_t) > 1 and not np.array_equal(raw_y, task_result.arrays["y"]):
             draw = partial(draw_raw_record, raw_t, raw_y * factor, axis, own.start, own.stop, own.decays)
-            parts.append(run.drawings.add(f"raw-{signal}", f"{signal}: {WHOLE}", draw))
+            parts.append(run.drawings.add(f"raw-{signal}", f"Record “{signal}”: {WHOLE}", draw))
         fits, missing = [], []
         for place, model in enumerate(models_not_pruned(run, signal, repeats[0])):
             mode = run.task_result("mode", signal, repeats[0], model)
@@ -94,10 +94,10 @@ class RecordSection(SignalSection):
         if fits:
             period = content.features.period if content.features else float(t[-1] - t[0])
             draw = partial(record, t, y, fits, axis, words.divisor(name), period)
-            parts.append(run.drawings.add(f"record-{signal}", f"{signal}: {FITTED}", draw))
+            parts.append(run.drawings.add(f"record-{signal}", f"Record “{signal}”: {FITTED}", draw))
         elif len(parts) == 1:
             draw = partial(draw_raw_record, t, y, axis)
-            parts.append(run.drawings.add(f"record-{signal}", f"{signal}: {WITHOUT_FITS}", draw))
+            parts.append(run.drawings.add(f"record-{signal}", f"Record “{signal}”: {WITHOUT_FITS}", draw))
         return stack(*parts, *(paragraph(sentence, "quiet") for sentence in missing))
 
 
