@@ -123,7 +123,10 @@ def is_regular(path: Path) -> bool:
 
 
 def remove_temporary(folder: Path) -> None:
-    """Remove the temporary files that a killed run left in its folder; no other files have such names."""
+    """Remove the temporary files that a killed run left in its folder and in the subfolders that a run writes.
+
+    Their names match `TEMPORARY_NAME`. No other files have names of this form, because it contains 32 random digits.
+    """
     below = (path for name in FOLDERS for path in (folder / name).rglob("*"))
     for path in (*folder.iterdir(), *below):
         if TEMPORARY_NAME.fullmatch(path.name) and is_regular(path):
@@ -526,13 +529,14 @@ class EvidenceContent(Content):
 
 @dataclass(frozen=True)
 class ComparedCandidate:
-    """The result for one candidate (a damping sum under a restoring law) in the comparison of models on a record.
+    """The result for one candidate in the comparison of models on a record.
 
-    log_evidence: log evidence (nats) if damping and restoring force may deviate from their laws; None if this was not
-    computed. log_evidence_exact: log evidence (nats) if the laws hold exactly; None if this was not computed. outcome:
-    "ok", or why there is no result. rms: root mean square residual of the fit with exact laws, in the record's unit.
-    place: for a form of damping that the study does not compare, the compared sum that is its limiting case; "" if
-    there is none. parameters: names of the inferred damping parameters.
+    A candidate is a sum of damping terms under a restoring law. log_evidence: log evidence (nats) if damping and
+    restoring force may deviate from their laws; None if this was not computed. log_evidence_exact: log evidence (nats)
+    if the laws hold exactly; None if this was not computed. outcome: "ok", or why there is no result. rms: root mean
+    square residual of the fit with exact laws, in the record's unit. place: for a form of damping that the study does
+    not compare, the compared sum that is its limiting case; "" if there is none. parameters: names of the inferred
+    damping parameters.
     """
 
     damping: str
@@ -552,7 +556,7 @@ class ComparedCandidate:
 
 @dataclass(frozen=True)
 class SampledPosterior:
-    """The posterior of one candidate (a damping sum under a restoring law), sampled by sequential Monte Carlo.
+    """The posterior of one candidate (a sum of damping terms under a restoring law), sampled by sequential Monte Carlo.
 
     parameters: for each parameter its mean, sd, quantiles and other summaries, in the parameter's unit. deviation: size
     of the relative deviation from the damping law, (2.5 % quantile, median, 97.5 % quantile); 0.1 is 10 %. unexplained:
@@ -574,7 +578,7 @@ class SampledPosterior:
 
 @dataclass(frozen=True)
 class CandidatePriors:
-    """The priors of one candidate (a damping sum under a restoring law), in words, by inferred parameter."""
+    """The priors of one candidate (a sum of damping terms under a restoring law), in words, by inferred parameter."""
 
     damping: str
     restoring: str
@@ -591,7 +595,7 @@ class NoiseEvidence:
 
 @dataclass(frozen=True)
 class StoredFit:
-    """The fit of one candidate (a damping sum under a restoring law) that allows deviations from the laws.
+    """The fit of one candidate (a sum of damping terms under a restoring law) that allows deviations from the laws.
 
     found: the scalar fields of the fit (`inference.deviation.single.FitState`). Its array fields are the arrays
     `found/DAMPING@RESTORING/...` of the task's result.
