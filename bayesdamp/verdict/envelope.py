@@ -72,7 +72,7 @@ class EnvelopeAnswer:
 
 
 def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
-    """Compare damping sums on a decay, and return the verdict, the decay with its fit, and likelihoods of the rates.
+    """Compare sums of damping terms on a decay; return the verdict, the decay with its fit, and rate likelihoods.
 
     The grade is `EXACT` if the probability that a damping law holds exactly is at least `thresholds.LIKELY_EXACT`. Else
     it is `APPROXIMATE` if the 97.5 % quantile of the deviation from the law (a fraction) is at most
@@ -184,7 +184,7 @@ def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Measure
 
 
 def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple[Coefficient, ...]:
-    """Return the coefficients and further parameters of the terms in the most probable damping sum.
+    """Return the coefficients and further parameters of the terms in the most probable sum of damping terms.
 
     Each is averaged over all sums that contain the term. For a record in dB, whose amplitudes have no absolute scale,
     the coefficients are in units of the amplitude at the start. If the frequency is not known, two rules apply: for a
@@ -304,7 +304,7 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
 
 
 def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[DampingLikelihood, ...]]:
-    """Return the likelihoods of the records of a specimen, for each damping sum that was compared on all of them.
+    """Return the likelihoods of the records of a specimen, for each sum of damping terms compared on all of them.
 
     The result contains, by name of the sum, one likelihood for each record with a decay. It is empty if no record has a
     decay.
@@ -347,7 +347,7 @@ def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[Dam
 
 
 def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | None:
-    """Compare damping sums on all records of a specimen together; return None if fewer than two have a decay.
+    """Compare sums of damping terms on all records of a specimen together; return None if fewer than two have a decay.
 
     All records have the same coefficients, times a factor for each record. The log deviation g of the damping from its
     law is inferred for each record, but its size and correlation length are common to all.

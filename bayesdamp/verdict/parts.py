@@ -143,7 +143,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Bound:
-    """A 95 % upper limit for a damping that is not in the verdict's damping sum.
+    """A 95 % upper limit for a form of damping that is not in the sum of damping terms that the verdict names.
 
     share_below: the limit of the fraction of the dissipated energy that this damping may account for, from 0 to 1.
     form: the damping term, or "any other form".

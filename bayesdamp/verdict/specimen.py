@@ -277,7 +277,7 @@ def common_verdict(
 def specimen_probabilities(
     comparison: SpecimenComparison,
 ) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
-    """Return the probabilities of damping sums, of restoring laws and of other forms, for all records together.
+    """Return the probabilities of sums of damping terms, restoring laws and other forms, for all records together.
 
     Other forms are forms of damping outside the compared sums. Each result is a dictionary by name. In those of the
     sums and of the laws, the most probable one is first. The probability of a restoring law is summed over all
@@ -290,7 +290,7 @@ def specimen_probabilities(
 
 
 def coefficients_of(comparison: SpecimenComparison, damping: str, unit: str) -> tuple[Coefficient, ...]:
-    """Return the parameters of a damping sum that all records of a specimen have in common.
+    """Return the parameters of a sum of damping terms that all records of a specimen have in common.
 
     They are from the joint posterior of all records with the restoring law that is most probable with this sum. The
     result is empty if there is no joint posterior. unit: base unit of the records.
@@ -410,9 +410,10 @@ def _ratios(
 class Agreement:
     """How well a second verdict on a record agrees with the first.
 
-    same: whether both verdicts name the same damping terms without reservation, or neither verdict names a damping
-    without reservation. moved: largest difference between the damping ratios of both at an amplitude, in total standard
-    deviations of the first verdict; 0 if either verdict has no damping ratios.
+    same: True in two cases: both verdicts decide on a damping (`Verdict.decided`) and it consists of the same terms, or
+    neither verdict decides on a damping. moved: difference between the damping ratios of both verdicts at the amplitude
+    at which it is largest. Its unit is the total standard deviation of the first verdict's ratio (the width of the 95 %
+    interval, divided by 3.92). It is 0 if either verdict has no damping ratios.
     """
 
     same: bool
@@ -428,8 +429,9 @@ class Agreement:
 class RatioAgreement:
     """How well another computation of a damping ratio agrees with the verdict, at one amplitude.
 
-    amplitude: in the unit of the verdict. moved: difference between the two values, in total standard deviations of the
-    verdict. wider: width of the other computation's 95 % interval divided by the width of the verdict's.
+    amplitude: in the unit of the verdict. moved: difference between the two values; its unit is the total standard
+    deviation of the verdict's ratio (the width of the 95 % interval, divided by 3.92). wider: width of the other
+    computation's 95 % interval divided by the width of the verdict's.
     """
 
     amplitude: float

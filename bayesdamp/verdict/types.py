@@ -85,7 +85,7 @@ class Verdict(CheckedMethods):
     grade
         How well the damping and restoring laws hold, or why none was compared (see `Grade`).
     decided
-        Whether one damping is named without reservation.
+        Whether the record decides which damping it is; False if other dampings remain possible.
     damping, probability, rivals
         The most probable of the compared sums of damping terms, with its terms joined by + ("" if none was compared);
         its probability; and all other dampings with their probabilities. The rivals include forms of damping outside
@@ -194,7 +194,7 @@ class Verdict(CheckedMethods):
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """Return the probabilities of all damping sums and other forms of damping, by name; the named sum is first."""
+        """Return the probabilities of all compared dampings and other forms, by name; the named damping is first."""
         return {self.damping: self.probability, **{r.damping: r.probability for r in self.rivals}}
 
     def summary(self) -> pd.DataFrame:

@@ -300,7 +300,10 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
 
 
 def noise_sentence(v: Verdict) -> list[str]:
-    """Return a list with the sentence on the noise of a sample; an empty list if it is not known."""
+    """Return a list with a sentence that states the standard deviation of the noise of each sample of the record.
+
+    It is given in % of the first amplitude. The list is empty if the verdict contains no noise.
+    """
     return [f"Noise: {digits(v.noise_pct, n=2)} % of the first amplitude."] if isfinite(v.noise_pct) else []
 
 
@@ -335,7 +338,7 @@ def power_in_words(e: Interval, damping: str = "") -> str:
     """Return a text on the exponent of a power law of the damping force.
 
     An example is `grows as v^(1.02 ± 0.03), which is viscous`. e: exponent of the velocity v with its 95 % interval.
-    damping: damping sum that the verdict names, "" for none.
+    damping: damping sum that the verdict names, such as "viscous+coulomb"; "" for none.
 
     The text names Coulomb, viscous or quadratic damping (exponents 0, 1, 2) under two conditions: half the interval is
     at most `thresholds.EXPONENT_NAMED`, and the interval, widened by `thresholds.EXPONENT_MARGIN` at both ends,
