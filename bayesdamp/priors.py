@@ -541,9 +541,9 @@ simulated records with a damping ratio of 0.01 (3/7 of them with one term, 3/7 w
 half-normal priors of the fixed scale 0.1, the answer states one damping without reservation on nearly as many records,
 and it is right on as many of them."""
 OTHER_FORMS_ODDS, OTHER_FORMS_COUNT = 0.1, 9
-"""A rival is a damping sum with a form of damping that is not among the compared ones. `OTHER_FORMS_ODDS`: prior odds
-of all rivals together, relative to a model with a single term (conventional). `OTHER_FORMS_COUNT`: number of rivals in
-a full comparison (`add_rivals`). Each rival has the same share of these odds, however many are compared."""
+"""A rival is a sum of damping terms with a form of damping that is not among the compared ones. `OTHER_FORMS_ODDS`:
+prior odds of all rivals together, relative to a model with a single term (conventional). `OTHER_FORMS_COUNT`: number of
+rivals in a full comparison (`add_rivals`). Each rival has the same share of these odds, however many are compared."""
 
 
 def odds(damping: Sequence[str], other: bool = False) -> float:
@@ -554,6 +554,6 @@ def odds(damping: Sequence[str], other: bool = False) -> float:
     damping
         Names of the damping terms of the model.
     other
-        Whether the model is a rival: a damping sum with a form of damping that is not among the compared ones.
+        Whether the model is a rival: a sum of damping terms with a form of damping that is not among the compared ones.
     """
     return FURTHER_TERM ** (len(damping) - 1) * (OTHER_FORMS_ODDS / OTHER_FORMS_COUNT if other else 1.0)

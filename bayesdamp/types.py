@@ -416,10 +416,10 @@ def candidate_parts(name: str) -> tuple[str, str]:
 
 
 def sum_probabilities(probabilities: Mapping[str, float], part: int = 0) -> dict[str, float]:
-    """Return the total probability of each damping sum over all restoring laws, the largest first.
+    """Return the total probability of each sum of damping terms over all restoring laws, the largest first.
 
-    probabilities: probabilities of candidates by name (damping sum and restoring law). part: 0 as above; 1 for the
-    total of each restoring law over all damping sums.
+    probabilities: probabilities of candidates by name (sum of damping terms and restoring law). part: 0 as above; 1 for
+    the total of each restoring law over all damping sums.
     """
     sums: dict[str, float] = {}
     for name, p in probabilities.items():
