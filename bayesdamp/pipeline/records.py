@@ -20,7 +20,7 @@ from bayesdamp.pipeline.tasks import Product, task_key, task_seed
 from bayesdamp.plugins import sources_below
 from bayesdamp.records.oscillation.anomalies import find_anomalies
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.records.oscillation.law_free import law_free
+from bayesdamp.records.oscillation.law_free import sinusoids
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import RawRecord, findings, refuse_questions
 from bayesdamp.store.results import RecordContent, Store, TaskResult, sha256
@@ -199,7 +199,7 @@ def compute_signal(record: StudyRecord) -> Product:
     arrays |= {"t": signal.t, "y": signal.y}
     try:
         content, outcome = _describe(spec, signal, content), OK
-        law_free(signal)  # raises Refusal if the record has too few cycles
+        sinusoids(signal)  # raises Refusal if the record has too few cycles
     except Refusal as refusal:
         if isinstance(source, Recording):
             raise InputError(f"signal {spec.name}: {refusal}") from None

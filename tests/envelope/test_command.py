@@ -96,7 +96,7 @@ def test_the_frequency_and_the_unit_are_read_from_the_head(tmp_path):
     ):
         record = read_envelope(written(tmp_path / "r.txt", head=head))
         assert record.frequency == pytest.approx(frequency)
-    assert [unit_in(f"power [{unit}]") for unit in ("MW", "mW", "kw", "DBM")] == ["MW", "mW", "kW", "dBm"]
+    assert [unit_in(f"power [{unit}]") for unit in ("MW", "mW", "µW", "DBM")] == ["MW", "mW", "uW", "dBm"]
 
 
 def test_the_refusal_of_amplitudes_suggests_the_envelope_option(tmp_path, capsys):

@@ -130,5 +130,5 @@ def test_runs_of_records_are_joined_to_the_evidence_of_quadrature() -> None:
 def test_runs_with_different_parameters_cannot_be_joined() -> None:
     other = run_of(["mu_c"], [0.05], np.eye(1))
     for runs, name in (([], "zeta"), ([run_at(0.05, 0.001), other], "zeta"), ([other], "zeta")):
-        with pytest.raises(ValueError, match="all need the same parameters"):
+        with pytest.raises(ValueError, match="same names of parameters"):
             join_runs(runs, {name: HalfNormal(0.3)}, EXACTLY)

@@ -1,4 +1,4 @@
-"""Fit a motion under exact laws to a record by Levenberg–Marquardt, with coefficients ≥ 0.
+"""Fit a motion under exact laws to a record by Levenberg–Marquardt (Moré 1977), with coefficients ≥ 0.
 
 The first cycles are fitted first, and then longer and longer parts of the record, so that the motion stays in phase
 with the record. Under exact laws, damping and restoring force have no deviations from their formulas.
@@ -10,16 +10,15 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.numerics.levenberg_marquardt import MIN_LAMBDA
+from bayesdamp.numerics.levenberg_marquardt import FIRST_LAMBDA, MIN_LAMBDA
 from bayesdamp.physics.amplitude import AmplitudeSolver
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import TOLERANCE
 
-FIRST, LEAST_FACTOR, FACTOR, MOST_DAMPING = 1e-7, 1e-2, 4.0, 1e8
-"""How Marquardt's damping parameter λ changes in a fit (H. B. Nielsen, Damping parameter in Marquardt's method, 1999):
-its first value, which is also the least to which an increase is applied; the least factor after a successful step;
-the factor after a failed step, which doubles with each further failure; and the λ from which on no further step is
-tried. A small first value is best, since most fits start near the best fit (measured)."""
+LESS, MORE, AGAIN, MOST_DAMPING = 0.2, 8.0, 1e-6, 1e8
+"""Rules for Marquardt's damping parameter λ in a fit (conventional). After a successful step λ is multiplied by `LESS`.
+After a failed step it is raised to at least `AGAIN` and then multiplied by `MORE`. From `MOST_DAMPING` on, no further
+step is tried."""
 MOST_STEPS = 40
 """Largest number of successful Levenberg–Marquardt steps in one search (conventional)."""
 ROUGH, CLOSE = 1e-2, 1e-6
@@ -171,7 +170,7 @@ def _search(
     def fit_at(z: np.ndarray, motion: Motion, jacobian: np.ndarray) -> LeastSquaresFit:
         return LeastSquaresFit(parameters, active, z, y - motion.y, jacobian, motion.without_tangents())
 
-    motion, damping, steps, last = solve(z), FIRST, 0, False
+    motion, damping, steps, last = solve(z), FIRST_LAMBDA, 0, False
     if motion is None:
         return None
     while True:
@@ -191,7 +190,6 @@ def _search(
         # Marquardt's scale includes the prior; otherwise a score that does not change the motion would jump to 0.
         scale = np.linalg.norm(plain, axis=0)
         cost = float(r @ r) + variance * float(z @ z)
-        factor = FACTOR
         while True:
             root = np.concatenate([plain, np.diag(np.sqrt(damping) * scale)])
             aim = np.concatenate([wanted, np.sqrt(damping) * scale * z])
@@ -205,8 +203,7 @@ def _search(
             after = float(residual @ residual) + variance * float(new @ new)
             if trial is not None and after < cost:
                 break
-            damping, factor = max(damping, FIRST) * factor, 2 * factor
-        success = min((cost - after) / promised, 1.0)
-        damping, steps = max(damping * max(1 - (2 * success - 1) ** 3, LEAST_FACTOR), MIN_LAMBDA), steps + 1
+            damping = max(damping, AGAIN) * MORE
+        damping, steps = max(damping * LESS, MIN_LAMBDA), steps + 1
         z, motion = new, trial
         last = (cost - after) / cost < close or steps == MOST_STEPS

@@ -16,7 +16,7 @@ from bayesdamp.records.files.contents import hertz_written
 from bayesdamp.records.read import ColumnName, read_record
 from bayesdamp.types import DECIBELS, UNITS, InputError
 
-POWER = ("MW", "kW", "W", "mW", "uW", "nW", "pW", "V^2", "V2", "m^2", "m2")
+POWER = ("GW", "MW", "kW", "W", "mW", "uW", "nW", "pW", "fW", "V^2", "V2", "m^2", "m2")
 """Units of power, which is proportional to the square of the amplitude."""
 MAX_NEGATIVE = 0.2
 """If a reading is negative by more than this fraction of the largest absolute reading, the record is refused: it is not
@@ -78,7 +78,7 @@ def unit_in(name: str) -> str | None:
     The result is None if the name contains no such unit or several. Upper and lower case are distinguished only in "W",
     and between "mW" and "MW"; the result is written as in these lists.
     """
-    words = re.findall(r"[A-Za-z]+(?:\^?2)?", name)
+    words = re.findall(r"[A-Za-z]+(?:\^?2)?", name.replace("µ", "u").replace("μ", "u"))
     known = {unit.lower(): unit for unit in (*DECIBELS, *POWER) if len(unit) > 1}
     units = {word if word in POWER else known[word.lower()] for word in words if word.lower() in known}
     units |= {"W"} if re.search(r"[\[(/]\s*W\s*[\])]?$", name) else set()

@@ -79,9 +79,6 @@ DEGREE = 5
 has a given amplitude (`LawFree.line`)."""
 AVERAGING_ROUNDS = 2
 """Number of rounds that correct the amplitudes for the averaging over windows."""
-LARGEST_CORRECTION = 1.0
-"""A record is refused if this correction changes the log of an amplitude by more: the amplitudes then differ so much
-from window to window that a further round may diverge (conventional)."""
 CONVERSION_ROUNDS, CONVERTED = 40, 1e-5
 """The amplitudes of a velocity or acceleration are converted to the displacement by iteration, until log amplitudes
 change by less than `CONVERTED`. If this needs more than `CONVERSION_ROUNDS` rounds, the record is refused."""
@@ -392,11 +389,12 @@ def law_free(signal: Signal) -> LawFree:
     weight = np.cos(np.pi * share) ** 2
     for _ in range(AVERAGING_ROUNDS):
         # Correct for the average over a window, which is larger than at its middle if the curve is convex.
-        curve = scipy.interpolate.CubicSpline(x, _smooth(windows, sizes)(x)[0])
+        try:
+            curve = scipy.interpolate.CubicSpline(x, _smooth(windows, sizes)(x)[0])
+        except np.linalg.LinAlgError:  # the last correction was too large
+            raise Refusal("the amplitudes of the cycles differ too much for a curve without a law") from None
         inside = np.exp(curve(x[:, None] + share * width[:, None]) - curve(x)[:, None])
         sizes = averages - np.log(inside @ (weight / weight.sum()))
-        if not np.abs(sizes - averages).max() < LARGEST_CORRECTION:
-            raise Refusal("the amplitude is too uncertain; remove outliers, or choose a part of the record")
     windows, line = replace(windows, phases=phases), _fit_line(windows, sizes)
     return LawFree(windows, sizes, backbone, line, HARMONIC_ERROR * (1 + order))
 

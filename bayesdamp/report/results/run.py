@@ -387,7 +387,7 @@ def coefficients(run: RunFolder, model: str) -> list[str]:
     return [parameters[term] for term in candidate_parts(model)[0].split("+") if term in parameters]
 
 
-@lru_cache(8)  # each section reads one record after the other, and at most three kinds of answers on it
+@lru_cache(3)  # each section reads one record after the other, and at most three kinds of answers on it
 def answer_of(
     run: RunFolder, signal: str, kinds: tuple[str, ...] = ("sampled", "answer")
 ) -> RecordAnswer | None:
