@@ -273,7 +273,9 @@ def choose_columns(
             raise InputError("its only column contains the times; export the recorded quantity too")
         if len({c.values.size for c in columns}) > 1:
             sizes = ", ".join(f"{c.name!r}: {c.values.size}" for c in columns)
-            raise InputError(f"columns have different lengths ({sizes}); give as many values as times")
+            raise InputError(
+                f"columns of the file have different lengths ({sizes}); give as many values as times"
+            )
         raise InputError(
             f"only the times change; give a file with a recorded quantity (columns are {list_names(columns)})"
         )

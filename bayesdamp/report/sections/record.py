@@ -21,10 +21,10 @@ WHOLE = (
 FITTED = (
     "the part that is used (grey; time counts from its start), and the fits of the most probable models at their "
     "posterior modes. Top: the best fit. Middle: the first and the last cycles with all fits. Below: the residual of "
-    "each fit, the best first, with its root mean square (rms). Right of it, if the noise model whitens the residual: "
-    "the autocorrelation of the whitened residual; white noise stays in the grey band (± 2 standard deviations)."
+    "each fit, the best first, with its root mean square (rms). Right of it: the autocorrelation of the residual after "
+    "whitening by the noise model; white noise stays in the grey band (± 2 standard deviations)."
 )
-WITHOUT_FITS = "the part that is used. Time counts from the start of this part."
+WITHOUT_FITS = "all of it is used."
 """Captions of the figures of a record; "Record", its name and a colon precede them."""
 NOT_STORED = "The samples of this record are not stored with the run; run the study again."
 
