@@ -214,7 +214,7 @@ def _row(method: str, comparison: EstimatorComparison) -> Judgement:
     - "better than claimed" if every initial error is smaller than the printed one by more than the factor
       `MUCH_SMALLER` (printed zeros are left out),
     - "holds" if no initial error is larger than the printed one,
-    - "holds in part" if this is true only for the refined errors,
+    - "holds in part" if only the refined errors meet these same printed errors (none is larger),
     - "does not hold" otherwise.
 
     For "holds" and "holds in part", a printed error counts as at least 0.005 %. A missing error does not confirm a

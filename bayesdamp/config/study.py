@@ -287,7 +287,7 @@ class EvidenceTable(StudySection):
     """[evidence]: methods of computing the evidence, and when nested sampling (the referee) checks them.
 
     methods: names, such as "laplace" and "importance". referee: "auto" (if the methods disagree or one is unreliable),
-    "always" or "never".
+    "always" or "never". If `methods` contains nested sampling, it is computed whatever `referee` is.
     """
 
     methods: Names = Field(("importance", "bridge"), description="a list of methods' names")

@@ -101,7 +101,10 @@ def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
 
 
 def label_with_plain_numbers(axis: Axis) -> None:
-    """Label a logarithmic axis of amplitudes with plain numbers instead of powers of ten."""
+    """Label an axis of amplitudes with plain numbers (format `g`) at powers of ten and at 2, 4 and 6 times these.
+
+    axis: axis of a Matplotlib plot (`ax.xaxis` in the report's figures), which must already be logarithmic.
+    """
     for set_formatter in (axis.set_major_formatter, axis.set_minor_formatter):
         set_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     axis.set_minor_locator(LogLocator(subs=(2, 4, 6)))

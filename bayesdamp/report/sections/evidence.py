@@ -61,7 +61,7 @@ class EvidenceSection(SignalSection):
     )
 
     def shows(self, run: RunFolder, signal: str) -> bool:
-        """Return whether there is evidence on a signal; False if the run contains only answers (`only_answered`)."""
+        """Return whether the run has evidence on `signal`; False if it contains only answers (`only_answered`)."""
         return any(r["signal"] == signal for r in run.evidence) and not only_answered(run)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
