@@ -171,9 +171,9 @@ def decompose(
 
 
 def _log(matrix: np.ndarray) -> np.ndarray:
-    """Return the real matrix logarithm, (d, d), of a real matrix, (d, d).
+    """Return the real principal logarithm, (d, d), of a real matrix, (d, d).
 
-    Raises Refusal if an eigenvalue is real and not positive, because there is then no real logarithm.
+    Raises Refusal if an eigenvalue is real and not positive, because there is then no real principal logarithm.
     """
     values = np.linalg.eigvals(matrix)
     if np.any((np.abs(values.imag) <= 1e-12 * np.abs(values).max()) & (values.real <= 0)):
