@@ -110,7 +110,11 @@ class Proposal(Protocol):
         ...
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw the unknowns, (count, K); return also the index of the mixture's component for each draw, (count,)."""
+        """Draw the unknowns from the posterior of the linear model, which is a mixture of normal distributions.
+
+        The unknowns are the parameters and the deviations from the laws. Return the draws, (count, K), and for each
+        draw the index of its component of the mixture, (count,).
+        """
         ...
 
     def crank_nicolson_step(
