@@ -79,10 +79,13 @@ VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 @once_per_record
 def _other_motion(signal: Signal, no_law_fits: bool) -> OtherMotion | None:
-    """Return the kind of motion of a signal that is not a free decay of one oscillator, such as beats or growth.
+    """Return the motion of a signal that is not a free decay of one oscillator, such as beats or growth.
 
+    The result contains the kind of motion, its modes, and its size, which is not tested here (`no_free_decay` does).
     Return None if the signal may be a free decay, or if it has no period. `no_law_fits`: whether no law of one
-    oscillator fits the record. If True, also smaller second oscillations, and those with a closer frequency, are found.
+    oscillator fits the record. If True, three kinds of second modes are accepted in addition: harmonics of the first
+    frequency, modes that soon decay, and modes close to the first frequency without a rising amplitude, if the two beat
+    and explain the record to its noise.
     """
     try:
         period = features(signal).period

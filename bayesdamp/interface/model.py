@@ -159,7 +159,10 @@ class Density(ResultView):
         return np.array([self.log_posterior(x) for x in many])
 
     def gradient(self, x: ArrayLike) -> Vector:
-        """Return the gradient of the log posterior with respect to x at x, (d,); zeros if the log posterior is −∞."""
+        """Return the gradient of the log posterior (nats) with respect to x, (d,); zeros if the log posterior is −∞.
+
+        x contains the parameter values in the units `units`, (d,). They are not transformed.
+        """
         x = self._vector(x)
         value, slopes = self._slopes(x) if np.isfinite(self.log_prior(x)) else (-np.inf, x)
         if not np.isfinite(value):
