@@ -270,6 +270,9 @@ squared."""
 class Trajectories:
     """Compute trajectories of an oscillator at fixed times, for any values of its parameters.
 
+    The methods `record` (one set of parameters), `many` (several sets) and `with_slopes` (one set, with derivatives)
+    take the values of the parameters by name, and return samples. The object itself is not callable.
+
     Each trajectory starts with theta0 and omega0 at the first time. If a damping term needs the equilibrium `rest`, it
     is computed for each set of parameters. Newton's method then starts from the value of `rest` among the parameters
     or, if this is missing, from the equilibrium of `reference`. The scales `reference_amplitude` and

@@ -29,8 +29,9 @@ class LinearForm:
     """A restoring law in the form of a linear regression: F_rest(θ) = offset + columns @ coefficients, at n angles θ.
 
     columns: matrix with the c regressors (known functions of the angle) as columns, (n, c). The c coefficients are
-    unknown and are fitted. offset: the part of the force that follows from known parameters, (n,); 0 if there is none.
-    decode: function that converts fitted coefficients, (c,), to the values of the law's unknown parameters by name.
+    unknown and are fitted. offset: the part of the force that follows from known parameters, (n,); an array of zeros if
+    nothing is known. decode: function that converts fitted coefficients, (c,), to the values of the law's unknown
+    parameters by name.
     """
 
     columns: np.ndarray
