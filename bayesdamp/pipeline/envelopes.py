@@ -62,7 +62,14 @@ def _sums(study: Study, spec: SignalSpec) -> Sums:
 def check_recording(study: Study, spec: SignalSpec) -> None:
     """Check that an envelope can be read, and that the study's sums of damping terms can be compared on it.
 
-    Raises InputError if one of these is not possible.
+    Return nothing. Sums that an envelope cannot distinguish from others are not an error; they are left out later.
+
+    Raises
+    ------
+    InputError
+        If the envelope or its window is unusable (see `read_recording`), if a sum has more than `MOST_TERMS` terms, if
+        a term dissipates no energy, if no sum is left, or if a term needs a frequency or an amplitude in rad or m that
+        is not known.
     """
     assert isinstance(spec.source, Recording)
     record, _ = read_recording(spec.source, spec.name)

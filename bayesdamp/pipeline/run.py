@@ -143,9 +143,11 @@ def run_study(
 
 
 def read_records(study: Study) -> None:
-    """Read every file of a study and check its settings of the oscillator, before anything is written.
+    """Check every recorded file of a study and its settings, before anything is written. Return nothing.
 
-    Raises InputError for the first file, or the first setting of a signal's `system`, that is wrong.
+    A record of an oscillation is read, and the settings of its oscillator (`system`) are checked. An envelope is read,
+    and the sums of damping terms to compare on it are checked. Simulated signals are not checked. Raises InputError for
+    the first file, setting or sum that is wrong.
     """
     for spec in study.signals:
         source = spec.source
