@@ -496,12 +496,13 @@ class _Candidate:
 
 
 def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], str]:
-    """Choose the columns of a block (one run in one group) that are records; return also a sentence on the choice.
+    """Choose the columns of a block that are records; return also a sentence on the choice.
 
-    These columns are left out, as long as others remain: columns that do not oscillate or decay, derived quantities,
-    copies, and oscillations that are much smaller than others. If the file declares its columns as channels of sensors,
-    small oscillations are not left out; if the units are not stated either, all columns that oscillate are records. The
-    sentence is "" if there was no choice.
+    A block contains the columns of one run in one group (sheet, structure) of the file. These columns are left out, as
+    long as others remain: columns that do not oscillate or decay, derived quantities, copies, and oscillations that are
+    much smaller than others. If the file declares its columns as channels of sensors, small oscillations are not left
+    out. If the units of these channels are also not all stated, all columns that oscillate are records. The sentence is
+    "" if no column is left out.
     """
     values = block.candidates or block.values
     if len(values) == 1:

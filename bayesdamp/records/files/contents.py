@@ -400,7 +400,9 @@ def unit_by_name(unit: str | None, quantity: str | None) -> tuple[str | None, st
     Returns
     -------
     tuple
-        Unit (unchanged if unknown) and quantity, each None if not stated. A unit of displacement states no quantity.
+        Unit (unchanged if unknown) and quantity, each None if not stated. If the user gives no quantity, it is
+        None for a unit of displacement, and for every unit that is given by its name in `UNITS`, even for rpm, dps, g
+        and mg.
     """
     if unit is None or unit in UNITS or (written := unit_written(unit)) is None:
         return unit, quantity
