@@ -107,9 +107,9 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
     signal
         The signal.
     no_law_fits
-        Whether no law of one oscillator fits the record. If True, three kinds of second oscillations count in addition:
-        smaller ones, those with a closer frequency, and those at a multiple of the first frequency (which may also be
-        harmonics of a nonlinear oscillator).
+        Whether no law of one oscillator fits the record. If True, more second oscillations count: those that soon
+        decay, those at a multiple of the first frequency (which may also be harmonics of a nonlinear oscillator), and,
+        if two oscillations explain the record to its noise, smaller ones and close ones without a rising amplitude.
     """
     other = _other_motion(signal, no_law_fits)
     if other is None:
