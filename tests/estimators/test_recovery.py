@@ -105,11 +105,6 @@ def test_a_wrong_stiffness_gives_a_wrong_damping_and_a_poor_fit():
     assert refined.outcome != "ok"
 
 
-def test_the_envelope_method_names_the_option_that_leaves_too_little():
-    record = pendulum({"zeta": 0.05}, noise=0.01)
-    assert "1000 times the noise for less than a period" in initial("envelope", *record, above=1e3).outcome
-
-
 def linear_motion(quantity: str) -> Signal:
     """Return the velocity or acceleration of a linear oscillator that is released 0.3 from rest, with noise."""
     t, order = np.linspace(0.0, 15.0, 750), ("angle", "velocity", "acceleration").index(quantity)

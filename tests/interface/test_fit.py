@@ -117,8 +117,7 @@ def test_a_given_start_is_used_if_the_least_squares_fit_fails(monkeypatch: pytes
     assert bd.fit(record(), MODEL).outcome == "no solution stays in phase"
     started = bd.fit(record(), MODEL, start=TRUTH)
     assert started.values == pytest.approx(expected, rel=1e-6, abs=1e-7)
-    (note,) = started.notes
-    assert note.endswith(" start, with gaussian noise, because no solution stays in phase.")
+    assert started.notes[0].endswith(" start, with gaussian noise, because no solution stays in phase.")
 
 
 REFUSED: dict[str, Callable[[], object]] = {

@@ -31,10 +31,7 @@ CAPTION = (
     "not explain. Lower right: the energy that each damping term of the fit dissipates in a cycle, "
     "divided by the mass or the moment of inertia."
 )
-UNMEASURED = (
-    " There is no brown band, because the damping ratio of this record could not be measured without assuming a "
-    "damping law."
-)
+UNMEASURED = " There is no brown band: the damping ratio could not be measured without a damping law."
 MEASURED = (
     "Top: the record. Lower left: its equivalent viscous damping ratio against amplitude (black line) with the 95 % "
     f"interval (grey band), both measured without assuming a damping law. In this panel, {SHAPES}. The law that "

@@ -29,8 +29,7 @@ COMMON = (
 POPULATION = (
     "Mean and spread (standard deviation) of each coefficient of {} damping over the {} specimens, with 95 % intervals "
     "in brackets, and the 95 % interval in which the coefficient of one more specimen is expected. The specimens' "
-    "coefficients are assumed to have a normal distribution. A small number of specimens hardly limits the spread of "
-    "this distribution."
+    "coefficients are assumed to have a normal distribution, whose spread few specimens hardly limit."
 )
 """Caption of the table of several specimens; the name of the damping and the number of specimens are inserted."""
 FEWEST_RECORDS = 3

@@ -26,10 +26,7 @@ WIDE_PRIOR = (
 )
 
 
-PRIORS = (
-    "Prior of each inferred parameter, in the units of the equation of motion (rad or m, and s), and the models that "
-    "have it."
-)
+PRIORS = "Prior of each inferred parameter (in units of rad or m, and s), and the models that have it."
 
 
 class PriorsSection(SignalSection):
