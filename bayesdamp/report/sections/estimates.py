@@ -167,9 +167,9 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
             curves = (details[k] for k in ("velocity", "force", "law"))
             draw = partial(force, *curves, model, run.unit(signal).base)
             caption = (
-                f"Damping force against velocity, from the record “{signal}”: the force that the "
-                f"{words.method(method)} has learnt (solid line), and the {words.model(model)} law that was fitted to "
-                "this force (dashed line). The force is divided by the mass or the moment of inertia."
+                f"Damping force / (mass or moment of inertia) against velocity, record “{signal}”. Solid: learnt by "
+                f"the {words.method(method)}. Dashed: the {words.model(model)} law, fitted to the mean power that "
+                "the learnt force dissipates in each segment of the record. Dry friction is smoothed as tanh(v/ε)."
             )
             parts.append(run.drawings.add(f"force-{method}-{signal}-{model}", caption, draw))
     return [Markup("<h4>Further results of the methods</h4>"), stack(*parts)] if parts else []

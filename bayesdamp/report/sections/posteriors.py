@@ -87,7 +87,7 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
         f"“{signal}”, by {samplers}."
     )
     if any(math.isfinite(value) for value in true.values()):
-        caption += " Dashed lines: the true values."
+        caption += " Vertical lines: the true values."
     damping = coefficients(run, model)
     draw = partial(marginals, model, draws, units, true)
     figures = [run.drawings.add(f"marginals-{signal}-{model}", caption, draw)]

@@ -15,8 +15,8 @@ from bayesdamp.store.results import RecordContent
 from bayesdamp.types import OK
 
 WHOLE = (
-    "the whole record as it was read. If only a part of it is used, this part is shaded; other free decays have a "
-    "lighter shade."
+    "the whole record as it was read. The used part, which may be all of it, is shaded. Other free decays are shaded "
+    "in another colour (see the legend)."
 )
 FITTED = (
     "the part that is used (grey; time counts from its start), and the fits of the most probable models at their "
