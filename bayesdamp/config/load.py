@@ -332,7 +332,7 @@ def _read_estimators(raw: object) -> Estimators:
         if name in ESTIMATORS.names():
             raise StudyError(key, "is an estimator's name; a variant needs another name, such as sindy_sign")
         if not re.fullmatch(NAME, name):
-            raise StudyError(key, "is not a valid name; it must have only letters, digits, - and _")
+            raise StudyError(key, "is not a valid variant name; use letters, digits, - and _, not - first")
         key = join_keys(key, "variant_of")
         if not isinstance(method, str):
             raise StudyError(key, f"is {show(method)}; it must be an estimator's name in quotes")

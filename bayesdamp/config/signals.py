@@ -69,7 +69,7 @@ _FILE_KEYS = tuple(n for n in SignalTable.model_fields if n not in ("name", *_IN
 def _find_law(name: object, key: str) -> RestoringLaw:
     """Return a restoring law by name. Raises StudyError, at `key`, if `name` is not that of a law."""
     if not isinstance(name, str):
-        raise StudyError(key, f"is {show(name)}; it must be a restoring law: {', '.join(LAWS.names())}")
+        raise StudyError(key, f"is {show(name)}; give a restoring law in quotes: {', '.join(LAWS.names())}")
     check_plugins(LAWS, [name], key)
     return LAWS.get(name)
 
