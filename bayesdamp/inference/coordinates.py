@@ -206,7 +206,12 @@ class NoiseMap:
 
     @classmethod
     def of(cls, target: Target, mode: Mode) -> NoiseMap:
-        """Return the map for the posterior of a target, from maxima at many values of the second noise parameter.
+        """Return the map for the posterior `target`, whose mode is `mode`.
+
+        At many values of the second noise parameter, the log posterior is maximised over all other parameters.
+        Laplace's approximation at these maxima gives the marginal posterior of the second parameter; the standard
+        normal quantile of its cumulative probability is the level score of the second parameter. The position of each
+        maximum gives the shift of the first parameter.
 
         The map is the identity in each of these cases: the noise model has no `tied` parameters; not both of them are
         inferred; one of them has a half-normal prior (a reflected score); the model allows for deviations from its

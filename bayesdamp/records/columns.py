@@ -101,13 +101,13 @@ def measure_oscillation(y: np.ndarray) -> OscillationMeasure:
     Parameters
     ----------
     y
-        Equally spaced values, (n,); NaN values are left out.
+        Equally spaced values, (n,); NaN and infinite values are left out.
 
     Returns
     -------
     OscillationMeasure
-        The measures. If the values are constant, fewer than ten, or too large to compute with, the period is inf, the
-        size 0, and the others are False.
+        The measures. If the finite values are constant, fewer than ten, or too large to compute with, the period is
+        inf, the size is 0, and the other fields are False.
     """
     y = np.asarray(y[np.isfinite(y)], float)
     scale = float(np.abs(y).max()) if y.size else 0.0

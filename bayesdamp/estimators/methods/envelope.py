@@ -54,10 +54,12 @@ class Envelope(Estimator[EnvelopeOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: EnvelopeOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Return the unknown parameters of the trajectory whose Hilbert envelope is closest to the record's.
+        """Fit the damping coefficients to the record's Hilbert envelope, and return the unknown parameters.
 
-        There are no standard errors. Raises Refusal if the record has fewer than `LEAST_CYCLES` cycles or is above the
-        noise for less than a period, or if the trajectory is unbounded.
+        If the start of the motion is unknown, its amplitude is fitted too. Unknown restoring parameters are not fitted:
+        they are computed from the record's frequency and midline. There are no standard errors. Raises Refusal if the
+        record has fewer than `LEAST_CYCLES` cycles, if its envelope is above `options.above` times the noise (6 by
+        default) for less than a period, or if the trajectory is unbounded.
         """
         features = checked_features(signal)
         if features.cycles < LEAST_CYCLES:

@@ -479,8 +479,10 @@ def _average_over_frictions(
 def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
     """Return for each draw the mean over the record of |deviation − mean deviation|, (n,).
 
-    Both means are weighted by the energy of the oscillation. values: deviations from the law at k equidistant times,
-    (n, k), either g (log of a factor on the damping) or h (relative change of the frequency).
+    Both means are weighted by the energy of the oscillation. result: the fit of a candidate; the squared amplitudes of
+    its motion are the weights (all weights are equal if the motion has fewer than two half cycles). values: deviations
+    from the law at k equidistant times, (n, k), either g (log of a factor on the damping) or h (relative change of the
+    frequency).
     """
     weight = _energies(result, values.shape[1])
     centred = values - (values @ weight)[:, None]

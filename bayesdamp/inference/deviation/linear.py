@@ -565,9 +565,10 @@ class _Triangles:
     def log_evidence(
         self, model: LinearModel, grid: Grid, variance: float | np.ndarray, samples: float
     ) -> np.ndarray:
-        """Return the log of evidence times prior probability at each of c sets of hyperparameters, in nats, (c,).
+        """Return the log of evidence times prior probability at each of the c points of `grid`, in nats, (c,).
 
-        The parameters are those of `normals`.
+        A grid point is one combination of sizes (prior sds) and correlation lengths of the deviations. `grid` contains
+        its prior probability, which is not a density. The arguments are those of `normals`.
         """
         log = grid.log_prior - 0.5 * (
             self.left + model.rest / variance + samples * np.log(2 * np.pi * variance)
@@ -630,7 +631,11 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
 
 
 def log_evidences(model: LinearModel, grid: Grid, variance: float, samples: float) -> np.ndarray:
-    """Return only the field `log` of `score_normals`, (c,), in nats."""
+    """Return the log of evidence times prior probability at each of the c points of `grid`, in nats, (c,).
+
+    A grid point is one combination of sizes (prior sds) and correlation lengths of the deviations, which are integrated
+    out. The arguments are those of `score_normals`. The result is the field `log` of `score_normals`.
+    """
     return _factorised(model, grid, variance)[1].log_evidence(model, grid, variance, samples)
 
 

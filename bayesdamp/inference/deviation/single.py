@@ -243,8 +243,9 @@ class Single:
         """Return, by name, the values of the parameters that are not inferred.
 
         These are the known parameters of the motion, and the parameters of the noise (for Gaussian noise `noise_sd`).
-        If a term is dry friction, there is also `epsilon`, the width of the velocity range in which it changes its
-        sign.
+        The parameters of the noise are fixed at the values that were chosen for this fit: they are estimated from the
+        record, unless the noise is given. If a term is dry friction, there is also `epsilon`, the width of the velocity
+        range in which it changes its sign.
         """
         comparison = self.comparison
         own = (*self.oscillator.parameters, "noise_sd")

@@ -553,10 +553,11 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
 def _smooth_power(windows: Sinusoids, logs: np.ndarray, power: float) -> tuple[np.ndarray, Smoothed]:
     """Smooth the amplitude: model a power of it (0: its log) as a straight line in time plus an integrated random walk.
 
-    logs: log amplitudes in the windows, (n,), whose errors have the covariance of the windows. Return the log marginal
-    likelihoods plus log priors, in nats, of the v variances of the walk in `WALKS`, (v,). Return also a function of
-    scaled times (k,), which returns, for each variance, the smoothed log amplitudes (or phases), their slopes in scaled
-    time, and the standard deviations of the slopes, (v, k) each.
+    logs: log amplitudes in the windows, (n,), whose errors have the covariance of the windows. With power 0 they may
+    also be phases, which are then smoothed themselves. Return the log marginal likelihoods plus log priors, in nats, of
+    the v variances of the walk in `WALKS`, (v,). Return also a function of scaled times (k,), which returns, for each
+    variance, the smoothed log amplitudes (or phases), their slopes in scaled time, and the standard deviations of the
+    slopes, (v, k) each.
     """
     x = windows.scaled_times
     middle = logs.mean()

@@ -48,7 +48,7 @@ class CassyReader(Reader):
             return False
 
     def read(self, path: Path) -> Contents:
-        """Return a column for each quantity and run.
+        """Return the `Contents` of the file, with a column for each quantity and run that has values.
 
         Raises InputError if the XML is too large or has a document type (DOCTYPE).
         """
