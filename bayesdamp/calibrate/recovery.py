@@ -87,8 +87,14 @@ def _generators(study: Study, noise: float, cycles: float) -> list[Generator]:
     """Return a generator of records for each model of the study, in the order of the models.
 
     noise: fraction of the reference amplitude that is the median of the noise's standard deviation, which has a
-    log-normal prior. cycles: duration of the records, in cycles of the reference frequency. Raises InputError if the
-    study's first signal is not simulated, or states no reference amplitude or frequency.
+    log-normal prior. cycles: duration of the records, in cycles of the reference frequency.
+
+    Raises
+    ------
+    InputError
+        If the study's first signal is not simulated, or states no reference amplitude or frequency. Also if
+        `make_generator` cannot draw records of a model: if the study has several noise models or one that depends on
+        the record, or if the prior of a parameter would depend on the record.
     """
     table, system, source = study.recovery, study.signals[0].system, study.signals[0].source
     if not isinstance(source, Simulation) or system.amplitude is None or system.frequency is None:

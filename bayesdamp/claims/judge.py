@@ -140,9 +140,9 @@ def on_clean(judge: Callable[[EstimatorComparison], Judgement]) -> Judge:
 def verdict_of(own: float, low: float, high: float, factor: float = MUCH_FASTER) -> Verdict:
     """Return the verdict on a claim that prints a range, `low` to `high`, from the measured value `own`.
 
-    All three have the same unit. The claim "holds" if the value is in the range, or below it by at most `factor`. It is
-    "better than claimed" if the value is below `low` / `factor`, and "does not hold" if it is above the range. It
-    "cannot be judged" if the value is nan or infinite.
+    All three have the same unit; a small value is good. The claim "holds" if the value is between `low` / `factor` and
+    `high`. It is "better than claimed" if the value is below `low` / `factor`, also if it is -inf. It "does not hold"
+    if the value is above `high`. It "cannot be judged" if the value is nan, or inf while `high` is finite.
     """
     if not own <= high:
         return "does not hold" if np.isfinite(own) else "cannot be judged"

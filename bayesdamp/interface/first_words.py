@@ -57,7 +57,10 @@ def first_words(signal: Signal, unit: str = "") -> LawFreeDamping:
 def change_in_words(at: LawFreeDamping) -> str:
     """Return a clause on how the damping ratio changes with the amplitude, from its values at three falling amplitudes.
 
-    A change counts only if it is larger than three standard errors and 10 % of the middle damping ratio.
+    Each pair of the three ratios is compared. A difference counts only if it is larger than three of its standard
+    errors, and larger than 10 % of the middle ratio. If both steps, from the first to the middle and from the middle to
+    the last ratio, count and have opposite signs, the clause says that the middle ratio is the smallest or the largest.
+    Otherwise it says that the ratio grows with the amplitude, grows as the amplitude falls, or does not clearly change.
     """
     steps = []
     for i, j in ((0, 1), (0, 2), (1, 2)):

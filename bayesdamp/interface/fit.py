@@ -200,10 +200,10 @@ class Fit(Result, Storable):
 
     @property
     def engine(self) -> tuple[Target, Mode]:
-        """The posterior that samplers and evidence methods use, and its mode.
+        """Two objects for samplers and evidence methods: the posterior (a `Target`), and its mode (a `Mode`).
 
-        If the model allows deviations from its laws, they are integrated out. Raises Refusal with the outcome if there
-        is no fit.
+        If the model allows deviations from its laws, they are integrated out. Raises Refusal with the text `outcome`,
+        the reason, if there is no fit.
         """
         mode = self.mode if self.law is None else self.law.mode
         if mode is None:

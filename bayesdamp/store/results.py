@@ -193,10 +193,11 @@ class TaskResult:
 
 
 class Store:
-    """The results of a run's tasks, each an `.npz` file under `cells/`. Nothing is created before the first write.
+    """The results of a run's tasks, each in an `.npz` file under `cells/`. Nothing is created before the first write.
 
-    A key is the hash of everything that a result depends on. only: the key of each visible result, by task name; other
-    results are hidden, for example those of an earlier version of the study. None if all results are visible.
+    A file has the name of its task, so that a new result replaces the old one. The file also contains the result's key,
+    a hash of everything on which the result depends. only: the key of each visible result, by task name; other results
+    are hidden, for example those of an earlier version of the study. None if all results are visible.
     """
 
     def __init__(self, folder: Path, only: Mapping[str, str] | None = None) -> None:
@@ -612,7 +613,9 @@ class EnvelopeContent:
 
     unit: unit of the readings. samples: number of readings that were used. likelihoods: for each damping sum, the
     scalar fields of its likelihood as a function of the decay rates; the array fields are the arrays
-    `likelihood/DAMPING/...` of the task's result. assumed: a sentence for each assumption.
+    `likelihood/DAMPING/...` of the task's result. Sums whose terms have inferred parameters besides their coefficients,
+    such as an exponent, are missing. `likelihoods` is empty if the record does not belong to a specimen, or if it
+    contains no free decay. assumed: a sentence for each assumption.
     """
 
     unit: str

@@ -96,13 +96,16 @@ class Verdict(CheckedMethods):
         Natural frequency of small oscillations in Hz, from the restoring law; None if the record does not determine
         it. For an envelope: the frequency of its oscillation, if it was specified.
     frequency_at
-        Frequency in Hz at the last of the amplitudes of `damping_ratio`.
+        Frequency in Hz at the smallest amplitude of `damping_ratio` (or close to it; the amplitude is included). It
+        may be measured without a law although `law_free` is False: if the measured value is more precise than that
+        of the laws, contradicts it, or is the only one.
     exponent
         Exponent p of the damping force fitted as one power |v|^p of the velocity, with its 95 % interval.
     damping_ratio
         Equivalent viscous damping ratios (fractions) at amplitudes of the record, usually three, the largest first.
     energy, other_forms
-        Each term's share of the dissipated energy, and upper limits for absent forms, as fractions.
+        The share of the energy that each compared term dissipates, whether it is in `damping` or not; and upper limits
+        for the shares of forms of damping that are not in `damping`. Both are fractions; both are empty if `law_free`.
     deviation, restoring_deviation
         Energy-weighted mean of the relative deviation from the damping law, and from the restoring law, as fractions
         with 95 % intervals; None if laws were assumed to hold exactly. For an envelope, `deviation` is the root mean
@@ -116,8 +119,8 @@ class Verdict(CheckedMethods):
     midline_drift_pct
         Drift of the midline (signed) over the record in % of the first amplitude; 0 where it is not significant.
     law_free, contradicted
-        Whether damping_ratio and frequency_at are measured without assuming a law, because no law is the answer; and
-        whether no law is the answer because the best damping law contradicts the measured damping ratios.
+        Whether both damping_ratio and frequency_at are measured without assuming a law, because no law is the answer;
+        and whether no law is the answer because the best damping law contradicts the measured damping ratios.
     coefficients
         Parameters of the damping that is named and of the restoring law, in base units (rad, m or the sensor's, and s).
         For a specimen, only those of the damping.
