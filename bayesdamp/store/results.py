@@ -6,8 +6,6 @@ values in its results (a subclass of `Content`).
 A file is written completely or not at all. Files in the folder that a run did not write are never replaced or removed.
 """
 
-from __future__ import annotations
-
 import fcntl
 import hashlib
 import importlib.metadata
@@ -157,7 +155,7 @@ class TaskName:
     method: str = ""
 
     @classmethod
-    def of(cls, name: str) -> TaskName:
+    def of(cls, name: str) -> Self:
         """Split the name of a task, such as `mode/bench/0/viscous`, into its parts."""
         kind, *rest = name.split("/")
         record = rest.pop(0) if rest else ""
