@@ -69,7 +69,7 @@ class EstimatesSection(SignalSection):
             content = models[model] = list[object]()
             compared = [e for e in estimates_of(run, signal, model) if len(e.methods) + bool(e.posterior) > 1]
             if compared and is_drawn(run, place):
-                caption = f"Coefficients of {words.model(model)} damping, estimated from “{signal}”. {PANELS}"
+                caption = f"Estimates of {words.model(model)} damping from the record “{signal}”. {PANELS}"
                 draw = partial(estimate_panels, compared)
                 content.append(run.drawings.add(f"estimates-{signal}-{model}", caption, draw))
             content.append(_table(run, signal, model, rows))
