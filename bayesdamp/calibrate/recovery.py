@@ -127,7 +127,7 @@ def _evidence(
 
 
 def check(study: Study) -> None:
-    """Check, before anything is computed, that records of the study's models can be drawn.
+    """Check that records of the study's models can be drawn; it is called before anything is computed.
 
     Raises
     ------

@@ -356,7 +356,7 @@ def _pointwise(post: Posterior, most: int) -> dict[str, Group]:
 
 
 def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Compute, for draws of a fit that assumes exact laws, the log likelihood of each sample and a simulated record.
+    """Compute the log likelihood of each sample, and a simulated record, for draws of a fit that assumes exact laws.
 
     `numbers` are the indices of the draws of each chain that are used. Both results have the shape (m, n) for m draws,
     chain after chain, and n samples; the simulated records contain noise. They are None if the noise model cannot be

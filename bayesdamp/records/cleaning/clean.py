@@ -327,7 +327,7 @@ def decimate(raw: RawRecord) -> RawRecord:
 
 
 def filter_and_decimate(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
-    """Low-pass filter values with a symmetric (zero-phase) filter and return every `factor`-th of the filtered values.
+    """Filter values with a symmetric (zero-phase) low-pass filter, and return every `factor`-th of the filtered values.
 
     The filter is flat within 1e-4 up to the fraction `PASS_BAND` of the new Nyquist frequency. Above the new Nyquist
     frequency it attenuates by `ATTENUATION` dB.
