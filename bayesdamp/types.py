@@ -325,11 +325,7 @@ class Reference:
         They are the rest position, the reference amplitude, and the peak velocity at this amplitude. rest: the
         equilibrium, in rad or m.
         """
-        return {
-            "rest": rest,
-            "reference_velocity": self.peak_velocity,
-            "reference_amplitude": self.amplitude,
-        }
+        return {"rest": rest, "reference_velocity": self.peak_velocity, "reference_amplitude": self.amplitude}
 
     @property
     def peak_velocity(self) -> float:

@@ -73,8 +73,8 @@ class Job:
     repeat: number of the repeat of a simulated signal, from 0.
     model: name of the model (candidate); None if the job is a task on the whole record.
     task_group: which task on the whole record; None if the job concerns a model. "read": simulate or read the record,
-    and store it. "answer": compare the damping models by linear approximations. "sampled": in addition, sample the
-    posteriors of the most probable models.
+    and store it. "answer": compare the damping models by linear approximations. "sampled": the same, if it has not been
+    done, and then sample the posteriors of the most probable models.
     is_sampled: for a model, whether the job includes its posteriors, and the evidence by nested sampling and by methods
     that need posterior draws.
     """
@@ -93,7 +93,7 @@ def task_names(study: Study) -> list[str]:
     """
     use_modules(study.plugins)
     store = Store(Path("."))
-    return [name for job in jobs_of(study) for name in tasks_of(study, store, job)]
+    return list(dict.fromkeys(name for job in jobs_of(study) for name in tasks_of(study, store, job)))
 
 
 def is_within(job: Job, depth: Depth) -> bool:
@@ -147,8 +147,11 @@ def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]
         return {f"{ANSWER}/{record.name}": (envelope_key(record), partial(compute_envelope, study, spec))}
     if job.task_group == "read":
         return {f"signal/{record.name}": (record.key, partial(compute_signal, record))}
-    kind = SAMPLED_ANSWER if job.task_group == SAMPLED_ANSWER else ANSWER
-    return {f"{kind}/{record.name}": (answer_key(record, kind), partial(compute_answer, record, kind))}
+    kinds = (ANSWER, SAMPLED_ANSWER) if job.task_group == SAMPLED_ANSWER else (ANSWER,)
+    return {
+        f"{kind}/{record.name}": (answer_key(record, kind), partial(compute_answer, record, kind))
+        for kind in kinds
+    }
 
 
 def _needs_sampling(name: str) -> bool:
@@ -158,16 +161,25 @@ def _needs_sampling(name: str) -> bool:
     return kind == "posterior" or is_from_draws
 
 
-def stages(study: Study, store: Store, depth: Depth = Depth.WHOLE) -> Iterator[list[Job]]:
+def stages(
+    study: Study, store: Store, depth: Depth = Depth.WHOLE, answer_first: bool = True
+) -> Iterator[list[Job]]:
     """Iterate over the stages of a run, which are lists of jobs. A stage may depend on results of earlier stages.
 
     The jobs of a stage depend on the results that are stored when the iterator is asked for it. So run the jobs of each
     stage before asking for the next one. A stage can be empty.
+
+    answer_first: whether models are compared by linear approximations on all records before any record is sampled. If
+    False, each record is sampled when its models have been compared, and the comparison is not computed twice.
     """
     jobs = jobs_of(study)
+    sampled = {job.signal for job in jobs if job.task_group == SAMPLED_ANSWER and is_within(job, depth)}
     # Every other task reads its record from the store.
     for task_group in ("read", ANSWER, SAMPLED_ANSWER):
-        yield [job for job in jobs if job.task_group == task_group and is_within(job, depth)]
+        later = sampled if task_group == ANSWER and not answer_first else ()
+        yield [
+            j for j in jobs if j.task_group == task_group and is_within(j, depth) and j.signal not in later
+        ]
     if depth is Depth.WHOLE:
         yield _candidate_jobs(study, store)
 

@@ -18,7 +18,7 @@ READING, CANDIDATES = "reading", "candidates"
 ACTIVITIES = {
     "read": f"{READING} {{records}}",
     "answer": "measuring the damping of {records} with {models}{laws}",
-    "sampled": "checking the answer on {records} by sampling",
+    "sampled": "measuring the damping of {records} by sampling",
     CANDIDATES: "fitting, sampling and weighing {models} on {records}",
 }
 """What the jobs of a stage do, for the user, by the `task_group` of the jobs. `CANDIDATES` is for jobs on single
@@ -26,7 +26,7 @@ models, which have no task group."""
 
 
 def describe_stage(study: Study, jobs: list[Job]) -> str:
-    """Return what the jobs of a stage do, in words, such as "checking the answer on 2 records by sampling"."""
+    """Return what the jobs of a stage do, in words, such as "measuring the damping of 2 records by sampling"."""
     names = {job.signal for job in jobs}
     specs = [spec for spec in study.signals if spec.name in names]
     sums = {candidate_parts(job.model)[0] for job in jobs if job.model}

@@ -81,7 +81,8 @@ def run_study(
     on_verdict
         Function that is called with the verdict on the first repeat of each signal: once when the models have been
         compared on all records by linear approximations, and again after sampling. If the study compares no models, it
-        is called after the records are read.
+        is called after the records are read. If it is None, each record is sampled as soon as its models have been
+        compared, which is faster.
     quiet
         Whether to show failed tasks only.
     checked
@@ -109,11 +110,11 @@ def run_study(
             store.clear()
         jobs = jobs_of(study)
         workers = workers or max(1, min(cores(), count_parallel_jobs(jobs, depth)))
-        names = [name for job in jobs if is_within(job, depth) for name in tasks_of(study, store, job)]
+        names = {name: None for job in jobs if is_within(job, depth) for name in tasks_of(study, store, job)}
         shown = Console(quiet=True) if quiet else console
         with progress_bar(shown) as bar, open_pool(workers, scheduler, console.print) as pool:
             progress = Progress(bar)
-            for stage in stages(study, store, depth):
+            for stage in stages(study, store, depth, answer_first=on_verdict is not None):
                 if not stage:
                     continue
                 progress.begin(describe_stage(study, stage), stage)

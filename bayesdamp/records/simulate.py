@@ -79,7 +79,8 @@ def simulate_signal(
     length = max(int(GAP * samples), 1)
     if noise not in NOISES:
         raise InputError(f"unknown noise {noise!r}; valid are {', '.join(NOISES)}", name)
-    if gaps * length > samples / 2:
+    free = samples - gaps * (length + 1) - 2
+    if gaps * length > samples / 2 or free < 0:
         raise InputError(f"{gaps} gaps take more than half of the record; give fewer", name)
     t = np.linspace(0.0, duration, samples)
     clean = np.asarray(simulate(osc, dict(p), t, quantity=quantity), float)
@@ -103,7 +104,6 @@ def simulate_signal(
         notes.append(f"The values are rounded to steps of {quantum:.4g}.")
     keep = np.ones(samples, bool)
     if gaps:  # at random positions, with at least one sample between two gaps
-        free = samples - gaps * (length + 1) - 2
         starts = np.sort(rng.integers(0, free + 1, gaps)) + 1 + np.arange(gaps) * (length + 1)
         keep[(starts[:, None] + np.arange(length)).ravel()] = False
         notes.append(f"{int((~keep).sum())} samples are missing.")

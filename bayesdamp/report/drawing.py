@@ -1,4 +1,4 @@
-"""Draw figures in one style, save them as SVG and PNG, and embed them in the report.
+"""Draw figures in one style, save them as SVG or PNG, and embed them in the report.
 
 The colours are Okabe and Ito's palette for colour-blind readers.
 """
@@ -58,7 +58,7 @@ needs besides its text (both measured)."""
 RIGHT_MARGIN = 0.2
 """Space to the right of the panels of a figure, in inches."""
 LARGEST_SVG = 80_000
-"""Largest size in bytes of an SVG that is embedded in the page; larger figures are embedded as PNG."""
+"""Largest size in bytes of an SVG that is embedded in the page; larger figures are embedded and saved as PNG."""
 NARROW_WIDTH, LEAST_ZOOM = 440, 0.8
 """A figure that is wider than `NARROW_WIDTH` CSS pixels scrolls sideways on a phone, so that it is never scaled below
 `LEAST_ZOOM`, where its letters would be too small to read."""
@@ -143,23 +143,22 @@ def fix_margins(
 class Drawings:
     """Embed the figures of a report in its page, and save them in a folder if one is given.
 
-    folder: where the figures are saved; None to save none. names: names of the files of all figures so far, without
-    their endings.
+    folder: where the figures are saved; None to save none. files: names of the files of all figures so far.
     """
 
     def __init__(self, folder: Path | None) -> None:
         self.folder = folder
-        self.names: list[str] = []
+        self.files: list[str] = []
 
     def add(self, name: str, caption: str, draw: Callable[[], Figure]) -> Markup:
         """Draw a figure in the common style, and return the HTML that shows it.
 
-        If there is a folder, the figure is also saved there as SVG and PNG.
+        If there is a folder, the figure is also saved there, in the same format.
 
         Parameters
         ----------
         name
-            Name of the files; characters that a file name should not contain are replaced.
+            Name of the file; characters that a file name should not contain are replaced.
         caption
             Plain text below the figure, which is also its alternative text.
         draw
@@ -174,12 +173,12 @@ class Drawings:
         name = re.sub(r"[^\w.=+-]+", "-", name)
         with mpl.rc_context(RC):
             figure = draw()
-            svg, png = _encode(figure)
+            kind, content = "svg+xml", _svg(figure)
+            if len(content) > LARGEST_SVG:
+                kind, content = "png", _png(figure)
+        self.files.append(f"{name}.{kind[:3]}")
         if self.folder is not None:
-            write_bytes(self.folder / f"{name}.svg", svg)
-            write_bytes(self.folder / f"{name}.png", png)
-        self.names.append(name)
-        kind, content = ("svg+xml", svg) if len(svg) <= LARGEST_SVG else ("png", png)
+            write_bytes(self.folder / self.files[-1], content)
         width = round(figure.get_figwidth() * 100)
         return Markup(
             '<figure{}><div><img src="data:image/{};base64,{}" alt="{}" style="width:{}px;--least:{}px"></div>'
@@ -190,21 +189,11 @@ class Drawings:
         )  # fmt: skip
 
 
-def _encode(figure: Figure) -> tuple[bytes, bytes]:
-    """Return the content of a figure's SVG file and of its PNG file.
-
-    The figure is laid out only once for both formats, which is faster than two calls of `savefig`.
-    """
-    figure.set_dpi(DPI)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    figure.set_layout_engine("none")
-    svg, png = io.BytesIO(), io.BytesIO()
-    # A palette makes the file three times smaller, because a figure has few colours. The method "maximum coverage"
-    # preserves the colour of thin lines; the default (median cut) would replace it by shades of broad lines.
-    pixels = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-    pixels.quantize(method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(png, "PNG")
+def _svg(figure: Figure) -> bytes:
+    """Return the content of a figure's SVG file. The layout of the figure is then fixed."""
+    svg = io.BytesIO()
     FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": "bayesdamp"})
+    figure.set_layout_engine("none")
     # Matplotlib derives the names of markers from memory addresses; numbers make the file reproducible.
     text = svg.getvalue().decode()
     marks = dict.fromkeys(re.findall(r'id="([a-z][0-9a-f]{10})"', text))
@@ -217,4 +206,16 @@ def _encode(figure: Figure) -> tuple[bytes, bytes]:
         lambda path: number.sub(lambda x: f"{float(x[0]):.2f}".rstrip("0").rstrip("."), path[0]),
         text,
     )
-    return text.encode(), png.getvalue()
+    return text.encode()
+
+
+def _png(figure: Figure) -> bytes:
+    """Return the content of a figure's PNG file."""
+    figure.set_dpi(DPI)
+    canvas, png = FigureCanvasAgg(figure), io.BytesIO()
+    canvas.draw()
+    # A palette makes the file three times smaller, because a figure has few colours. The method "maximum coverage"
+    # preserves the colour of thin lines; the default (median cut) would replace it by shades of broad lines.
+    pixels = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    pixels.quantize(method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(png, "PNG")
+    return png.getvalue()

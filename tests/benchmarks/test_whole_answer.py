@@ -1,5 +1,4 @@
-"""The cost of a whole answer: `compare` from its start to the verdict and to its end, and how the cost grows with
-samples, cycles, candidates and records."""
+"""Time whole commands, each in its own process: to the first words, to the verdict and to the end."""
 
 import json
 import os
@@ -7,40 +6,33 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
+import bayesdamp as bd
 from bayesdamp.physics.oscillator import Oscillator, simulate
 from tests.benchmarks.page import add_table
+from tests.benchmarks.timing import in_turns
+from validation.contest.records import simulate_record
+from validation.contest.script import answer
 
-SAMPLES, CYCLES = 5_000, 70
-"""The largest record for which the bars below are promised."""
-FRESH, USED, WHOLE, THREE = 25.0, 10.0, 60.0, 90.0
-"""Seconds to the verdict of one record after an installation and later, to its end, and to the end of three repeats."""
-MILLION = 1_000_000
 STIFFNESS, NOISE = 20.0, 1e-3
+"""(2π × frequency)² of small oscillations in s⁻², and standard deviation of the noise in rad."""
+COLUMNS = {"first words, s": 2, "verdict, s": 2, "end, s": 2, "CPU, s": 2, "memory, MB": 0}
+"""Measured quantities of a command with their decimals. Memory is the peak of the largest process."""
+RECORDS = 10
+"""Number of records in the comparison with the script: two of each group of the contest."""
 
 LAUNCHER = """
 import json, resource, subprocess, sys
-status = subprocess.run(sys.argv[1:], stderr=subprocess.DEVNULL).returncode
+status = subprocess.run(sys.argv[1:], stderr=subprocess.STDOUT).returncode
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(json.dumps([status, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024]))
 """
 """A small process starts the command: to a process's peak memory Linux adds that of the process that forked it."""
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Seconds to the verdict and to the end, CPU seconds of all processes, and peak memory of the largest in MiB."""
-
-    verdict: float
-    end: float
-    cpu: float
-    memory: float
 
 
 @cache
@@ -49,9 +41,11 @@ def folder() -> TemporaryDirectory[str]:
     return TemporaryDirectory(prefix="bayesdamp-bench-")
 
 
-@cache
-def record(samples: int = SAMPLES, cycles: int = CYCLES, number: int = 0) -> Path:
-    """Write a pendulum with friction that decays to a fifth of its first amplitude, and return the file."""
+def record(samples: int = 5_000, cycles: int = 70, number: int = 0, lost: float = 0.0) -> str:
+    """Write a pendulum with friction that decays to a fifth of its first amplitude; return the file's path.
+
+    lost: fraction of the record that a gap in its middle removes.
+    """
     w = np.sqrt(STIFFNESS)
     t = np.linspace(0.0, 2 * np.pi * cycles / w, samples)
     zeta = np.log(4.0) / t[-1]
@@ -61,70 +55,112 @@ def record(samples: int = SAMPLES, cycles: int = CYCLES, number: int = 0) -> Pat
     }  # fmt: skip
     y = simulate(Oscillator(("viscous", "coulomb"), "pendulum"), p, t)
     y = y + NOISE * np.random.default_rng(number).standard_normal(t.size)
-    path = Path(folder().name) / f"record_{samples}_{cycles}_{number}.csv"
-    header = "time (s),angle (rad)"
-    np.savetxt(path, np.column_stack([t, y]), fmt="%.10g", delimiter=",", header=header, comments="")
-    return path
+    left = np.abs(t / t[-1] - 0.5) >= lost / 2
+    path = Path(folder().name) / f"record_{samples}_{cycles}_{number}_{lost}.csv"
+    table, header = np.column_stack([t, y])[left], "time (s),angle (rad)"
+    np.savetxt(path, table, fmt="%.10g", delimiter=",", header=header, comments="")
+    return str(path)
 
 
-def compare(*records: Path, options: str = "--quick", fresh: bool = False) -> Cost:
-    """Run `compare` in a process of its own. fresh: with nothing compiled, as after an installation."""
+def measure(command: str, *records: str, fresh: bool = False) -> list[float]:
+    """Run a command; return its `COLUMNS`. fresh: with nothing compiled, as after an installation."""
     home = Path(folder().name)
     caches = {name: str(home / "fresh") for name in ("BAYESDAMP_CACHE", "NUMBA_CACHE_DIR") if fresh}
-    out = home / f"answer_{time.monotonic_ns()}"
-    command = ["-m", "bayesdamp", "compare", *map(str, records), "--out", str(out), *options.split()]
-    start = time.perf_counter()
+    name, *options = command.split()
+    out = [] if name in ("--help", "look") else ["--out", str(home / f"answer_{time.monotonic_ns()}")]
+    start, seen = time.perf_counter(), {}
     with subprocess.Popen(
-        [sys.executable, "-c", LAUNCHER, sys.executable, *command], text=True, stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONUNBUFFERED": "1", **caches},
+        [sys.executable, "-c", LAUNCHER, sys.executable, "-m", "bayesdamp", name, *records, *out, *options],
+        text=True, stdout=subprocess.PIPE, env={**os.environ, "PYTHONUNBUFFERED": "1", **caches},
     ) as process:  # fmt: skip
-        first = process.stdout.readline()
-        verdict = time.perf_counter() - start
-        rest = process.stdout.read()
-    end = time.perf_counter() - start
-    status, cpu, memory = json.loads(rest.splitlines()[-1])
+        for line in process.stdout:
+            for what, part in (
+                ("first", "It oscillates"),
+                ("verdict", ": equivalent damping ratio"),
+                ("end", ""),
+            ):
+                if part in line and (what == "end" or what not in seen):
+                    seen[what] = time.perf_counter() - start
+    status, cpu, memory = json.loads(line)
     assert status == 0
-    assert "damping ratio" in first
-    return Cost(verdict, end, cpu, memory)
+    return [seen.get("first", np.nan), seen.get("verdict", np.nan), seen["end"], cpu, memory]
 
 
-def add_costs(title: str, costs: Mapping[str, Cost], ratios: dict[str, float]) -> None:
+def add_costs(title: str, costs: Mapping[str, list[float]], bars: Mapping[str, Mapping[str, float]]) -> None:
+    """Add a table of costs; of each bar (by row and column) the ratio bar / cost is shown."""
     rows = [
-        [name, f"{c.verdict:.1f}", f"{c.end:.1f}", f"{c.cpu:.1f}", f"{c.memory:.0f}"]
-        for name, c in costs.items()
+        [what, *("" if np.isnan(c) else f"{c:.{d}f}" for c, d in zip(cost, COLUMNS.values(), strict=True))]
+        for what, cost in costs.items()
     ]
-    header = ["what", "s to the verdict", "s to the end", "CPU s", "peak MiB"]
-    add_table(title, header, rows, ratios, dict.fromkeys(ratios, 1.0))
-
-
-def test_one_record_and_three() -> None:
-    three_records = [record(number=i) for i in range(3)]
-    fresh = compare(record(), fresh=True)
-    used = compare(record(), options="")
-    three = compare(*three_records, options="--repeats")
+    places = list(COLUMNS)
     ratios = {
-        "verdict of a record, fresh installation: 25 s / ours": FRESH / fresh.verdict,
-        "verdict of a record, used installation: 10 s / ours": USED / used.verdict,
-        "a record with sampling and report: 60 s / ours": WHOLE / used.end,
-        "three repeats to their end: 90 s / ours": THREE / three.end,
+        f"{what}: {column} (bar {bar:g})": bar / costs[what][places.index(column)]
+        for what, wanted in bars.items()
+        for column, bar in wanted.items()
     }
-    costs = {"one record, nothing compiled, --quick": fresh, "one record": used, "three repeats": three}
-    add_costs(f"Seconds by a stopwatch, {SAMPLES:,} samples and {CYCLES} cycles", costs, ratios)
+    add_table(title, ["what", *COLUMNS], rows, ratios, dict.fromkeys(ratios, 1.0))
+
+
+def test_commands() -> None:
+    quick = dict(zip(COLUMNS, (1.0, 2.0, 3.0, 4.0, 400.0), strict=True))
+    end, runs = {"end, s": 15.0}, [record(number=i) for i in range(10)]
+    measured = {
+        "--help": (measure("--help"), {"CPU, s": 0.2}),
+        "look": (measure("look", record()), {"CPU, s": 0.6}),
+        "one record, --quick": (measure("compare --quick", record()), quick),
+        "one record, --quick, nothing compiled": (
+            measure("compare --quick", record(), fresh=True),
+            {"verdict, s": 20.0},
+        ),
+        "one record": (measure("compare", record()), {"end, s": 5.0}),
+        "ten runs of one rig": (measure("compare --repeats", *runs), {"end, s": 30.0}),
+        "55 s at 1 kHz": (measure("compare", record(55_000, 40)), end),
+    }
+    costs = {what: cost for what, (cost, _) in measured.items()}
+    add_costs(
+        "Commands, records of 5,000 samples and 70 cycles",
+        costs,
+        {what: bars for what, (_, bars) in measured.items()},
+    )
 
 
 def test_growth() -> None:
-    three_records = [record(number=i) for i in range(3)]
+    several = [record(1_000, 20, i) for i in range(20)]
     costs = {
-        f"{SAMPLES:,} samples, {CYCLES} cycles": compare(record()),
-        "1,000 samples": compare(record(1_000)),
-        "50,000 samples": compare(record(50_000)),
-        "10 cycles": compare(record(cycles=10)),
-        "300 cycles": compare(record(cycles=300)),
-        "1,000,000 samples, 1,000 cycles": compare(record(MILLION, 1_000)),
-        "1,000,000 samples, 30,000 cycles": compare(record(MILLION, 30_000)),
-        "one law, one damping": compare(record(), options="--quick --restoring linear --damping viscous"),
-        "3 records, 1 worker": compare(*three_records, options="--quick --workers 1"),
-        "3 records, 2 workers": compare(*three_records, options="--quick --workers 2"),
+        "1,000 samples": measure("compare --quick", record(1_000)),
+        "50,000 samples": measure("compare --quick", record(50_000)),
+        "10 cycles": measure("compare --quick", record(cycles=10)),
+        "300 cycles": measure("compare --quick", record(cycles=300)),
+        "a million samples, 1,000 cycles": measure("compare --quick", record(1_000_000, 1_000)),
+        "a million samples, 30,000 cycles": measure("compare --quick", record(1_000_000, 30_000)),
+        "the same without 5 % of it": measure("compare --quick", record(1_000_000, 30_000, lost=0.05)),
+        "one law, one damping": measure("compare --quick --restoring linear --damping viscous", record()),
+        "20 records of 1,000 samples, 1 worker": measure("compare --quick --workers 1", *several),
+        "20 records of 1,000 samples, 2 workers": measure("compare --quick --workers 2", *several),
     }
-    ratios = {"memory for 1,000,000 samples: 1 GiB / ours": 1024 / max(c.memory for c in costs.values())}
-    add_costs("Growth of the cost with --quick, one change at a time", costs, ratios)
+    bars = {
+        what: {"end, s": 30.0} for what in ("a million samples, 30,000 cycles", "the same without 5 % of it")
+    }
+    bars |= {what: {"CPU, s": 20.0} for what in costs if what.startswith("20 records")}
+    add_costs("Growth with --quick, one change at a time", costs, bars)
+
+
+def test_an_engineers_script() -> None:
+    cases = [simulate_record(815, number) for number in range(RECORDS)]
+    rows, ratios = [], {}
+    for number, c in enumerate(cases):
+        ours, script = in_turns(
+            lambda c=c: bd.compare(c.signal, sample=False),
+            lambda c=c: answer(c.signal, c.amplitudes),
+            rounds=2,
+        )
+        what = f"{c.name.split('-')[0]} {number}"
+        rows.append([what, f"{ours:.2f}", f"{script:.2f}"])
+        ratios[f"{what}: script / ours"] = script / ours
+    add_table(
+        "CPU seconds beside an engineer's script",
+        ["record", "ours", "script"],
+        rows,
+        ratios,
+        dict.fromkeys(ratios, 1.0),
+    )

@@ -9,10 +9,10 @@ import pytest
 
 from bayesdamp.config import Recording
 from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.pipeline.jobs import Job, tasks_of
+from bayesdamp.pipeline.jobs import Depth, Job, stages, tasks_of
 from bayesdamp.pipeline.records import read_free_decay
 from bayesdamp.store.results import Store
-from tests.studies import COMPARED, VISCOUS, study_text, write_study
+from tests.studies import COMPARED, VISCOUS, WEIGHED, study_text, write_study
 
 
 def test_a_file_that_is_replaced_with_the_same_time_stamp_is_read_again(tmp_path: Path) -> None:
@@ -50,3 +50,21 @@ def test_evidence_that_needs_draws_comes_after_the_samplers_and_only_for_sampled
     assert "importance" not in methods(unsampled)
     order = methods(job)
     assert order.index("nuts") < order.index("importance") < order.index("nested")
+
+
+def test_records_are_sampled_one_by_one_unless_all_answers_are_wanted_first(tmp_path: Path) -> None:
+    study, store = write_study(tmp_path, study_text(COMPARED, WEIGHED, simulate=VISCOUS)), Store(tmp_path)
+
+    def groups(answer_first: bool) -> list[list[str]]:
+        every = [
+            list(dict.fromkeys(job.task_group for job in s))
+            for s in stages(study, store, Depth.SAMPLED, answer_first)
+        ]
+        return [group for group in every if group]
+
+    assert groups(True) == [["read"], ["answer"], ["sampled"]]
+    assert groups(False) == [["read"], ["sampled"]]
+    assert [name.split("/")[0] for name in tasks_of(study, store, Job("rig", 0, task_group="sampled"))] == [
+        "answer",
+        "sampled",
+    ]

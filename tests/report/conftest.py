@@ -267,7 +267,7 @@ def whole_run(tmp_path_factory) -> Path:
 @pytest.fixture
 def sketchy(monkeypatch):
     """Figures are composed but not rendered, for tests of the text."""
-    monkeypatch.setattr("bayesdamp.report.drawing._encode", lambda _: (b"<svg/>", b"png"))
+    monkeypatch.setattr("bayesdamp.report.drawing._svg", lambda _: b"<svg/>")
 
 
 @pytest.fixture

@@ -63,11 +63,7 @@ def compare(
     ] = "auto",
     repeats: Annotated[
         bool,
-        o.option(
-            COMPARED,
-            "The records are of one specimen: give their common answer too.",
-            "--repeats",
-        ),
+        o.option(COMPARED, "The records are of one specimen: give their common answer too.", "--repeats"),
     ] = False,
     seed: Annotated[int, o.option(COMPARED, "Seed of all random numbers.", min=0)] = 0,
     out: o.Out = None,

@@ -178,7 +178,7 @@ def _log(matrix: np.ndarray) -> np.ndarray:
     values = np.linalg.eigvals(matrix)
     if np.any((np.abs(values.imag) <= 1e-12 * np.abs(values).max()) & (values.real <= 0)):
         raise Refusal(
-            "the one-step matrix has an eigenvalue that is zero or negative, so it has no real logarithm"
+            "the one-step matrix has an eigenvalue that is zero or negative, so it has no real principal logarithm"
         )
     # SciPy estimates norms with NumPy's global random state: fix it, and restore it afterwards.
     before = np.random.get_state()

@@ -66,22 +66,30 @@ class Quantity:
 def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
     """Return median and 95 % interval of draws, (n,), with the two parts of their sd (see `Quantity`).
 
-    noise: the part of the sd that noise alone causes, in the unit of the draws. The part that deviations from the laws
-    cause is √(variance − noise²), at least 0; it is nan if `noise` is nan.
+    noise: the part of the sd that noise alone causes, in the unit of the draws; nan if it is unknown, and the other
+    part is then nan too (see `law_part`).
     """
     low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))
-    law = float(np.sqrt(max(float(np.var(values)) - noise**2, 0.0))) if np.isfinite(noise) else float("nan")
-    return Quantity(middle, low, high, noise, law)
+    return Quantity(middle, low, high, noise, law_part(float(np.var(values)), noise))
+
+
+def law_part(variance: float, noise: float) -> float:
+    """Return the part of an sd that deviations from the laws cause: √(variance − noise²), or 0 if this is negligible.
+
+    It is negligible below 1e-6 of the sd, where it may be due to rounding. noise: the part that noise alone causes.
+    """
+    excess = variance - noise**2
+    return 0.0 if excess <= 1e-12 * variance else float(np.sqrt(excess))
 
 
 def with_parts_of_sd(summary: Mapping[str, float], noise: float) -> dict[str, float]:
     """Return a parameter's summary with two more keys, `sd_noise` and `sd_law`: two parts of its `sd`.
 
     `sd_noise` is `noise`, the sd that noise alone would cause if the laws were exact, but at most the sd. `sd_law` is
-    √(sd² − sd_noise²), the part that is caused by deviations of the motion from the damping and restoring laws.
+    the part that is caused by deviations of the motion from the damping and restoring laws (see `law_part`).
     """
     noise = min(noise, summary["sd"])
-    return {**summary, "sd_noise": noise, "sd_law": float(np.sqrt(summary["sd"] ** 2 - noise**2))}
+    return {**summary, "sd_noise": noise, "sd_law": law_part(summary["sd"] ** 2, noise)}
 
 
 @dataclass(frozen=True)

@@ -200,12 +200,7 @@ class EnvelopeCandidate:
         d, at = self.rates.size, np.append(self.rates, self.x0)
         motion = solver_of(blocks, self.law).solve(at, tangents=ALL)
         # The 0.0 is for the error of the noise floor, which does not change the amplitudes.
-        units = [
-            *[self.unit] * d,
-            WIDE_SD,
-            0.0,
-            *[1.0] * KNOTS,
-        ]
+        units = [*[self.unit] * d, WIDE_SD, 0.0, *[1.0] * KNOTS]
         columns = np.insert(motion.tangents, d + 1, 0.0, axis=1) * units
         used = np.flatnonzero(self.posterior.weights > NEGLIGIBLE_WEIGHT * self.posterior.weights.max())
         means, factors = self.posterior.posteriors(used)

@@ -39,11 +39,7 @@ def compute_estimate(candidate: StudyCandidate, method: str, seed: int) -> Produ
     return Product(EstimateContent(tuple(stages)))
 
 
-COMPUTE = {
-    "estimate": compute_estimate,
-    "posterior": compute_posterior,
-    "evidence": compute_evidence,
-}
+COMPUTE = {"estimate": compute_estimate, "posterior": compute_posterior, "evidence": compute_evidence}
 """The functions that compute tasks, by kind of task. Their arguments are the candidate, the name of the method and the
 random seed. Tasks of the kind "mode", which have no method, are not included: `compute` computes them directly."""
 

@@ -125,6 +125,8 @@ fraction of the variance. A spectral line is accepted only if it has at least th
 ALIAS_BLOCKS = 4.5
 """A period that was found in averages over blocks of samples may be an alias of a faster oscillation if it is shorter
 than this many blocks."""
+NEAR_SAMPLE = 2.0
+"""A value on a grid of equal steps is in a gap of the record if no sample is within this many steps (conventional)."""
 LINE_BINS = 4
 """Approximate half width, in bins of a spectrum, of the line of a decaying oscillation."""
 LEAST_SHARE = 0.3
@@ -140,16 +142,20 @@ def block_means(values: np.ndarray, block: int) -> np.ndarray:
     return values[: values.size // block * block].reshape(-1, block).mean(axis=1)
 
 
-def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return a record on equally spaced times: the spacing in s, and at most MOST_SAMPLES values, (m,).
+def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return a record on equally spaced times: the spacing in s, at most MOST_SAMPLES values, (m,), and which are real.
 
     t, y: times in s and values, (n,). Longer records are averaged in blocks first; then the values are interpolated
-    linearly.
+    linearly. A value is real, and not only a line across a gap, if a time of the record is within `NEAR_SAMPLE`
+    spacings.
     """
     block = -(-t.size // MOST_SAMPLES)
     t, y = block_means(t, block), block_means(y, block)
     spacing = float((t[-1] - t[0]) / (t.size - 1))
-    return spacing, np.interp(t[0] + spacing * np.arange(t.size), t, y)
+    grid = t[0] + spacing * np.arange(t.size)
+    after = np.searchsorted(t[1:-1], grid)
+    away = np.minimum(np.abs(grid - t[after]), np.abs(grid - t[after + 1]))
+    return spacing, np.interp(grid, t, y), away <= NEAR_SAMPLE * spacing
 
 
 def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
@@ -172,13 +178,14 @@ def samples_a_cycle(t: np.ndarray, y: np.ndarray) -> float:
     return values.size / top
 
 
-def explained_power(y: np.ndarray, samples: float) -> tuple[float, float]:
+def explained_power(y: np.ndarray, real: np.ndarray, samples: float) -> tuple[float, float]:
     """Return how much of a record is explained by sinusoids of a given period, fitted in windows of two periods.
 
     Parameters
     ----------
-    y
-        Equally spaced values, (n,).
+    y, real
+        Equally spaced values, and whether each is real (False in a gap), (n,). Windows of which less than half is real
+        are left out, unless all are.
     samples
         Number of samples in a period.
 
@@ -193,7 +200,12 @@ def explained_power(y: np.ndarray, samples: float) -> tuple[float, float]:
     angle = np.pi * (length - 1) / samples * u
     trend = [np.ones(length), u] if length < 14 else [np.ones(length), u, u**2]
     basis = np.stack([*trend, np.cos(angle), np.sin(angle)])
-    windows = np.lib.stride_tricks.sliding_window_view(y, length)[:: max(1, length // 4)]
+    places = np.arange(0, y.size - length + 1, max(1, length // 4))
+    count = np.append(0, np.cumsum(real))
+    shares = (count[places + length] - count[places]) / length  # shares of real values
+    used = shares >= min(0.5, shares.max())
+    places = places[used]
+    windows = np.lib.stride_tricks.sliding_window_view(y, length)[places]
     windows = windows - windows.mean(axis=1, keepdims=True)
     # The inverse Cholesky factor orthonormalises the basis in its order; the sinusoid comes after the trend.
     factor = np.linalg.cholesky(basis @ basis.T)
@@ -203,7 +215,7 @@ def explained_power(y: np.ndarray, samples: float) -> tuple[float, float]:
     free = length - len(basis)
     net = float(np.mean(wave - 2 * rest / free)) / length
     whole = float(np.mean(wave + rest)) / length
-    return net, net / whole if whole > 0 else 0.0
+    return net * float(np.mean(shares[used])), net / whole if whole > 0 else 0.0
 
 
 def coarse_period(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
@@ -227,8 +239,8 @@ def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[fl
     the most power; the others follow in falling order of power times fraction. If a hand moves the object to and fro in
     a part of the record, the first period may be that of the hand. t, y: increasing times in s and values, each (n,).
     """
-    spacing, coarse = on_grid(t, y)
-    periods = _search_periods(coarse, spacing, most)
+    spacing, coarse, real = on_grid(t, y)
+    periods = _search_periods(coarse, real, spacing, most)
     if t.size <= MOST_SAMPLES:
         return periods
     left = float(np.var(coarse) / np.var(y))
@@ -237,22 +249,22 @@ def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[fl
         ends = np.arange(MOST_SAMPLES, t.size + 1, MOST_SAMPLES)
         at = max(ends.tolist(), key=lambda end: float(np.var(y[end - MOST_SAMPLES : end])))
         piece = slice(at - MOST_SAMPLES, at)
-        finer, values = on_grid(t[piece], y[piece])
-        near = _search_periods(values, finer, most)
+        finer, *values = on_grid(t[piece], y[piece])
+        near = _search_periods(*values, finer, most)
         # If the period in the averages is only an alias, its fraction must be reduced by the lost variance.
         alias = left if near[0][0] < ALIAS_BLOCKS * spacing else 1.0
         periods = near if near[0][1] > periods[0][1] * alias else periods
     return periods
 
 
-def _search_periods(y: np.ndarray, spacing: float, most: int) -> list[tuple[float, float]]:
+def _search_periods(y: np.ndarray, real: np.ndarray, spacing: float, most: int) -> list[tuple[float, float]]:
     """Return up to `most` possible periods (s), each with the fraction of variance it explains, as `coarse_periods`.
 
-    y: equally spaced values, (n,). spacing: sampling interval in s.
+    y, real: equally spaced values, and whether each is real, (n,), as from `on_grid`. spacing: sampling interval in s.
     """
     top = max(y.size - 1, 4.4)
     grid = np.geomspace(SHORTEST_PERIOD, top, int(28 * np.log10(top / SHORTEST_PERIOD)) + 3)
-    scores, shares = np.array([explained_power(y, p) for p in grid]).T
+    scores, shares = np.array([explained_power(y, real, p) for p in grid]).T
     padded = np.pad(scores, 1, constant_values=-np.inf)
     peaks = np.flatnonzero(
         (scores >= padded[:-2]) & (scores > padded[2:]) & (scores > WEAK_POWER * scores.max())
@@ -263,7 +275,7 @@ def _search_periods(y: np.ndarray, spacing: float, most: int) -> list[tuple[floa
     periods = []
     for best in peaks:
         fine = np.geomspace(grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)], 17)
-        results = [explained_power(y, p) for p in fine]
+        results = [explained_power(y, real, p) for p in fine]
         at = int(np.argmax([r[0] for r in results]))
         periods.append((float(fine[at] * spacing), max(results[at][1], 0.0)))
     return periods

@@ -95,11 +95,7 @@ def _panel(ax: Axes, e: CoefficientEstimates, methods: Sequence[str]) -> None:
                 text = f"◂ {fmt.number(value, 3)}" if left else f"{fmt.number(value, 3)} ▸"
                 look = {"fontsize": 7, "color": MUTED, "ha": "left" if left else "right", "va": "center"}
                 ax.text(0.0 if left else 1.0, y, text, transform=ax.get_yaxis_transform(), **look)
-    ax.set(
-        xlim=(low, high),
-        ylim=(len(methods) - 0.4, -0.6),
-        xlabel=words.axis(e.parameter, e.unit),
-    )
+    ax.set(xlim=(low, high), ylim=(len(methods) - 0.4, -0.6), xlabel=words.axis(e.parameter, e.unit))
     ax.set_title(f"record {e.signal},\nmodel {words.model(e.model)}", fontsize=8)
     ax.locator_params(axis="x", nbins=4)
     ax.tick_params(axis="y", length=0)

@@ -201,11 +201,10 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     run = RunFolder(folder)
     claim(run.folder)
     try:
-        page, figures = page_of(run, pool)
+        page, files = page_of(run, pool)
     except OtherVersionError as error:
         raise InputError(error.what, str(folder)) from None
     drawn = run.folder / "figures" / DRAWN_LIST
-    files = {f"{name}.{kind}" for name in figures for kind in ("svg", "png")}
     before = drawn.read_text(encoding="utf-8").split("\n") if drawn.is_file() else []
     remove_listed(drawn.parent, [name for name in before if name and name not in files])
     if files or before:
@@ -216,7 +215,7 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
 
 
 def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]]:
-    """Return the HTML page of a run, and the file names of its figures without their endings.
+    """Return the HTML page of a run, and the names of the files of its figures.
 
     `pool` draws the sections in parallel. They are drawn in this process if it is None, or if the user has added
     plug-ins, which exist only in this process. Raises OtherVersionError if an incompatible version of bayesdamp wrote
@@ -243,11 +242,11 @@ def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]
             for section, (body, _) in zip(sections, bodies, strict=True)
         ],
     )
-    return page, {name for _, figures in bodies for name in figures}
+    return page, {name for _, files in bodies for name in files}
 
 
 def _section(run: RunFolder, name: str) -> tuple[str, tuple[str, ...]]:
-    """Return a section's HTML, and the names of the figures that it drew."""
-    before = len(run.drawings.names)
+    """Return a section's HTML, and the names of the files of the figures that it drew."""
+    before = len(run.drawings.files)
     body = SECTIONS.get(name).render(run)
-    return str(body), tuple(run.drawings.names[before:])
+    return str(body), tuple(run.drawings.files[before:])
