@@ -1,9 +1,9 @@
-"""Reduce a record of hundreds of cycles or more to amplitudes and phases of about 64 blocks of cycles.
+"""Reduce a record of hundreds of cycles or more to amplitudes, phases and midlines of about 64 blocks of cycles.
 
-Candidates (sums of damping terms under a restoring law) are fitted to these amplitudes and phases instead of the
-samples, because their number does not grow with the number of cycles. The solver does not integrate all cycles. It
-integrates a compressed oscillation, which has M times the damping and 1/M of the cycles, and therefore decays through
-the same amplitudes (see `bayesdamp.physics.kernel.averaged`).
+Candidates (sums of damping terms under a restoring law) are fitted to these values instead of the samples, because
+their number does not grow with the number of cycles. The solver does not integrate all cycles. It integrates a
+compressed oscillation, which has M times the damping and 1/M of the cycles, and therefore decays through the same
+amplitudes (see `bayesdamp.physics.kernel.averaged`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 MOST_CYCLES = 1200.0
 """If a fit to averages over blocks of cycles is not accurate enough, the samples are fitted instead, but only in a
-record of at most this many cycles: the Jacobian of its motion takes 1 GB of memory (measured)."""
+record of at most this many cycles: the Jacobian of its motion takes 1 GB of memory (measured). From this length on, a
+record may be averaged although its amplitude is not smooth (`average_of`)."""
 FEWEST_CYCLES = 400.0
 """A record with at least this many cycles is reduced to amplitudes and phases of blocks of cycles (conventional)."""
 BLOCKS = 64
@@ -37,13 +38,13 @@ PIECES = 20
 logarithm of the amplitude and one the phase, both against time."""
 LEAST_SAMPLES = 24
 """Smallest number of samples in a block of cycles. If a block has fewer, the record is not reduced to amplitudes and
-phases."""
+phases. A part of the record between two holes (`HOLE`) that has fewer is left out."""
 HOLE = 0.4
 """A gap between neighbouring samples that is longer than this fraction of a block's duration is a hole. No block of
 cycles extends over a hole: one block ends before it and another begins after it (conventional)."""
 SHORTEST = 0.25
 """A piece of the record between two holes (long gaps) is left out if its duration is less than this fraction of a
-block's duration (conventional)."""
+block's duration (conventional). The pieces before the first and after the last hole must last a whole block."""
 WINDOW = 4.0
 """Length in cycles of the windows in which a record is demodulated for the first estimates of its phase and
 amplitude."""
@@ -72,8 +73,8 @@ OVERTONES = 3
 """Highest harmonic of the oscillation that is fitted in each block of cycles. The fundamental is number 1."""
 BENT = 3.0
 """Largest accepted roughness (`_scatter`) of the deviations of the blocks' amplitudes and phases from smooth curves
-against time. The roughness is 1 for white noise alone. At 3, the mean over a block differs from the value in its middle
-by 0.3 sds."""
+against time (`average_of` names two exceptions). The roughness is 1 for white noise alone. At 3, the mean over a block
+differs from the value in its middle by 0.3 sds."""
 PASSES = 3
 """Largest number of times that amplitudes and phases are fitted to the blocks; between two fits the smooth curves of
 amplitude and phase are corrected by the result."""
@@ -106,9 +107,11 @@ class Averaged:
     noise : float
         Standard deviation of the noise of each value of y, in the record's unit.
     samples : int
-        Half the median number of samples in a block: each value of y has 1/`samples` of a sample's noise variance.
+        Half the median number of samples in a block: the noise of a value of y has about 1/`samples` of the variance of
+        a sample's noise.
     residual : ndarray, shape (n,)
-        Each sample minus the oscillation fitted to its block, in the record's unit; 0 for samples that are in no block.
+        Each sample of the record minus the oscillation fitted to its block, in the record's unit; 0 for samples that
+        are in no block.
     wander : float
         Standard deviation of the phase at the record's end because of its random walk, in rad; 0 if the phase is
         smooth.
@@ -144,7 +147,7 @@ class Averaging:
 
     @property
     def close(self) -> bool:
-        """Whether averages over blocks of cycles are accurate enough: `error` is at most `MOST_SHIFT`."""
+        """Return whether averages over blocks of cycles are accurate enough: `error` is at most `MOST_SHIFT`."""
         return self.error <= MOST_SHIFT
 
 
@@ -153,8 +156,8 @@ class _Curves:
     """Splines of the phase in rad and of the log amplitude against time in s.
 
     phase, log_size: the splines of the phase and of the log amplitude. steps: one pair for each long gap of the record
-    in which the number of cycles is not known, with a time in s in the gap and a step in rad. After this time the step
-    is added to the spline of the phase.
+    in which the number of cycles is not known, with the time in s of the middle of the gap, and a step in rad. After
+    this time the step is added to the spline of the phase.
     """
 
     phase: BSpline
@@ -174,17 +177,17 @@ def average_of(
     It is not possible
 
     - if the record has fewer than `FEWEST_CYCLES` cycles, or a block has fewer than `LEAST_SAMPLES` samples;
-    - if the phase does not increase from block to block;
-    - if amplitude or phase do not change smoothly (`BENT`). There are two exceptions: a randomly wandering phase is
-      accepted if the record has more than about 700 cycles, and a rough amplitude if it has at least `MOST_CYCLES`
-      cycles.
+    - if the phase does not increase along the record;
+    - if amplitude or phase do not change smoothly (`BENT`). There are two exceptions if the record has more than about
+      700 cycles, not counting gaps: a randomly wandering phase is accepted, and from `MOST_CYCLES` cycles on a rough
+      amplitude too.
 
     Parameters
     ----------
     t, y : ndarray, shape (n,)
         Increasing times in s, from 0, and recorded values, in any unit ("the record's unit").
     features : Features
-        Features of the record, such as its period and its midline.
+        Features of the record; only period, frequency and midline are used.
     noise : FittedNoise, optional
         Noise model of the samples; the amplitudes and phases are the most probable ones under it. By default they are
         those of least squares (white Gaussian noise).
@@ -212,7 +215,7 @@ def _least_squares(t: np.ndarray, y: np.ndarray, features: Features) -> Averaged
     """Reduce recorded values to amplitudes and phases of blocks of cycles by least squares.
 
     In each block, amplitude and phase are fitted relative to smooth curves. If the phase of the record wanders too much
-    for a smooth curve, the reference is a spline that follows the phase closely, and the deviation from the smooth
+    for a smooth curve, it is fitted relative to a spline that follows it closely, and its deviation from the smooth
     curve is treated as a random walk. Parameters and result are those of `average_of`, which lists the cases in which
     the result is None.
     """
@@ -301,12 +304,13 @@ def _long_pieces(t: np.ndarray) -> np.ndarray:
 def _demodulated(
     t: np.ndarray, y: np.ndarray, features: Features
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[tuple[float, float], ...]]:
-    """Demodulate a record in short windows (`WINDOW`), and count the cycles across holes (gaps that contain no window).
+    """Demodulate a record in short windows (`WINDOW`), and count the cycles across holes (gaps between windows).
 
     Return times in s, unwrapped phases in rad and amplitudes in the record's unit of the w windows, (w,) each, and the
-    steps for `_Curves.steps`. A window that has few samples (`FULL`) is left out. If the cycles in a hole cannot be
-    counted, the phases after it are shifted so that they continue smoothly. The step of this hole, added to these
-    phases, undoes the shift. t, y, features: as in `average_of`.
+    steps for `_Curves.steps`. A window that has few samples (`FULL`) is left out. A hole with fewer than four windows
+    near it (`REACH`) before or after it is ignored. If the cycles in another hole cannot be counted, the phases after
+    it are shifted so that they continue smoothly. The step of this hole, added to these phases, undoes the shift. t, y,
+    features: as in `average_of`.
     """
     frequency = features.frequency
     share, number = np.modf(t * frequency / (2 * np.pi * WINDOW))
@@ -509,9 +513,9 @@ def _plus(curve: BSpline, t: np.ndarray, values: np.ndarray, weight: np.ndarray)
 
 
 def _scatter(values: np.ndarray, weight: np.ndarray) -> float:
-    """Return the roughness of the blocks' values, (b,): their rms second difference, divided by that of white noise.
+    """Return the roughness of values of the blocks: their rms second difference, divided by that of white noise.
 
-    It is 1 for white noise alone. weight: 1/sd of the noise of each value, (b,).
+    It is 1 for white noise alone. values: one for each block, (b,). weight: 1/sd of the noise of each value, (b,).
     """
     return float(np.sqrt(np.mean((np.diff(values, 2) * weight[1:-1]) ** 2) / 6))
 

@@ -33,7 +33,8 @@ STEPS = ((1.0, 0.0), (0.5, 0.0), (1.0, 10.0), (1.0, 1e3), (1.0, 1e5))
 """Attempts that `linearise_at_mode` makes in turn for one Gauss–Newton step: the fraction of the full step, and
 Marquardt's damping parameter, which changes the direction of the step. Where a record determines only a combination of
 parameters (for small swings, a spring's angle and gravity), the parameters of equal fit form a curve. A full or a
-shorter step goes along the tangent and leaves this curve; a damped step does not."""
+shorter step goes along the tangent and leaves this curve; a damped step does not. The attempts for the next step begin
+with the one before that which was accepted."""
 SETTLED = 0.1
 """The Gauss–Newton steps end before a step that would change the motion by less than this: norm of the change over all
 samples, in standard deviations of the noise. Such a step changes a log evidence by less than 0.1 nats (measured)."""
@@ -79,8 +80,8 @@ class Linearisation:
     model : LinearModel
         The sum of squared residuals of the linearised motion as a quadratic function of the unknowns.
     left : ndarray, shape (n,)
-        Residual of the linear model when all unknowns are fitted by least squares, without priors, in the record's
-        unit.
+        Residual of the linear model when all unknowns are fitted by least squares, without priors and bounds
+        (coefficients may be negative), in the record's unit.
     """
 
     fit: LeastSquaresFit
@@ -151,8 +152,9 @@ def parameters_of(
     """Return the parameters of a candidate: which are inferred, with their priors, and the values of the others.
 
     Coefficients, and all other parameters without a known value, are inferred if the solver has them. Their prior is
-    that in `priors` or else the default one, whose width scales with the amplitude and frequency of `reference`. A
-    known value of a coefficient, and priors of parameters that are not inferred, have no effect.
+    that in `priors` or else the default one, which scales with the amplitude and frequency of `reference` and is
+    centred at the midline in `data` for displacements. A known value of a coefficient, and priors of parameters that
+    are not inferred, have no effect.
     """
     osc = Oscillator(candidate.damping, candidate.restoring)
     inferred: dict[str, Prior] = {}
@@ -168,7 +170,8 @@ def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, f
 
     The coefficients are chosen so that each damping term causes the same part of the record's decay. The restoring
     parameters follow from the record's frequency and midline, and from the values of such parameters in `known`; other
-    known values have no effect. Units are rad (or m) and s.
+    known values have no effect. Own parameters of terms, such as exponents, are not included (see `start_values`).
+    Units are rad (or m) and s.
     """
     law = LAWS.get(candidate.restoring)
     decay = np.log(max(data.amplitude / max(data.final_amplitude, 1e-12), 1.0001))
@@ -182,12 +185,12 @@ def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, f
 
 
 def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dict[str, float]]:
-    """Return the combinations of values at which fits start, for parameters that terms have besides their coefficients.
+    """Return combinations of values at which fits start, for the inferred parameters of terms besides coefficients.
 
-    Such a parameter is an exponent, for example. Each combination maps the names of these parameters to values. A
-    single parameter starts at a low, a middle and a high value in its prior; two or more start at all combinations of
-    low and high values (`STARTS`). If a term is equal to a simpler one at a certain value of a parameter
-    (`DampingTerm.reduces`), this parameter starts only at that value. Without such parameters the result is one empty
+    Such a parameter is an exponent, for example. Each combination maps the names of these parameters to values. If a
+    term is equal to a simpler one at a certain value of a parameter (`DampingTerm.reduces`), this parameter starts only
+    at that value. If there is one other parameter, it starts at a low, a middle and a high value in its prior; two or
+    more start at all combinations of low and high values (`STARTS`). Without such parameters the result is one empty
     mapping.
     """
     terms = [TERMS.get(t) for t in candidate.damping]
@@ -242,9 +245,9 @@ def search_near(
 ) -> LeastSquaresFit | None:
     """Fit a candidate, starting near the motion of another candidate; None if this fails.
 
-    The motion of the other candidate is linearised in the coefficients, the restoring law and the initial state. Linear
-    least squares then give the values at which the fit starts. If `starts` has several elements, this is done for each,
-    and the fit starts only from the result with the smallest sum of squares.
+    The motion of the other candidate is linearised in all parameters of the solver. Linear least squares then give the
+    values at which the fit starts. If `starts` has several elements, this is done for each, and the fit starts only
+    from the result with the smallest predicted sum of squares. The fit uses the whole record at once.
 
     Parameters
     ----------
@@ -255,7 +258,8 @@ def search_near(
     parameters : Parameters
         Parameters of the candidate to be fitted.
     values : mapping of str to float
-        Parameters of the other candidate by name; parameters of the solver that are not in it are 0.
+        Parameters of the other candidate by name; parameters of the solver that are not in it are 0. Known values in
+        `parameters`, and then those in `starts`, replace them.
     starts : sequence of mapping
         Values of the terms' own parameters (such as exponents), by name, at which the fit may start.
     """
@@ -287,7 +291,7 @@ def refit(solver: Solver, data: Data, at: LeastSquaresFit) -> LeastSquaresFit | 
     """Fit a candidate to `data` with `solver`, starting near an earlier fit `at`; None if this fails.
 
     Priors, known values and inferred parameters are those of `at`. The earlier fit may be to other data or with another
-    solver.
+    solver, which must have the same parameters.
     """
     return search_near(solver, data, at.parameters, at.parameters.named(at.z), [{}])
 
@@ -384,7 +388,8 @@ def linearise_at_mode(
     data : Data
         The record.
     fit : LeastSquaresFit
-        The fit under exact laws (g = h = 0).
+        The fit under exact laws (g = h = 0). If `start` is given, only the parameters (priors, known values) and the
+        active terms of the fit are used.
     variance : float or None
         Variance of the noise, in the record's unit squared; if None, that of `Linearisation.variance` at each step.
     start : Linearisation, optional

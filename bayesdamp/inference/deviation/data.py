@@ -47,36 +47,38 @@ class Data:
     Attributes
     ----------
     t, y : ndarray, shape (n,)
-        Times in s, and values. The first sample, at which motions start, has time 0. The values have the unit of the
-        displacement (rad, m or that of a sensor), per s for velocity or per s² for acceleration ("the record's unit").
-        For an averaged record, y are amplitudes, phases and midlines of blocks of cycles (see `Averaged`), and t are
-        times of the compressed oscillation, which is solved in place of the record and has fewer cycles.
+        Times in s, and values. The first sample, at which motions start, has time 0. For means over windows, t are mean
+        times. The values have the unit of the displacement (rad, m or that of a sensor), per s for velocity or per s²
+        for acceleration ("the record's unit"). For an averaged record, y are amplitudes, phases and midlines of blocks
+        of cycles (see `Averaged`), and t are times of the compressed oscillation, which is solved in place of the
+        record and has fewer cycles.
     quantity : str
-        What was recorded: angle, velocity or acceleration.
+        What was recorded: "angle" (any displacement, also in m), "velocity" or "acceleration".
     amplitude, final_amplitude : float
-        First and last amplitude of the displacement, in rad or m.
+        First and last amplitude of the displacement in the used part of the record, in rad or m.
     frequency : float
         Frequency of the oscillation, in rad/s.
     rest : float
-        Midline of the displacement, in rad or m.
+        Midline of the displacement, in rad or m; 0 for a record of velocity or acceleration.
     cycles : float
-        Number of cycles.
+        Number of cycles in the used part of the record.
     noise : float
         Rough standard deviation of the noise of y, in its unit: the median over windows of about a cycle.
     start : tuple of float
         Estimate of the displacement θ₀ (rad or m) and the velocity θ̇₀ (rad/s or m/s) at the first sample.
     thinned : int
-        Number of samples that each value of y combines: its noise has 1/`thinned` of the variance of a sample's noise.
+        Factor by which the variance of a sample's noise is larger than that of a value of y: the number of samples in a
+        window, 1 if y are samples, or about half the number in a block.
     features : Features
-        Features of the record's oscillation.
+        Features of the oscillation, from the whole record.
     averaged : Averaged, optional
         The blocks of cycles, if the record is reduced to amplitudes and phases; else None.
     record : Signal, optional
-        The samples from which t and y were made, with times from 0 s; None for an averaged record.
+        The samples of the used part, from which t and y were made, with times from 0 s; None for an averaged record.
     rows : ndarray of int, shape (n, m), optional
         Indices of the m samples in each window, if y are means over windows; else None.
     readings : ndarray, shape (n,), optional
-        The recorded values, if `working` has changed y for noise that is not Gaussian; else None.
+        The values y before `working` changed them for noise that is not Gaussian; None if it has not.
     noise_model : SampleNoise
         Noise model under which amplitudes and phases were estimated. If y are samples or means, their noise model is
         chosen later, from the residual of a motion.
@@ -102,11 +104,11 @@ class Data:
 
     @property
     def recorded(self) -> np.ndarray:
-        """Return the recorded values, (n,): y without the change that `working` may have added."""
+        """Return y, (n,), without the change that `working` may have added: samples, means, or values of blocks."""
         return self.y if self.readings is None else self.readings
 
     def working(self, change: np.ndarray) -> Data:
-        """Return a copy whose y is the recorded one plus a change, which is given for each sample of `record`, (m,).
+        """Return a copy whose y is the recorded one plus a change, which is given for each sample of `record`, (N,).
 
         Where y are means over windows, the means of the change are added. This is for noise that is not Gaussian: with
         a suitable change, least squares give the most probable motion. `readings` of the copy contains the recorded
@@ -122,14 +124,15 @@ class Data:
 
     @property
     def middle(self) -> Reference:
-        """Return a reference amplitude and frequency: √(`amplitude` · `final_amplitude`), and `frequency`."""
+        """Return the middle amplitude √(`amplitude` · `final_amplitude`), and `frequency`, as a `Reference`."""
         return Reference(float(np.sqrt(self.amplitude * self.final_amplitude)), self.frequency)
 
     @property
     def times(self) -> np.ndarray:
         """Return the times of y in the record, in s from its first sample, (n,).
 
-        For means over windows they are mean times, for blocks the times of their middles.
+        For means over windows they are mean times, for blocks the times of their middles, each repeated for three
+        values.
         """
         return self.t if self.averaged is None else np.repeat(self.averaged.track.middles, NUMBERS)
 
@@ -155,10 +158,10 @@ class Data:
         return self.end * (1.0 if self.averaged is None else self.averaged.track.slowness)
 
     def of_amplitude(self, values: np.ndarray) -> np.ndarray:
-        """Return only the amplitudes among values, (n,), if the record is reduced to amplitudes and phases; else all.
+        """Return only the amplitudes among values, (n,), if the record is reduced to b blocks, (b,); else all, (n,).
 
         The values have the form of y: amplitude, phase and midline of each block in turn. The amplitudes are divided by
-        the weights of the blocks, so that they are in the record's unit.
+        the weights that `Track.combine` gave them.
         """
         return values if self.averaged is None else values[::NUMBERS] / self.averaged.track.weights[:, 0]
 
@@ -211,17 +214,19 @@ def _equilibrium(restoring: str, law: tuple[float, ...], near: float, reach: flo
 def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise | None = None) -> Data:
     """Return the data to which candidates are fitted: samples, means of neighbouring samples, or amplitudes and phases.
 
-    Neighbouring samples are averaged if there are at least 2 × `A_CYCLE` in a cycle. Samples after the amplitude has
-    fallen to `LEAST` of the first one are left out, but at least `FEWEST_CYCLES` cycles are used.
+    Unless the record is reduced to amplitudes and phases, neighbouring samples are averaged if there are at least 2 ×
+    `A_CYCLE` in a cycle. Samples after the amplitude has fallen to `LEAST` of the first one are left out, but at least
+    `FEWEST_CYCLES` cycles are used.
 
     Parameters
     ----------
     signal : Signal
         The record.
     average : bool
-        Whether a record of very many cycles may be reduced to amplitudes and phases (see `average_of`).
+        Whether a record of very many cycles is reduced to amplitudes and phases, where `average_of` can do this.
     noise_model : SampleNoise, optional
-        Noise model under which amplitudes and phases are estimated; by default Gaussian noise (least squares).
+        Noise model under which amplitudes and phases are estimated; by default Gaussian noise (least squares). It is
+        stored in `Data.noise_model`, and has no effect on samples or means.
 
     Raises
     ------

@@ -3,9 +3,11 @@
 A candidate is a sum of damping terms under a restoring law. The draws are summarised as
 
 - equivalent damping ratios, from the energy that the damping dissipates on undamped orbits;
+- frequencies;
 - the fraction of the dissipated energy for each damping term;
-- the sizes of the deviations from the laws of damping and restoring force;
-- the part of the residual that is larger than the noise.
+- the sizes of the deviations from the laws of damping and restoring force.
+
+`midline_drift` and `unexplained_and_noise` summarise the residual of a fit instead.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,7 +32,7 @@ from bayesdamp.types import Friction, Ratio
 POWER_TIMES = 4000
 """Number of equidistant times in a motion at which `shares_of` computes the power that each damping term dissipates."""
 TOTAL_DRAWS = 4000
-"""Number of draws that `draw_candidates` makes from all candidates together."""
+"""Approximate number of draws that `draw_candidates` makes from all candidates together."""
 COVERED_PROBABILITY = 0.99
 """`draw_candidates` draws from the most probable candidates: the smallest number whose total probability is larger than
 this."""
@@ -66,8 +68,8 @@ class Quantity:
 def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
     """Return median and 95 % interval of draws, (n,), with the two parts of their sd (see `Quantity`).
 
-    noise: the part of the sd that noise alone causes, in the unit of the draws; nan if it is unknown, and the other
-    part is then nan too (see `law_part`).
+    noise: the part of the sd that noise alone causes, in the unit of the draws; it is stored unchanged, so the caller
+    must limit it to their sd. It is nan if it is unknown, and the other part is then nan too (see `law_part`).
     """
     low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))
     return Quantity(middle, low, high, noise, law_part(float(np.var(values)), noise))
@@ -125,7 +127,7 @@ class CandidateDraws:
 
         u contains the parameters, transformed so that their priors are standard normal (scores), then the deviations
         from the laws at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied
-        by 1 + h).
+        by 1 + h). It must contain g and h under exact laws too, where they are 0.
         """
         d, solver = result.fit.z.size, result.solver
         values, m, law = result.fit.parameters.values(u[:, :d]), len(solver.terms), solver.law_places
@@ -218,10 +220,11 @@ def draw_candidates(
 def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator) -> CandidateDraws:
     """Return `count` draws from the posterior of one candidate.
 
-    They are chosen from `result.sampled`, for which the equation of motion was solved for each draw, if these exist and
-    are trusted. Otherwise they are drawn from the posterior of the linear model about the mode. If one of the
+    They are chosen at random from `result.sampled`, for which the equation of motion was solved for each draw, if these
+    exist and are trusted. Otherwise they are drawn from the posterior of the linear model about the mode. If one of the
     candidate's terms has an inferred parameter besides its coefficient, such as an exponent, at most
-    `MOST_DISTINCT_DRAWS` of the draws are different. Under exact laws the deviations g and h of the draws are 0.
+    `MOST_DISTINCT_DRAWS` of the draws are different. Without a `linearisation`, as under exact laws, the deviations g
+    and h of the draws are 0.
     """
     d, parameters, solver = result.fit.z.size, result.fit.parameters, result.solver
     few = min(count, MOST_DISTINCT_DRAWS) if set(solver.inferred) & set(parameters.free_names) else count
@@ -239,9 +242,10 @@ def draw_candidate(result: CandidateResult, count: int, rng: np.random.Generator
 def shares_of(comparison: ModelComparison, drawn: Sequence[CandidateDraws]) -> np.ndarray:
     """Return the fraction of the energy lost over the record that each term dissipates, for each draw, (draws, m).
 
-    The m terms are those of the solver; the draws of all candidates follow each other. For all draws of a candidate the
-    energy is computed along the same motion, that at the mode of its posterior. The draws' deviations g and h from the
-    laws have no effect. The fractions of a draw have the sum 1, or are all 0 if it loses no energy.
+    The m terms are `comparison.terms`. The draws of all candidates follow each other; rivals must not be among them,
+    because their terms are different. For all draws of a candidate the energy is computed along the same motion, that
+    at the mode of its posterior. The draws' deviations g and h from the laws have no effect. The fractions of a draw
+    have the sum 1, or are all 0 if it loses no energy.
     """
     from bayesdamp.physics.kernel.dense import at_times  # imports the compiler
 
@@ -315,8 +319,8 @@ def time_fraction(result: CandidateResult, amplitude: float) -> float:
 def orbits_of(result: CandidateResult, amplitudes: Sequence[float]) -> list[Orbit | None]:
     """Return the undamped orbits with amplitudes (rad or m) under a candidate's restoring law at its posterior mode.
 
-    All are None if there is no equilibrium near the record's midline. An orbit is None if it would escape over a
-    potential barrier.
+    An amplitude is half the distance between the turning points. All orbits are None if there is no equilibrium near
+    the record's midline. An orbit is None if it would escape over a potential barrier.
     """
     name, law = result.candidate.restoring, result.law
     rest = result.data.equilibrium(name, law)
@@ -349,8 +353,8 @@ def ratios_per_unit(d: CandidateDraws, orbit: Orbit | None) -> np.ndarray:
     The equivalent damping ratio is the energy lost in a cycle of the undamped orbit, divided by 4π times the orbit's
     energy. The result, multiplied by the coefficients and summed over the m terms, is this ratio without deviations
     from the laws. The orbit is the same for all draws. The result is (1, m) if all draws have the same own parameters
-    (those besides the coefficients, such as an exponent). It is nan if there is no orbit. Terms that the candidate does
-    not have get 0.
+    (those besides the coefficients, such as an exponent). It is nan, (1, m), if there is no orbit. Terms that the
+    candidate does not have get 0.
     """
     solver = d.result.solver
     if orbit is None:
@@ -390,9 +394,9 @@ def ratios_at(
     """Return median, 95 % interval and parts of the sd (`Quantity`) of the equivalent damping ratio at each amplitude.
 
     The ratio is the energy lost in a cycle of the undamped orbit, divided by 4π times the orbit's energy. The draws of
-    all candidates are joined and include the deviations from the laws. The sd that noise alone would cause is averaged
-    over the draws. Candidates without an orbit of an amplitude are left out there; if all are, all numbers but the
-    amplitude are nan.
+    all candidates are joined. Deviations multiply the ratio of each draw by exp(g) / (1 + h). The sd that noise alone
+    would cause is averaged over the draws. Candidates without an orbit of an amplitude are left out there; if all are,
+    all numbers but the amplitude are nan.
 
     Parameters
     ----------

@@ -55,12 +55,12 @@ UNDETERMINED_WIDTH = 0.7
 """A record does not determine a parameter if the 95 % interval of its posterior is wider than this fraction of the 95 %
 interval of its prior (conventional)."""
 TIED_CORRELATION, LOOSE_INTERVAL = 0.98, 0.2
-"""A record counts as determining only a combination of two parameters under two conditions (conventional). The absolute
-correlation of their posterior draws is larger than `TIED_CORRELATION`. For each of the two, half the 95 % interval is
-larger than `LOOSE_INTERVAL` times the absolute mean."""
+"""A record counts as determining only a combination of two damping parameters under two conditions (conventional). The
+absolute correlation of their posterior draws is larger than `TIED_CORRELATION`. For each of the two, half the 95 %
+interval is larger than `LOOSE_INTERVAL` times the absolute mean."""
 MOST_PLOTTED = 3000
-"""Largest number of samples in a figure, approximately. A longer record is cut into stretches, and only the minimum and
-the maximum of each stretch are drawn."""
+"""Largest number of samples in a figure, approximately. A longer record is cut into short intervals, and only the
+minimum and the maximum of each interval are drawn."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,8 @@ class Findings:
 
     A candidate is a compared sum of damping terms under a restoring law. A rival is a sum with another form of damping,
     which is evaluated after the candidates. The laws hold approximately: deviations multiply the damping force by exp g
-    and the frequency by 1 + h. Under exact laws g = h = 0.
+    and the frequency by 1 + h. Under exact laws g = h = 0. Ratios, frequencies and deviations are those of the draws of
+    all candidates and, if rivals are probable (`PROBABLE_RIVALS`), of rivals too.
 
     Attributes
     ----------
@@ -80,26 +81,26 @@ class Findings:
     other_forms : mapping of str to float
         Probability of each rival.
     exponent : Quantity, optional
-        Exponent p of a damping force c |v|^p that replaces the whole sum (v: velocity); None if no such motion fits the
-        record.
+        Exponent p of a damping force c |v|^p that replaces the whole sum (v: velocity); None if its posterior could not
+        be computed.
     restoring : mapping of str to float
         Probability of each restoring law without rivals, the most probable law first.
     term : mapping of str to float
         Probability of each compared term: the sum over the candidates and rivals that contain it.
     ratios, curve : tuple of Ratio
         Equivalent damping ratios, at the requested amplitudes in `ratios`, and in `curve` at `CURVE_AMPLITUDES`
-        amplitudes from the first to the last of the record, in equal steps of the logarithm; nan where no orbit has the
-        amplitude.
+        amplitudes from the first to the last of the record, in equal steps of the logarithm; nan where no candidate has
+        an orbit of the amplitude.
     frequency : Quantity
-        Frequency of small oscillations, in Hz.
+        Frequency of small oscillations at the end of the record (with its deviation h there), in Hz.
     energy : mapping of str to Quantity
         Fraction of the energy lost over the record that each compared term dissipates, from the joined draws of all
         candidates; it is 0 in the draws of a candidate without the term.
     bound : mapping of str to float
-        95 % upper limit of the fraction of the dissipated energy, for each compared term and each other form of damping
-        that is not in the most probable sum.
+        95 % upper limit of the fraction of the dissipated energy, for each compared term that is not in the sum of
+        `best`, and for the other forms of damping of `bound_other_forms`; a limit that cannot be computed is left out.
     deviation, restoring_deviation : Quantity
-        Mean over the record of |g − mean of g|, and of |h − mean of h|, weighted by the energy.
+        Mean over the record of |g − mean of g|, and of |h − mean of h|, weighted by the energy; 0 under exact laws.
     other : float
         95 % upper limit of the energy fraction of any other form of damping: the 95 % quantile of the mean |g − mean of
         g| that `deviation` summarises.
@@ -115,13 +116,15 @@ class Findings:
     cycles : float
         Number of cycles.
     undetermined, inseparable : tuple
-        Names of the parameters of `best` that the record does not determine (with "exponent" for that of a power law),
-        and pairs of names, if the record determines only a combination of the two.
+        Names of the damping terms' own parameters in `best` that the record does not determine, with "exponent" at the
+        end if this is so for `exponent`; and pairs of damping parameters of which the record determines only a
+        combination.
     midline : float
         Drift of the midline over the record, as a fraction of the first amplitude, from the residual of the most
         probable candidate or rival; 0 where it is not significant.
     frequency_at : Quantity, optional
-        Frequency in Hz at the last amplitude of `ratios`; None if `ratios` is empty, or if no orbit has this amplitude.
+        Frequency in Hz at the last amplitude of `ratios`, with its deviation h there; None if `ratios` is empty, or if
+        no orbit has this amplitude.
     over_law : tuple of Quantity
         Damping with deviations divided by the damping of its law, at the amplitudes of `ratios` (see `ratio_over_law`);
         empty under exact laws.
@@ -184,8 +187,8 @@ def compute_findings(
     comparison : ModelComparison
         The comparison; its field `forms` contains the rivals (sums with a form of damping that is not compared).
     amplitudes : sequence of float, optional
-        Amplitudes at which damping ratios are computed, in rad or m; by default `default_amplitudes`. A ratio is nan
-        where no orbit has the amplitude.
+        Amplitudes at which damping ratios are computed, in rad or m; by default `default_amplitudes`.
+        `Findings.frequency_at` is for the last of them.
     sensor : float
         Relative sd of damping ratios because of the sensor's linearity and clock. It is included unless the comparison
         assumes exact laws.
@@ -315,8 +318,8 @@ def _limits_of_absent_terms(
 
     Compared terms are those of the candidates, by default viscous, Coulomb and quadratic damping. The limit is the 95 %
     quantile of the fraction of the energy, lost over the record, that the term dissipates. It is computed from draws of
-    the candidate whose sum has this term in addition to the terms of the best sum. If this candidate has no result, the
-    term is left out.
+    the candidate whose sum has this term in addition to the terms of the best sum. If this candidate has no result that
+    may be compared (`ModelComparison.compares`), the term is left out.
     """
     restoring, damping = best.candidate.restoring, best.candidate.damping
     by_terms = {
@@ -394,11 +397,11 @@ def posterior_of(
         `parameters`: for each name a dict with mean, sd, quantiles and shortest 95 % interval (keys: see
         `diagnostics.QUANTILES`, and hdi_low, hdi_high), and the parts of the sd (`with_parts_of_sd`). `deviation`: 2.5,
         50 and 97.5 % quantiles of the mean over the record of |g − mean of g|, weighted by the energy, where g is the
-        log of a factor on the damping (deviation from the law). `unexplained`: rms of the residual beyond the noise as
-        a fraction of the first amplitude. `log_evidence` and its `stderr` in nats. `acceptance` and `temperatures`: see
-        `TemperedDraws`.
+        log of a factor on the damping (deviation from the law); zeros under exact laws. `unexplained`: rms of the
+        residual beyond the noise as a fraction of the first amplitude, from the fit (`unexplained_and_noise`).
+        `log_evidence` and its `stderr` in nats. `acceptance` and `temperatures`: see `TemperedDraws`.
     ndarray, shape (n, p)
-        The inferred parameters of each draw, in the order of `Parameters.free_names`.
+        The inferred parameters of each draw, in their units, in the order of `Parameters.free_names`.
     """
     parameters, u = result.fit.parameters, sampled.draws
     d, n = parameters.free.size, result.solver.knots.size
@@ -427,13 +430,14 @@ def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.n
     -------
     mapping of str to ndarray
         `t`, `record`, `fit`, `residual`, shape (p,): times in s, recorded values, the motion of the best candidate
-        (with deviations from the laws if it has any) and the difference record − fit. They are thinned samples, or
-        amplitudes if the record is reduced to amplitudes and phases.
+        (with deviations from the laws if it has any) and the difference record − fit. They are samples or means over
+        windows (of a long record only extremes, see `MOST_PLOTTED`), or the amplitudes of blocks if the record is
+        reduced to these.
 
         `amplitude`, `ratio`, `low`, `high`, shape (a,): amplitudes in rad or m, the median of the damping ratio at
         each, and the ends of its 95 % interval.
 
-        `law/SUM`, shape (a,), for each compared damping sum SUM under the best restoring law: its damping ratio at
+        `law/SUM`, shape (a,), for each damping sum SUM with a result under the best restoring law: its damping ratio at
         `amplitude`, from the fit under exact laws.
 
         `work/TERM`, shape (a,), for each term of the best sum: energy that the term dissipates in a cycle at
@@ -445,7 +449,7 @@ def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.n
     best = comparison.result(numbers.best)
     t = data.t if data.averaged is None else data.averaged.track.middles
     y, fitted = data.of_amplitude(data.recorded), data.of_amplitude(best.motion.y)
-    # Keep the minimum and the maximum of each stretch, and both ends of the record.
+    # Keep the minimum and the maximum of each interval, and both ends of the record.
     rows, size = np.arange(y.size), -(-y.size // (MOST_PLOTTED // 2))
     if size > 2:
         stretches = np.split(rows, range(size, y.size, size))

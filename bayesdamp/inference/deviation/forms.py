@@ -58,8 +58,8 @@ def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
     """Return the viscous, Coulomb and quadratic terms that a sum becomes at a limit of its terms' own parameters.
 
     Own parameters are those that a term has besides its coefficient. Stribeck friction, for example, can become Coulomb
-    friction. damping: names of the sum's terms. The result contains names too. It is empty if the sum has no term with
-    own parameters that can become a simpler term.
+    friction. damping: names of the sum's terms. The result contains names too. It is empty if the sum has no term in
+    `REPLACED` with own parameters.
     """
     if not any(TERMS.get(t).inferred and t in REPLACED for t in damping):
         return ()
@@ -70,14 +70,16 @@ def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
 def add_rivals(comparison: ModelComparison) -> ModelComparison:
     """Return a copy of the comparison whose field `forms` contains the results of the rivals.
 
-    A rival is a sum of damping terms with a form of damping that is not compared. Rivals are evaluated under the
-    restoring law of the best candidate. These rivals are left out:
+    A rival is a sum of damping terms with a form of damping that is not compared. Besides this form, it has only
+    viscous, Coulomb and quadratic terms that are compared. Rivals are evaluated under the restoring law of the best
+    candidate. These rivals are left out:
 
+    - a rival whose form is compared already, or replaces a term that is not compared;
     - a rival whose fit fails;
     - a sum in which a form that has inferred parameters besides its coefficient replaces a term, if the log evidence of
       the sum before this replacement is more than `BEHIND` nats below the best;
     - a sum with a form without such parameters, if its log evidence is expected to be more than `REACH` nats below the
-      best. The sum of this form and all other terms is always fitted.
+      best. The sum of this form and all terms that it does not replace is always fitted.
 
     If `comparison.results` is empty, the comparison itself is returned.
     """
@@ -145,7 +147,7 @@ def _evaluate_rivals(
         For each rival (names of its damping terms), the parameters by name near which its fit starts.
     starts : sequence of mapping
         Combinations of values at which the fits may start, by name, for parameters that terms have besides their
-        coefficients, such as an exponent; by default low, middle and high in their priors.
+        coefficients, such as an exponent; by default those of `start_values`.
     """
     best, data, reference = comparison.best, comparison.data, comparison.reference
     restoring, places = best.candidate.restoring, best.solver.law_places
@@ -198,7 +200,8 @@ def bound_other_forms(
 
     If a form has parameters besides its coefficient, such as an exponent, the limit is the largest over several of
     their values. If it is friction with such parameters, only the part of the force beyond Coulomb friction counts. The
-    limit is 0 for a form that dissipates no energy. The result is empty if the motion is unbounded.
+    limit is 0 for a form that dissipates no energy. The result is empty if there is no such form, or if the motion is
+    unbounded.
     """
     absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
     forms = [form for name in absent for form in _forms(comparison, result, name)]
@@ -248,9 +251,9 @@ def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> I
     """Yield the forces of one damping term for which upper limits are computed.
 
     Without parameters besides its coefficient, such as an exponent, a term has one force. Otherwise it has a force at
-    each of the `SCORES` of these parameters. If the term is equal to a simpler one at a certain value of a parameter
-    (Stribeck to Coulomb friction), this parameter has its value at the score 1, and the force of the simpler term is
-    subtracted. name: name of the term.
+    each of the `SCORES` of these parameters. If the term is equal to a simpler one at certain values of some parameters
+    (Stribeck to Coulomb friction), it has instead a force for each of these parameters: with this one at the score 1
+    and the others at those values, minus the force of the simpler term. name: name of the term.
     """
     term, reference = TERMS.get(name), comparison.reference
     scales = reference.scales(comparison.data.rest_under(result.candidate.restoring, result.law))

@@ -57,7 +57,7 @@ class LeastSquaresFit:
     tangents : ndarray, shape (n, d)
         Jacobian of the motion by the scores z, in the record's unit.
     motion : Motion
-        The motion at the fit.
+        The motion at the fit, without its derivatives.
     """
 
     parameters: Parameters

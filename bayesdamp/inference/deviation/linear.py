@@ -71,7 +71,8 @@ class Grid:
         """Return for each of c grid points the matrix F, (c, 2n, 2n), where F Fᵀ is the prior covariance of (g, h).
 
         A grid point is one combination of sizes (prior sds) and correlation lengths of the deviations g and h, which
-        have values at n knots in time each. The damping force is multiplied by exp g, and the frequency by 1 + h.
+        have values at n knots in time each. The damping force is multiplied by exp g, and the frequency by 1 + h. If h
+        has no knots, F is (c, n, n), for g alone.
         """
         n, total = self.roots_g.shape[1], self.roots_g.shape[1] + self.roots_h.shape[1]
         factors = np.zeros((self.log_prior.size, total, total))
@@ -91,7 +92,10 @@ class Grid:
         return self.roots_h[self.length_h[first]] * self.size_h[first, None, None], places.ravel()
 
     def only(self, places: np.ndarray) -> Grid:
-        """Return the grid with only the grid points at the indices `places`, (k,)."""
+        """Return the grid with only the grid points at the indices `places`, (k,).
+
+        Their prior probabilities do not change.
+        """
         names = ("size_g", "size_h", "length_g", "length_h", "log_prior")
         return replace(self, **{name: getattr(self, name)[places] for name in names})
 
@@ -131,7 +135,8 @@ def grid_of(
         zero. Otherwise the posterior would extend along a curve (coefficient times exp g is constant), which a linear
         model does not follow.
     phases : bool
-        Whether the record has phases. Without them h has no effect, and the grid is for g alone.
+        Whether the values that are fitted depend on the phase of the oscillation. If false (an envelope), h has no
+        effect and no knots: the grid is for g alone.
     """
     step = 2 if coarse else 1
     of_g = _with_none(SIZES_G[::step], MEAN_G, step) if not exact else np.zeros((3, 1))
@@ -199,8 +204,9 @@ prior scale of coefficients. A combination is left out if an upper bound of its 
 below an estimate of the largest one."""
 LEFT_OUT = 1e-3
 """The evidence is a sum over grid points (sizes and correlation lengths of the deviations) and values of the common
-prior scale of coefficients. The least probable combinations, with at most this total posterior probability, are left
-out. This lowers a log evidence by at most a thousandth of a nat."""
+prior scale of coefficients. The least probable combinations, with at most this total posterior probability (computed
+from upper bounds of their evidences), are left out. This lowers a log evidence by about a thousandth of a nat or
+less."""
 
 
 @dataclass(frozen=True)
@@ -242,9 +248,9 @@ class LinearModel:
         return np.sum((u @ self.root.T - self.target) ** 2, axis=1) + self.rest
 
     def transform(self, u: np.ndarray, matrix: np.ndarray) -> LinearModel:
-        """Return the model as a function of new coordinates w, (K,), where u₀ + matrix (w − u₀) replaces the unknowns.
+        """Return the model in new coordinates w, (K,): the present unknowns are u₀ + matrix (w − u₀).
 
-        u₀ is the argument `u`, (K,), a point that does not change. matrix: (K, K).
+        u₀ is the argument `u`, (K,), a point that does not change. matrix: (K, K). The three masks stay the same.
         """
         target = self.target - self.root @ (u - matrix @ u)
         model = condense(self.root @ matrix, target, self.positive, self.shared, self.damping)
@@ -257,8 +263,8 @@ class DampingLikelihood:
 
     The k parameters are transformed so that their priors are standard normal; x are the transformed values (scores).
     The log likelihood in nats at each of c grid points is log + slopeᵀ x − xᵀ information x / 2, with arrays of shape
-    (c,), (c, k) and (c, k, k). It does not contain the prior of x. A grid point is one combination of sizes (prior sds)
-    and correlation lengths of the deviations from the laws.
+    (c,), (c, k) and (c, k, k). It contains neither the prior of x nor that of the grid point. A grid point is one
+    combination of sizes (prior sds) and correlation lengths of the deviations from the laws.
     """
 
     log: np.ndarray
@@ -377,7 +383,7 @@ class LinearPosterior:
 
         u contains the parameters, transformed so that their priors are standard normal (scores), then the deviations
         from the laws at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied
-        by 1 + h). The draws are ordered by component.
+        by 1 + h). Scores marked in `positive` are ≥ 0. The draws are ordered by component; some may be equal.
         """
         numbers = rng.multinomial(count, self.weights / self.weights.sum())
         places = np.flatnonzero(numbers)
@@ -634,7 +640,8 @@ def log_evidences(model: LinearModel, grid: Grid, variance: float, samples: floa
     """Return the log of evidence times prior probability at each of the c points of `grid`, in nats, (c,).
 
     A grid point is one combination of sizes (prior sds) and correlation lengths of the deviations, which are integrated
-    out. The arguments are those of `score_normals`. The result is the field `log` of `score_normals`.
+    out with the parameters. Here also coefficients may be negative. Arguments and result are those of `score_normals`,
+    of which only the field `log` is returned.
     """
     return _factorised(model, grid, variance)[1].log_evidence(model, grid, variance, samples)
 
@@ -655,9 +662,10 @@ def _factorised(model: LinearModel, grid: Grid, variance: float) -> tuple[_Princ
 def _without_h(principal: _Principal, grid: Grid, variance: float) -> _Triangles:
     """Factorise the information about g and the parameters at each grid point, with h integrated out.
 
-    g is the deviation of the log damping, and h is the relative deviation of the frequency. A grid point is one
-    combination of their sizes (prior sds) and correlation lengths. This is fast, because h is integrated out only once
-    for each combination of its own size and length. variance: variance of the noise, in the record's unit squared.
+    g is the deviation of the log damping, and h is the relative deviation of the frequency, both at knots in time. A
+    grid point is one combination of their sizes (prior sds) and correlation lengths. This is fast, because h is
+    integrated out only once for each combination of its own size and length. variance: variance of the noise, in the
+    record's unit squared.
     """
     model, d, n = principal.model, principal.at.size, grid.roots_g.shape[1]
     columns = np.column_stack([model.root[:, d : d + n], model.root[:, :d], model.target])
