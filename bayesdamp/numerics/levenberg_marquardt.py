@@ -69,7 +69,7 @@ class Maximum:
 
     x: end point, (d,). value: function value there; −inf if the value or the information at the start is not finite.
     information: minus the Hessian there, (d, d); the identity if the value is −inf. converged: True if the convergence
-    criterion ended the search; False if the step limit or λ above `MAX_LAMBDA` ended it.
+    criterion ended the search; False if the step limit or λ above `MAX_LAMBDA` ended it, or if the value is −inf.
     """
 
     x: np.ndarray

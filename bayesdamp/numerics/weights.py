@@ -42,7 +42,8 @@ def effective_size(log_weights: np.ndarray) -> float:
 def resample(log_weights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     """Return indices, (count,), of draws chosen in proportion to their weights; these draws then have equal weights.
 
-    The method is systematic resampling (Kitagawa, JCGS 5, 1996). log_weights: (n,).
+    The method is systematic resampling (Kitagawa, JCGS 5, 1996). The indices rise, so that copies of a draw follow each
+    other. log_weights: (n,).
     """
     cumulative = np.cumsum(normalise(log_weights))
     at = (rng.uniform() + np.arange(count)) / count

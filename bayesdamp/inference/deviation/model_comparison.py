@@ -57,16 +57,17 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Friction, Reference, Refusal
 
 SHARES = (0.05, 0.02, 0.01, 0.005, 0.002, 0.0005, 0.0001)
-"""Values of the width ε of dry friction that are tried if the user gives none, as fractions of the peak velocity
-(conventional). ε is the width of the velocity range in which the friction force changes its sign. Its prior is uniform
-in log ε."""
+"""Values of the width ε of dry friction that are tried if the user gives none and the best fit contains friction, as
+fractions of the peak velocity (conventional). ε is the width of the velocity range in which the friction force changes
+its sign. Its prior is uniform in log ε."""
 BETWEEN, CLEAR = 4, 1.0
 """`BETWEEN`: largest number of widths ε of dry friction that are tried in addition to `SHARES`. `CLEAR`: such a width
 is tried only if the best width has a log likelihood at least this many nats above that of one of its two neighbours
 (conventional). ε is the width of the velocity range in which friction changes its sign."""
 LEAD = 3.0
 """The width ε of dry friction is changed to the most probable width only if the log posterior density is more than this
-many nats larger there (conventional). ε is the width of the velocity range in which friction changes its sign."""
+many nats larger there than at the present width (conventional). ε is the width of the velocity range in which friction
+changes its sign."""
 SHARPER = 0.25
 """The width ε of dry friction is chosen again under the chosen noise model if the noise variance of this model is less
 than this fraction of the variance from least squares (conventional). Least squares do not determine ε from values that
@@ -112,7 +113,8 @@ class CandidateResult:
         The linearisation about the mode with deviations, and its posterior. Both are None if laws are assumed to be
         exact, or if the motion cannot be linearised.
     sampled : TemperedDraws, optional
-        Draws by sequential Monte Carlo, in which the equation of motion is solved for each draw; None if not sampled.
+        Draws for each of which the equation of motion is solved (`sampling.sampled_result`), also if they cannot be
+        trusted (`TemperedDraws.doubt`); None if not sampled.
     """
 
     candidate: MotionCandidate
@@ -214,7 +216,7 @@ class ModelComparison:
     epsilon : float
         Width ε of the velocity range in which dry friction changes its sign, in rad/s or m/s.
     frictions : tuple of Friction
-        Values of ε and their probabilities; empty where ε is known or there is no friction.
+        Tried values of ε and their probabilities; empty if ε is known or the best fit contains no dry friction.
     solvers : mapping of str to Solver
         For each restoring law, by name, the solver of the sum of all damping terms of the candidates.
     variance, inflation : float
@@ -227,18 +229,21 @@ class ModelComparison:
         Whether the forces may deviate from their laws (deviations g of the log damping and h of the frequency); if
         False, laws are exact.
     noise_known : bool
-        Whether `variance` is also used under exact laws, because the noise's sd is given or the noise is not Gaussian.
+        Whether `variance` is also used under exact laws, because the noise's sd is given or the record's samples were
+        adapted to noise that is not Gaussian.
     epsilon_known : bool
         Whether the user has given ε.
     refused : mapping of MotionCandidate to str
-        Candidates without a result, with the reason.
+        Candidates without a result, with the reason; also the sum of all terms if its fit fails, even if it is not a
+        candidate. Under a law whose largest sum cannot be fitted or linearised, other candidates may be missing both
+        here and in `results`.
     results : tuple of CandidateResult
-        Results of the candidates that are not refused.
+        Results of the candidates that were evaluated.
     forms : tuple of CandidateResult
         Results of the rivals: sums of damping terms with a form of damping that is not in the compared sums.
     exponents : tuple of float
-        Quantiles of the exponent p of a damping force c |v|^p, at the probabilities `slices.LEVELS`. Empty if this
-        force alone has no result.
+        Quantiles of the exponent p of a damping force c |v|^p, at the probabilities `slices.LEVELS`. Empty if they were
+        not computed (see `slices.exponent_quantiles`).
     averaging : Averaging, optional
         Error of motions that are averaged over cycles; None unless the record is reduced to amplitudes and phases.
     """
@@ -292,7 +297,7 @@ class ModelComparison:
     def compares(self, result: CandidateResult) -> bool:
         """Return whether a result's evidence may be compared with that of the other results.
 
-        This is so if the result includes deviations from the laws, or if no result includes them.
+        This is so if the result includes deviations from the laws, or if neither it nor any of `results` includes them.
         """
         every = (result, *self.results)
         return result.approximate_posterior is not None or all(r.approximate_posterior is None for r in every)
@@ -382,8 +387,8 @@ def compare_candidates(
 ) -> ModelComparison:
     """Fit every candidate (a sum of damping terms under a restoring law) and compute its evidence.
 
-    Under each restoring law the sum of all terms is fitted first; the fits of the other candidates start from it.
-    Candidates with a much smaller predicted evidence are not fitted (`REACH`).
+    Under each restoring law the sum of all terms that occur in the candidates is fitted first; the fits of the other
+    candidates start from it. Candidates with a much smaller predicted evidence are not fitted (`REACH`).
 
     Parameters
     ----------
@@ -403,16 +408,19 @@ def compare_candidates(
     approximate : bool
         Whether to allow deviations from the laws; if False, laws are exact.
     noises : sequence of str
-        Names of the noise models from which one is chosen, the same for all candidates.
+        Names of the noise models from which one is chosen, the same for all candidates. They have no effect if `data`
+        is reduced to amplitudes and phases, whose noise model is `data.noise_model`.
 
     Returns
     -------
     ModelComparison
-        The results of the candidates; those without a result are in `refused`. `forms`, the results for other forms of
-        damping, is empty.
+        The results of the candidates, and the reasons for those without a result (`refused`). `forms`, `exponents` and
+        `averaging` are not filled.
 
     Raises
     ------
+    InputError
+        If a name is unknown, or an inferred parameter has neither a given nor a default prior.
     Refusal
         Where no motion stays in phase with the record, no candidate can be compiled, or none of the noise models
         applies to the record.
@@ -479,7 +487,8 @@ def choose_noise(
         Values of the width ε of dry friction and their probabilities. They and the fits are replaced if ε is chosen
         again under the noise model (`SHARPER`).
     noises : sequence of str
-        Names of the models to choose from.
+        Names of the models to choose from. Not used if the record is reduced to amplitudes and phases; its model is in
+        `fits.data`.
     approximate : bool
         Whether deviations from the laws are allowed.
 
@@ -491,7 +500,7 @@ def choose_noise(
         The fits, repeated if the record's values were adapted to a noise model that is not Gaussian.
     dict of str to Linearisation
         For each restoring law, by name: the candidate with the most terms, linearised about its mode (most probable
-        motion).
+        motion). Laws for which this fails are left out.
 
     Raises
     ------
@@ -620,7 +629,8 @@ class _CandidateFits:
     def fullest(self) -> list[MotionCandidate]:
         """Return, for each restoring law, the candidate with all damping terms.
 
-        If it could not be fitted, the candidate has only the terms whose single parameter is the coefficient.
+        If it could not be fitted, it is replaced by the sum of the terms whose only parameter is the coefficient, which
+        may have no fit either.
         """
         every = [MotionCandidate(self.terms, law) for law in self.laws]
         return [c if c in self.fits else MotionCandidate(self.plain, c.restoring) for c in every]
@@ -628,7 +638,7 @@ class _CandidateFits:
     def fit_of(self, c: MotionCandidate) -> LeastSquaresFit | None:
         """Return the fit of a candidate (a sum of damping terms under a restoring law); None if the fit fails.
 
-        If it does not exist yet, it is computed, starting from the fit of the sum of all terms.
+        If it does not exist yet, it is computed, starting from the fit of the sum of all terms, and stored in `fits`.
         """
         if c not in self.fits:
             plain = self.fits.get(MotionCandidate(self.plain, c.restoring))
@@ -638,9 +648,9 @@ class _CandidateFits:
     def _fit(self, c: MotionCandidate, near: LeastSquaresFit | None) -> None:
         """Fit a candidate (a sum of damping terms under a restoring law), and store the fit in `fits`.
 
-        The fit starts at `near`, the fit of a larger sum. If this fails, or if `near` is None, it starts at guesses: it
-        then begins with the first cycles and goes on to longer and longer parts of the record. If both fail, the reason
-        is stored in `refused`.
+        The fit starts at `near`, the fit of another sum under the same law. If this fails, or if `near` is None, it
+        starts at guesses: it then begins with the first cycles and goes on to longer and longer parts of the record. If
+        both fail, the reason is stored in `refused`.
         """
         data, solver = self.data, self.solvers[c.restoring]
         known = {**self.scales[c.restoring], **self.known_under(c.restoring)}
@@ -681,7 +691,7 @@ class _CandidateFits:
         """Return a copy in which all fits are repeated, with other data or other solvers.
 
         data: the new data; None for the present ones. solvers: new solvers by restoring law; the other laws keep their
-        solver. A fit that fails is replaced by the earlier fit.
+        solver. If a new fit fails, the earlier one is kept.
         """
         other = copy(self)
         other.data, other.solvers = data or self.data, {**self.solvers, **(solvers or {})}
@@ -703,8 +713,8 @@ class _CandidateFits:
     def modes(self) -> dict[str, Linearisation]:
         """Linearise the candidate with the most damping terms (`fullest`) about its mode, for each restoring law.
 
-        The mode is the most probable motion. Return the linearised candidates by the name of the law. Those that cannot
-        be linearised are left out.
+        The mode is the most probable motion. Return the linearised candidates by the name of the law. Candidates that
+        have no fit or cannot be linearised are left out.
         """
         whole = [c for c in self.fullest if c in self.fits]
         modes = at_once(
@@ -718,19 +728,21 @@ class _CandidateFits:
         """Compute the probabilities of values of the width ε of dry friction, and choose the ε to use.
 
         ε is the width of the velocity range in which friction changes its sign, in rad/s or m/s. The candidate whose
-        fit has the smallest sum of squared residuals is fitted again with each ε.
+        fit has the smallest sum of squared residuals is fitted again with each ε in `SHARES`, and with up to `BETWEEN`
+        more.
 
         Parameters
         ----------
         adapting : callable, optional
-            Function with arguments `solver` and `at` (a linearisation), which adapts the record to a noise model. The
-            evidence of the noise model then gives the probabilities; by default the noise is Gaussian.
+            Function with arguments `solver` and `at` (a linearisation), which returns the record adapted to a noise
+            model, or None, which leaves out this ε. The evidence of the noise model then gives the probabilities; by
+            default the noise is Gaussian.
 
         Returns
         -------
         frictions : tuple of Friction
-            For each fitted ε, the largest first: ε, its posterior probability, and the fitted coefficients. Empty if
-            the best fit has no friction or no fit succeeds.
+            For each fitted ε, the largest first: ε, its posterior probability, and the fitted parameters of the damping
+            terms. Empty if the best fit has no friction or no fit succeeds.
         epsilon : float
             The ε to use. It is the ε with the largest posterior density (per unit of ln ε) if its log density is more
             than `LEAD` nats above that of the fitted ε nearest to `self.epsilon`. Otherwise it is `self.epsilon`.
@@ -799,9 +811,10 @@ class _CandidateFits:
 def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
     """Return the log of another width ε of dry friction to try: near the maximum of a parabola through three widths.
 
-    The three are the best width and its two neighbours. Return None if the best width is the first or the last, or if
-    its log likelihood is less than `CLEAR` nats above that of each neighbour. at, logs: log widths, and their log
-    likelihoods in nats, (k,) each.
+    The three are the best width and its two neighbours. If the maximum is within one sd of the best width, the result
+    is between this width and the more distant neighbour instead. Return None if the best width is the first or the
+    last, or if its log likelihood is less than `CLEAR` nats above that of each neighbour. at, logs: log widths, and
+    their log likelihoods in nats, (k,) each.
     """
     order = np.argsort(at)
     at, logs = at[order], logs[order]

@@ -31,9 +31,9 @@ class Parameters(Scores):
     Attributes
     ----------
     names : tuple of str
-        All k parameters of the equation of motion, in the order of its compiled kernel.
+        All k parameters of the equation of motion, in the order of `Solver.names`.
     priors : mapping of str to Prior
-        Priors of the d inferred parameters, in the same order.
+        Priors of the d inferred parameters. They are put in the order of `names`; entries for other names are dropped.
     known : mapping of str to float
         Values of the other parameters, by name; a parameter that is in neither mapping is 0.
     """
@@ -91,19 +91,21 @@ class Parameters(Scores):
 
     @property
     def absorbs(self) -> tuple[bool, bool]:
-        """Return whether an inferred parameter acts like a constant g, and whether one acts like a constant h.
+        """Return whether the inferred parameters include an equivalent of a constant g, and one of a constant h.
 
-        g and h are the deviations from the laws. g is the log deviation of the damping; a coefficient has the same
-        effect. h is the relative deviation of the frequency; the stiffness has the same effect.
+        g and h are the deviations from the laws: the damping force is multiplied by exp g, and the frequency by 1 + h.
+        A coefficient acts like a constant g; the first flag is True if any parameter has a half-normal prior, as
+        coefficients have by default. The stiffness acts like a constant h; the second flag is True if it is inferred.
         """
         return bool(np.any(self.positive)), "stiffness" in self.priors
 
     def log_prior(self, z: np.ndarray) -> np.ndarray:
         """Return the log prior density, (...), of standard normal scores z, (..., d).
 
-        It is the density of z, not of the parameters, and −∞ where a score that must be ≥ 0 is negative. Some
-        coefficients have half-normal priors with a common, unknown scale; the density is averaged over its possible
-        values (`SHARED_SIGMAS`).
+        It is the density of z, not of the parameters, and −∞ where a score that must be ≥ 0 is negative. For
+        coefficients whose half-normal priors have a common, unknown scale, the density is averaged over its possible
+        values (`SHARED_SIGMAS`). `StraightParameters` has other coordinates for some parameters; they are treated as
+        scores here, and `log_prior_ratio` is the correction.
         """
         value = log_prior_of(z, self.shared) + int(self.positive.sum()) * np.log(2.0)
         return np.where(np.all(z[..., self.positive] >= 0, axis=-1), value, -np.inf)
@@ -134,7 +136,7 @@ class Parameters(Scores):
 
         A score stands for a parameter and has the prior N(0, 1). `values` must contain each inferred parameter; other
         names have no effect. An infinite score, such as that of 0 under a log-normal prior, becomes ±6, and nan becomes
-        0.
+        0. The result contains scores in `StraightParameters` too, not straight coordinates.
         """
         scores = [float(self.priors[n].score(values[n])) for n in self.free_names]
         return np.nan_to_num(scores, posinf=6.0, neginf=-6.0)
@@ -154,11 +156,11 @@ class Parameters(Scores):
         return z
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
-        """Return by how much the log prior density at z differs from that of d independent N(0, 1) coordinates.
+        """Return the log prior density of coordinates z, (..., d), minus `log_prior(z)`; it is 0 in this class, (...).
 
-        z: coordinates of the d inferred parameters, (..., d). The result, (...), is 0 in this class, where all
-        coordinates are standard normal scores. The subclass `StraightParameters` has other coordinates for some
-        parameters.
+        All coordinates are standard normal scores here, and `log_prior` is their density; it includes the half-normal
+        priors and the common prior scale of coefficients. The subclass `StraightParameters` has other coordinates for
+        some parameters, which `log_prior` treats as scores.
         """
         return np.zeros(z.shape[:-1])
 
@@ -180,7 +182,7 @@ class StraightParameters(Parameters):
     places : ndarray of int, shape (b,)
         Indices of the coordinates v among all d coordinates.
     at : tuple of str
-        Names of the b parameters whose scores v replaces.
+        Names of the b parameters whose scores v replaces, in the order of v: those of the law, then theta0.
     anchor, origin : ndarray, shape (b,)
         z₀ and ν₀.
     inverse_jacobian : ndarray, shape (b, b)
@@ -207,7 +209,7 @@ class StraightParameters(Parameters):
         """Return all k parameters of the equation of motion, (..., k), at coordinates z, (..., d).
 
         z: standard normal scores of the inferred parameters or, for θ₀ and the restoring law, straight coordinates (see
-        the class). The parameters `at` are NaN where no valid parameters have these coordinates.
+        the class). At least one of the parameters `at` is NaN where no valid parameters have these coordinates.
         """
         p = super().values(z)
         p[..., self.free[self.places]] = self._law_values(z[..., self.places])
@@ -237,8 +239,8 @@ class StraightParameters(Parameters):
     def plain(self, z: np.ndarray) -> np.ndarray:
         """Convert coordinates z to standard normal scores, both (..., d).
 
-        z: standard normal scores or, for θ₀ and the restoring law, straight coordinates (see the class). The scores are
-        NaN where no valid parameters have these coordinates.
+        z: standard normal scores or, for θ₀ and the restoring law, straight coordinates (see the class). At least one
+        score is NaN where no valid parameters have these coordinates.
         """
         scores = z.copy()
         scores[..., self.places] = self._law_scores(z)
@@ -262,10 +264,11 @@ class StraightParameters(Parameters):
         return new
 
     def log_prior_ratio(self, z: np.ndarray) -> np.ndarray:
-        """Return the log prior density of the straight coordinates in z, (..., d), minus that of independent N(0, 1).
+        """Return the log prior density of coordinates z, (..., d), minus `log_prior(z)`, (...).
 
-        Straight coordinates are those in which motions are more nearly linear (see the class). The result, (...), is −∞
-        outside the prior. The other coordinates have no effect.
+        `log_prior` treats straight coordinates, in which motions are more nearly linear (see the class), as independent
+        N(0, 1). The result is the difference for these coordinates, and −∞ where no valid parameters have them or a
+        prior excludes the parameters. The other coordinates have no effect.
         """
         ratios, plain = np.full(z.shape[:-1], -np.inf), self._law_scores(z)
         inside = np.all(np.isfinite(plain), axis=-1)

@@ -50,9 +50,10 @@ def compare_signal(
 ) -> ModelComparison:
     """Compare sums of damping terms under restoring laws on a record, by their evidence.
 
-    A record of hundreds of cycles is reduced to amplitudes and phases, and its motions are averaged over cycles, unless
-    the initial displacement or velocity is known. If averaging shifts a parameter by more than a tenth of its sd, the
-    samples are compared instead, unless the record has more than `MOST_CYCLES` cycles.
+    A record of at least 400 cycles is reduced to amplitudes and phases where this is possible (`average_of`), and its
+    motions are averaged over cycles, unless the initial displacement or velocity is known. If averaging shifts a
+    parameter of the best candidate by more than a tenth of its sd, the samples are compared instead, unless the record
+    has more than `MOST_CYCLES` cycles.
 
     Parameters
     ----------
@@ -66,7 +67,8 @@ def compare_signal(
     known : mapping or callable, optional
         Values of parameters by name, or a function from the name of a restoring law to such a mapping. They may include
         `theta0` and `omega0` (initial displacement and velocity), `noise_sd` (sd of a sample's noise, in the record's
-        unit) and `epsilon` (width of the velocity range in which dry friction changes its sign, in rad/s or m/s).
+        unit) and `epsilon` (width of the velocity range in which dry friction changes its sign, in rad/s or m/s). A
+        known value of a coefficient has no effect: it is inferred.
     priors : mapping of str to Prior, optional
         Priors by the name of the parameter; the others have default priors.
     reference : Reference, optional
@@ -85,7 +87,8 @@ def compare_signal(
     Raises
     ------
     InputError
-        If a known value that the restoring law requires to be above 0, such as a stiffness, is not above 0.
+        If a name is unknown, a sum contains a term twice or two terms with the same parameter, an inferred parameter
+        has neither a given nor a default prior, or a known value that must be above 0, such as a stiffness, is not.
     Refusal
         Where the record does not oscillate, no motion stays in phase with it, no candidate can be compiled, or none of
         the noise models applies.
@@ -149,8 +152,9 @@ def _correct_averages(comparison: ModelComparison) -> ModelComparison:
 def averaging_of(comparison: ModelComparison) -> Averaging | None:
     """Return the error in the best candidate's parameters that is caused by averaging motions over cycles.
 
-    Motions are averaged for a record of very many cycles. The error is infinite if the motion cannot be solved. Return
-    None if the record is not averaged, or if the comparison has no results.
+    Motions are averaged for a record of very many cycles. The error is the largest shift of a parameter, in posterior
+    sds; the initial state does not count. It is infinite if the motion cannot be solved. Return None if the record is
+    not averaged, or if the comparison has no results.
     """
     if comparison.data.averaged is None or not comparison.results:
         return None

@@ -39,8 +39,8 @@ NO_SPREAD = 1e-9
 It is practically 0; it is not 0 because the computation divides by s."""
 MOST_STEPS, SETTLED_GAIN = 60, 1e-7
 """Limits of the Gauss–Newton search for the joint mode of the specimen's parameters and the records' factors.
-`MOST_STEPS`: largest number of steps, rejected ones included. `SETTLED_GAIN`: the search ends if a step is predicted to
-increase the log posterior by less than this, in nats."""
+`MOST_STEPS`: largest number of steps, rejected ones included. `SETTLED_GAIN`: the search ends if the next step is
+predicted to increase the log posterior by less than this, in nats, at every pair of grid point and spread."""
 NATS_BEHIND = 18.0
 """A grid point (a combination of sizes and correlation lengths of the deviations from the laws) is left out if its log
 evidence is at least this many nats below the best. This must be so at the smallest and at the largest spread between
@@ -308,7 +308,8 @@ def _to_unit_diagonal(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def solve(square: np.ndarray, aim: np.ndarray) -> np.ndarray:
     """Solve b linear systems square x = aim for x, (b, m), with matrices scaled to a unit diagonal.
 
-    square: symmetric matrices, (b, m, m). aim: right-hand sides, (b, m).
+    To the scaled diagonal 1e-13 is added, so that a singular matrix also has a solution. square: symmetric matrices,
+    (b, m, m). aim: right-hand sides, (b, m).
     """
     part, root = _to_unit_diagonal(square)
     part = part + 1e-13 * np.eye(part.shape[1])

@@ -25,10 +25,11 @@ from bayesdamp.priors import Prior
 from bayesdamp.types import Refusal, Signal
 
 AUTOMATIC = (GAUSSIAN, CORRELATED, "student_t", "quantised")
-"""Names of the noise models from which the best is chosen by default."""
+"""Names of the noise models that are compared by default. Correlated noise never replaces Gaussian noise (see
+`_choose_noise`)."""
 LEAD_NATS = 5.0
 """Another noise model is chosen instead of Gaussian noise only if its log evidence is at least this many nats larger
-(conventional)."""
+(conventional), and at least `predictable_nats` larger."""
 AUTOREGRESSION_ORDER = 8
 """Number of preceding residuals from which `predictable_nats` predicts each residual (conventional)."""
 OSCILLATION_BAND = (0.3, 2.0)
@@ -36,14 +37,15 @@ OSCILLATION_BAND = (0.3, 2.0)
 frequency (conventional). Residuals in this band affect the inferred damping."""
 STRETCHES, MOST_SAMPLES = 64, 50_000
 """Limits of the number of samples from which the noise model is chosen, for a record that is reduced to amplitudes and
-phases (conventional). Of more than `MOST_SAMPLES` samples about this many are used, in `STRETCHES` stretches along the
-record. They determine the parameters of the noise to one per cent."""
+phases (conventional). Of more than `MOST_SAMPLES` samples about this many are used, in `STRETCHES` runs of consecutive
+samples that are spread evenly over the record. They determine the parameters of the noise to one per cent."""
 
 
 def noises_of(asked: str | Sequence[str]) -> tuple[str, ...]:
     """Return the names of the noise models to choose from.
 
-    asked: one or several names, or "auto" for the models `AUTOMATIC` and all noise models that plug-ins have added.
+    asked: one or several names, or "auto" alone for the models `AUTOMATIC` and all noise models that plug-ins have
+    added. Names are not checked.
     """
     names = (asked,) if isinstance(asked, str) else tuple(asked)
     return (*AUTOMATIC, *NOISES.added()) if names == ("auto",) else names
@@ -59,9 +61,9 @@ def prepare_for_noises(
     """Prepare a signal for fits, and choose the noise model if the signal is reduced to amplitudes and phases.
 
     A record of very many cycles is reduced to amplitudes and phases. The noise model is then chosen for the residual of
-    the samples from a fit of these; it is in `Data.noise_model`. Unless it is Gaussian or correlated noise, amplitudes
-    and phases are estimated again under it. For other records, `adapt` chooses the noise model later, for the residual
-    of a motion.
+    the samples from a fit of these, unless `names` contains only Gaussian noise; it is in `Data.noise_model`. Unless it
+    is Gaussian or correlated noise, amplitudes and phases are estimated again under it. For other records, `adapt`
+    chooses the noise model later, for the residual of a motion.
 
     Parameters
     ----------
@@ -78,7 +80,8 @@ def prepare_for_noises(
     Raises
     ------
     Refusal
-        Where the record does not oscillate, or none of the noise models applies to it.
+        Where the record does not oscillate or has fewer than ten samples, or a noise model is needed here and none
+        applies.
     """
     data = prepare_data(signal, average)
     if data.averaged is None or tuple(names) == (GAUSSIAN,):
@@ -108,7 +111,8 @@ def _choose_noise(
 
     Gaussian noise, if it is among the models, is replaced by the model with the largest evidence only if this has a log
     evidence larger by at least `LEAD_NATS` and by at least `predictable_nats(residual)`: predictable residuals may be a
-    second mode of oscillation or the misfit of a law. Correlated noise never replaces it.
+    second mode of oscillation or the misfit of a law. If correlated noise has the largest evidence, Gaussian noise is
+    chosen.
 
     Parameters
     ----------

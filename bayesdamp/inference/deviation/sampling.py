@@ -67,7 +67,7 @@ class DrawSolver:
     solver : Solver
         Solver of the candidate's equation of motion.
     parameters : Parameters
-        Map from the standard normal scores of a draw to the solver's parameters.
+        Map from the standard normal scores of a draw, or from straight coordinates, to the solver's parameters.
     active : ndarray of bool, shape (m,)
         Which of the solver's terms exert a force.
     tolerance : float
@@ -112,10 +112,10 @@ class DrawSolver:
 def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal) -> DrawSolver:
     """Return the solver for draws with the loosest tolerance that is accurate enough.
 
-    Its motions, after a common correction, must differ by less than `LARGEST_ERROR` from those with the tolerance of
-    fits (`TOLERANCE`). This is checked at `TRIED_DRAWS` draws from `start`, the distribution from which sampling
-    starts; the correction is computed at its mean. `TOLERANCE` is used if no tolerance in `LOOSER_TOLERANCES` is
-    accurate enough, or if one of these motions is unbounded.
+    Its motions, after a common correction, must differ by less than `LARGEST_ERROR` (norm over the record, in sds of
+    the noise) from those with the tolerance of fits (`TOLERANCE`). This is checked at `TRIED_DRAWS` draws from `start`,
+    the distribution from which sampling starts; the correction is computed at its mean. `TOLERANCE` is used if no
+    tolerance in `LOOSER_TOLERANCES` is accurate enough, or if one of these motions is unbounded.
     """
     usual, sd = DrawSolver(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
     drawn = start.draws(TRIED_DRAWS, np.random.default_rng(0))[0]
@@ -268,9 +268,9 @@ def sampled_result(
     """Return a copy of a candidate's result with draws from its posterior in `sampled`.
 
     The equation of motion is solved for each draw. `sampled.draws` contains the parameters as standard normal scores,
-    then the deviations g (log damping) and h (relative frequency), even if other coordinates are used in the sampling.
-    draws: number of draws. Equal seeds give equal draws of the same candidate; different candidates have different
-    random streams.
+    then the deviations g (log damping) and h (relative frequency) unless laws are exact, even if other coordinates are
+    used in the sampling. draws: number of draws. Equal seeds give equal draws of the same candidate; different
+    candidates have different random streams.
     """
     start, y = proposal_of(comparison, result), comparison.data.y
     motions = draw_solver(result, start)

@@ -74,7 +74,8 @@ class DeviatingTrajectories(Trajectories):
     Parameters
     ----------
     motions : DrawSolver
-        Solver of the motions, with its tolerance and correction.
+        Solver of the motions, with its tolerance and correction. They are not used where derivatives are computed: the
+        tolerance is then `SEARCHED`.
     deviations : tuple of ndarray, shape (k,)
         Relative deviations of damping (exp g − 1) and frequency (h) at the k knots in time.
     given : mapping of str to float
@@ -131,7 +132,8 @@ class FitState:
         Noise model of the samples.
     working : ndarray, shape (n,), optional
         The values to which the motion is fitted by least squares if the noise is not Gaussian: motion plus working
-        residuals (see `sample_noise`). None if they are the recorded values.
+        residuals (see `sample_noise`). None under Gaussian noise, and for a record that is reduced to amplitudes and
+        phases.
     """
 
     terms: tuple[str, ...]
@@ -176,7 +178,7 @@ class Single:
         The parameters are standard normal scores. `z` of the result are the scores at the joint mode of scores and
         deviations; the motion is linear in the deviations about this point. `linear` contains the draws `scores` of the
         linear model's posterior, without g and h. `information` is the inverse of their covariance. Raises Refusal if
-        the motion with deviations is unbounded.
+        the motion with deviations is unbounded or could not be linearised.
         """
         comparison, data, result = self.comparison, self.comparison.data, self.result
         solver, parameters = result.solver, result.fit.parameters
@@ -223,7 +225,8 @@ class Single:
         """Return `LINEAR_DRAWS` draws of all K unknowns from the posterior of the linear model about the mode, (n, K).
 
         A draw contains the parameters as standard normal scores, then the deviations g (log damping) and h (relative
-        frequency) at knots in time. The seed is fixed, so that the draws are always the same.
+        frequency) at knots in time. The draws are ordered by component of the posterior (see `LinearPosterior`), so a
+        part of them must be chosen from the whole range. The seed is fixed, so that they are always the same.
         """
         return self.result.posterior.draws(LINEAR_DRAWS, np.random.default_rng(0))[0]
 
@@ -242,10 +245,11 @@ class Single:
     def known(self) -> dict[str, float]:
         """Return, by name, the values of the parameters that are not inferred.
 
-        These are the known parameters of the motion, and the parameters of the noise (for Gaussian noise `noise_sd`).
-        The parameters of the noise are fixed at the values that were chosen for this fit: they are estimated from the
-        record, unless the noise is given. If a term is dry friction, there is also `epsilon`, the width of the velocity
-        range in which it changes its sign.
+        These are the known parameters of the motion, and the parameters of the noise (only `noise_sd`, the sd of a
+        sample, for Gaussian noise or a record that is reduced to amplitudes and phases). The parameters of the noise
+        are fixed at the values that were chosen for this fit: they are estimated from the record, unless the noise is
+        given. If a term is dry friction, there is also `epsilon`, the width of the velocity range in which it changes
+        its sign.
         """
         comparison = self.comparison
         own = (*self.oscillator.parameters, "noise_sd")
@@ -338,8 +342,8 @@ class Single:
         """Return median, 95 % interval and parts of the sd (`Quantity`) of the damping ratio at each amplitude.
 
         amplitudes: in rad or m. u: draws of all unknowns, (n, K), from which the numbers are computed; the ratio
-        includes the deviation of the damping from its law. sensor: relative sd of the sensor's linearity and clock;
-        each draw is multiplied by a random factor with this sd. All numbers but the amplitude are nan if no orbit has
+        includes the deviations from the laws. sensor: relative sd of the sensor's linearity and clock; each draw is
+        multiplied by a random factor with mean 1 and this sd. All numbers but the amplitude are nan if no orbit has
         this amplitude.
         """
         drawn, rng = CandidateDraws.of(self.result, u), np.random.default_rng(1)
@@ -350,8 +354,9 @@ class Single:
 
         By default motions have the form of the fitted data (samples, means, or amplitudes and phases). If t is given,
         they are values at the m times t instead, in s from the first sample, between the first and the last of `knots`.
-        quantity: angle, velocity or acceleration, only used with t; by default the recorded quantity. The motions are
-        in the record's unit.
+        quantity: angle, velocity or acceleration, only used with t; by default the recorded quantity. With t, values
+        are in the unit of the displacement, per s for a velocity and per s² for an acceleration; otherwise in that of
+        `Data.y`.
         """
         fit, solver = self.result.fit, self.result.solver
         if t is not None:
@@ -375,9 +380,10 @@ class Single:
     def log_likelihoods(self, motions: Array) -> Array:
         """Return the log likelihood of each of the record's n values (`Data.y`) under motions, (..., n), in nats.
 
-        The result has the shape of `motions`. The sum over the values is the log likelihood that the evidence uses. If
-        residuals are correlated, the variance of the noise contains a factor κ > 1; the normalisation of each value
-        then counts only 1/κ.
+        The result has the shape of `motions`, and the noise counts as white and Gaussian: under other noise, `Data.y`
+        has been adapted to this (see `sample_noise`). The sum over the values is the log likelihood that the evidence
+        uses. If residuals are correlated, the variance of the noise contains a factor κ > 1; the normalisation of each
+        value then counts only 1/κ.
         """
         comparison = self.comparison
         variance, kappa = comparison.variance, comparison.inflation
@@ -410,9 +416,9 @@ def fit_single(
 ) -> Single:
     """Fit one candidate with deviations from its laws, and compute its evidence.
 
-    A candidate is a sum of damping terms under a restoring law. The noise and the width of friction are chosen with the
-    sum of `PAPER_TERMS` and the candidate's other terms, as in a comparison, so that two dampings under one restoring
-    law are compared under the same noise.
+    A candidate is a sum of damping terms under a restoring law. The noise and the width of friction are chosen with a
+    larger sum, that of `PAPER_TERMS` and the candidate's other terms, as in a comparison, so that two dampings under
+    one restoring law are compared under the same noise.
 
     Parameters
     ----------
@@ -434,9 +440,12 @@ def fit_single(
 
     Raises
     ------
+    InputError
+        If a name is unknown, or an inferred parameter has neither a given nor a default prior.
     Refusal
         Where no motion stays in phase with the record, the motion with deviations is unbounded, or none of the noise
-        models applies.
+        models applies. Also where the predicted log evidence of the candidate is more than `REACH` nats below that of
+        the larger sum (`model_comparison.BEHIND`).
     """
     asked = MotionCandidate(tuple(damping), restoring)
     whole = MotionCandidate((*PAPER_TERMS, *(t for t in damping if t not in PAPER_TERMS)), restoring)
@@ -485,7 +494,8 @@ def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
     """Rebuild the result of a candidate from its stored fit, without fitting it again.
 
     signal: the complete record to which the candidate was fitted. restoring: name of the candidate's restoring law.
-    state: the stored fit, which also determines the damping terms. Raises Refusal if the motion is unbounded.
+    state: the stored fit, which also determines the damping terms. Raises Refusal if the motion is unbounded or the
+    record does not oscillate.
     """
     damping = tuple(t for t in state.terms if TERMS.get(t).parameter in state.priors)
     return _rebuild(
@@ -528,10 +538,10 @@ def _rebuild(data: Data, candidate: MotionCandidate, state: FitState) -> Single:
 
 
 def sample_motions(single: Single, chains: int, draws: int, seed: int) -> tuple[Posterior, Array]:
-    """Draw from the posterior of a candidate by solving the motion of each draw, without a linear model.
+    """Draw from the posterior of a candidate with exact motions, which are solved for each draw.
 
-    Each chain is an independent run of sequential Monte Carlo. The first chain has the draws of
-    `sampling.sampled_result` with this seed, in another order.
+    Each chain is an independent run of sequential Monte Carlo, which starts from the linear model about the mode. The
+    first chain has the draws of `sampling.sampled_result` with this seed, in another order.
 
     Parameters
     ----------
@@ -545,9 +555,10 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> tuple[
     Returns
     -------
     posterior : Posterior
-        Its `draws` are the inferred parameters, (chain, draw, parameter), in the order of `Single.names`. Its
-        `diagnostics` are `log_evidence`, the log of the mean evidence of the chains in nats, and `stderr`, the standard
-        error of this. Effective sample sizes are at most the number of different draws, because resampling makes
+        Its `draws` are the inferred parameters in their units, (chain, draw, parameter), in the order of
+        `Single.names`. Its `diagnostics` are `log_evidence`, the log of the mean evidence of the chains in nats, and
+        `stderr`, the standard error of this. Its `outcome` is not "ok" if a chain cannot be trusted or if the chains
+        have not converged. Effective sample sizes are at most the number of different draws, because resampling makes
         copies.
     u : ndarray, shape (chain, draw, K)
         Draws of all unknowns: the parameters as standard normal scores, then the deviations from the laws, g (log

@@ -38,8 +38,8 @@ from bayesdamp.physics.kernel import Solver
 
 SLICE_WIDTH = 1.0
 """Width of a slice of the range of one damping parameter, such as an exponent, in posterior sds of its standard normal
-score. With this width the sum over slices has no visible error: for a normal density the relative error of the sum is 2
-exp(−2π²)."""
+score (where this sd is above 1, in units of 1). With this width the sum over slices has no visible error: for a normal
+density the relative error of the sum is 2 exp(−2π²)."""
 ONE_SLICE_SD = 0.05
 """Smallest posterior sd of a damping parameter's standard normal score for which `slice_proposal` cuts the parameter's
 range into slices; it is relative to the prior sd. Below it one linear model is enough (measured at 0.01: the effective
@@ -61,7 +61,7 @@ LEAST_COEFFICIENT = 1e-3
 s = t pivot / c of `SlicedProposal` (conventional). For smaller c, s would overflow."""
 MOVING_SDS = 3.0
 """The mode of a coefficient moves with the sliced damping parameter only if it is more than this many posterior sds
-above zero (conventional)."""
+above zero (conventional). The score `SlicedProposal.size` always moves."""
 
 
 @dataclass(frozen=True)
@@ -457,8 +457,9 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     well that one linear model is enough (`ONE_SLICE_SD`), the quantiles are those of draws from its posterior, limited
     to this range.
 
-    The result is empty if the comparison has no result with this force as the only damping, or if fewer than two slices
-    of the range of p could be computed.
+    The 400 quantiles rise and serve as draws of p. The result is empty if the comparison has no result with this force
+    as the only damping under this law, if p is known, or if the range of p has fewer than two slices that could be
+    computed.
     """
     if not comparison.results:
         return ()
@@ -499,8 +500,8 @@ def exponent_starts(comparison: ModelComparison) -> list[float]:
     """Return three exponents p of a damping force c |v|^p at which fits start, each limited to the range of the prior.
 
     The first is 1 + d log ζ / d log A at the middle amplitude, where ζ(A) is the damping ratio of the best candidate at
-    amplitude A. The others are smaller and larger (`ASIDE`). The list is empty if the best candidate cannot oscillate
-    at this amplitude or loses no energy there.
+    amplitude A. The others are smaller and larger (`ASIDE`). The list is empty if the best candidate cannot oscillate,
+    or loses no energy, at one of the two amplitudes from which the derivative is computed (`NEAR`).
     """
     best, middle = comparison.best, comparison.data.middle
     solver = comparison.solvers[best.candidate.restoring]
@@ -517,10 +518,11 @@ def exponent_starts(comparison: ModelComparison) -> list[float]:
 
 
 def _quantiles(p: np.ndarray, log: np.ndarray) -> tuple[float, ...]:
-    """Return quantiles of the exponent p of a power law at `LEVELS`, from log evidences at some exponents.
+    """Return the 400 rising quantiles of the exponent p of a power law at `LEVELS`, which serve as draws of p.
 
-    p: rising exponents, (m,). log: log evidences at these, in nats, (m,). The log evidence is interpolated between the
-    first and the last exponent; the prior is uniform from `LEAST_EXPONENT` to `MOST_EXPONENT`.
+    p: rising exponents, (m,), m ≥ 2. log: log evidences at these, in nats, (m,), between which the log evidence is
+    interpolated. The prior is uniform from `LEAST_EXPONENT` to `MOST_EXPONENT`. The posterior is zero outside the first
+    and the last exponent.
     """
     low, high = np.clip(p[[0, -1]], LEAST_EXPONENT, MOST_EXPONENT)
     grid = np.linspace(low, high, POINTS)

@@ -54,10 +54,10 @@ class RatioLikelihood(RecordLikelihood):
         """Return the natural log of the damping ratio at one amplitude for each of n draws of the parameters, (n,).
 
         draws: the damping parameters, (n, k). amplitude: in rad or m. amplitudes: those of the record's damping curve,
-        (a,), in rad or m, equidistant in their logarithm. At each of them the ratio is the sum of the coefficients
-        times `per_unit`; own parameters, such as an exponent, change its logarithm linearly with their distance from
-        the mode (`growth`). The log ratio at `amplitude` is on a straight line, against the log amplitude, through the
-        values at the two nearest `amplitudes`.
+        (a,), in rad or m. At each of them the ratio is the sum of the coefficients times `per_unit`; own parameters,
+        such as an exponent, change its logarithm linearly with their distance from the mode (`growth`). The log ratio
+        at `amplitude` is on a straight line, against the log amplitude, through the values at the two nearest
+        `amplitudes` that have an orbit (with only one, it is the value there).
         """
         good = np.flatnonzero(np.all(np.isfinite(self.per_unit), axis=1))
         away = np.log(amplitudes[good] / amplitude)
@@ -112,13 +112,14 @@ class RunComparison:
     """The evidence of every sum of damping terms under every restoring law on one record.
 
     A candidate is a sum of damping terms under a restoring law. A rival is a sum of damping terms with a form of
-    damping that the compared sums do not contain; by default these are the sums of viscous, Coulomb and quadratic
-    damping.
+    damping that the compared sums do not contain. By default the compared sums are those of viscous, Coulomb and
+    quadratic damping.
 
     Attributes
     ----------
     log_evidence : mapping of Model to float
-        Log evidence of each candidate, in nats relative to the best candidate.
+        Log evidence of each candidate that was evaluated, in nats relative to the best candidate. Rivals are not
+        included.
     others : mapping of str to str
         The rivals by name. The value is the name of the compared sum to which the rival reduces in a limit of its
         parameters, as Stribeck friction reduces to Coulomb friction; "" if there is none.
@@ -180,8 +181,9 @@ class SpecimenComparison:
         The comparisons on the single records.
     log_evidence : mapping of Model to float
         Log evidence of each model on all records together, in nats relative to the sum of the log evidences of the best
-        candidates of the single records. The coefficients, which the records have in common, are integrated out once.
-        For a model that is not fitted jointly (`NATS_BEHIND`), it is an estimate from the single records.
+        candidates of the single records. The coefficients, which the records have in common, are integrated out once. A
+        record without a likelihood of the model counts with `RunComparison.missing`. For a model that is not fitted
+        jointly (`NATS_BEHIND`, or no record has its likelihood), it is an estimate from the single records.
     probability : mapping of Model to float
         Posterior probability of each model, also of those with other forms of damping; the sum is 1.
     repeats : mapping of Model to Repeats
@@ -201,7 +203,8 @@ class SpecimenComparison:
         """Return the median and the lower and upper end of the 95 % interval of the spread between records.
 
         The spread is the sd of the log factors by which a record's coefficients differ from those of the specimen. The
-        result is an average over the models in `repeats`, which are weighted by their probabilities.
+        result is an average over the models in `repeats`, which are weighted by their probabilities. Raises ValueError
+        if there are none.
         """
         every = np.concatenate([r.spreads for r in self.repeats.values()])
         sizes = [(r.spreads.size, self.probability[m]) for m, r in self.repeats.items()]
@@ -231,7 +234,7 @@ class SpecimenComparison:
         amplitude : float
             The amplitude in rad or m.
         reaching : sequence of int
-            Indices in `records` of the records to average, which should be those that reach the amplitude.
+            Indices in `records` of the records to average, at least one; they should be those that reach the amplitude.
         count, seed : int
             Number of draws, and seed of their random stream.
 
@@ -264,6 +267,8 @@ def compare_runs(
     seed: int = 0,
 ) -> SpecimenComparison:
     """Compare every model (a sum of damping terms and a restoring law) on several records of one specimen.
+
+    If a model's likelihood on one record is for exact laws only, its laws are taken as exact on all records.
 
     Parameters
     ----------

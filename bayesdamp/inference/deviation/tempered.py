@@ -21,14 +21,16 @@ SMC_DRAWS = 300
 """Default number of draws of sequential Monte Carlo (conventional)."""
 EFFECTIVE_FRACTION = 0.5
 """In each stage of sequential Monte Carlo, β, the exponent of the exact likelihood, is increased until the effective
-number of draws has fallen to this fraction of their number; the draws are then resampled (conventional)."""
+number of draws has fallen to this fraction of their number; the draws are then resampled. Importance sampling needs at
+least this fraction of the requested number of draws as effective number (conventional)."""
 LEAST_EFFECTIVE = 0.15
 """Smallest effective fraction of draws for which importance sampling is used instead of sequential Monte Carlo
 (conventional). The draws are of a linear model's posterior, and the fraction is for the exact posterior as their
 target. From this fraction on, making more draws costs less than moving them."""
 SAFETY_FACTOR = 1.2
 """If the first draws are too few for importance sampling, more are made (conventional). The total number is then this
-times the number that the effective fraction of the first draws requires, so that enough draws are effective."""
+times the number that the effective fraction of the first draws requires, so that the effective number reaches
+`EFFECTIVE_FRACTION` of the requested number."""
 MOVES_PER_TEMPERATURE, LAST_MOVES = 2, 5
 """Number of Crank–Nicolson moves of every draw at each value of β (conventional): `MOVES_PER_TEMPERATURE` for β < 1,
 `LAST_MOVES` for β = 1. β is the exponent of the exact likelihood, which sequential Monte Carlo increases from 0 to
@@ -59,7 +61,8 @@ class TemperedDraws:
     ----------
     draws : ndarray, shape (n, K)
         Draws with equal weights of all unknowns: standard normal scores of the parameters, then the deviations from the
-        laws, g (log damping) and h (relative frequency), at knots in time.
+        laws, g (log damping) and h (relative frequency), at knots in time, unless laws are exact. `sample_posterior`
+        returns them in the coordinates of its proposal, and `sampling.sampled_result` converts them.
     log_ratios : ndarray, shape (n,)
         Log importance weight of each draw: log of (likelihood with the exact motion / likelihood under the linear
         model), plus the log ratio of the priors if the proposal has other coordinates than scores. If draws were then
@@ -113,7 +116,7 @@ class Proposal(Protocol):
         """Draw the unknowns from the posterior of the linear model, which is a mixture of normal distributions.
 
         The unknowns are the parameters and the deviations from the laws. Return the draws, (count, K), and for each
-        draw the index of its component of the mixture, (count,).
+        draw the index of its component of the mixture (in `SlicedProposal` of the mixture of its slice), (count,).
         """
         ...
 
@@ -138,8 +141,9 @@ def sample_posterior(
 ) -> TemperedDraws:
     """Draw from the posterior with exact motions, starting from that of a linear model, and compute its evidence.
 
-    For exact motions the equation of motion is solved for each draw. The draws are in the coordinates of `start`. If
-    the motions of all first draws are unbounded, the log evidence is −∞ and the draws are not trusted.
+    For exact motions the equation of motion is solved for each draw. The method is importance sampling if enough draws
+    of `start` are effective (`LEAST_EFFECTIVE`), otherwise sequential Monte Carlo. The draws are in the coordinates of
+    `start`. If the motions of all first draws are unbounded, the log evidence is −∞ and the draws are not trusted.
 
     Parameters
     ----------

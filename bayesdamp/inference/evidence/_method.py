@@ -78,7 +78,13 @@ class EvidenceMethod(ABC):
         Returns
         -------
         Evidence
-            The result; its outcome is "ok", or the reason why it is unreliable.
+            The result; its outcome is "ok", or the reason why it is unreliable. Its field `seconds` is set by `timed`.
+
+        Raises
+        ------
+        Refusal
+            If the method needs the posterior covariance at the mode (`Mode.factor`), and the information there is not
+            positive definite.
         """
 
     def timed(
@@ -94,7 +100,8 @@ def disagreement(evidences: Sequence[Evidence]) -> str:
     """Return a clause that says why nested sampling must decide on the evidence of a model; "" if it need not.
 
     It must decide if the outcome of one of the evidences is not "ok", or if two of them differ by at least `SE_APART`
-    combined standard errors. evidences: results of the other methods for this model.
+    combined standard errors (also if a standard error is missing). evidences: results of the other methods for this
+    model, without Laplace's approximation, which has no standard error.
     """
     poor = [e.method for e in evidences if e.outcome != OK]
     if poor:
@@ -113,7 +120,9 @@ def choose_evidence(evidences: Sequence[Evidence]) -> Evidence:
     If nested sampling was run and is reliable, its log evidence is used. Otherwise it is the mean over the reliable
     methods, weighted by inverse variance. If no method is reliable, it is the result with the smallest standard error;
     if no result is finite, it is the first one. The outcome is not "ok" if no method is reliable, or if the averaged
-    methods disagree. The `method` of the result is `ADOPTED`; its `diagnostic` says where it is from.
+    methods disagree. The `method` of the result is `ADOPTED`; its `diagnostic` says where it is from. A mean has the
+    other fields, such as `seconds`, of the first averaged method. evidences: without Laplace's approximation, which has
+    no standard error.
     """
     evidences = [
         e

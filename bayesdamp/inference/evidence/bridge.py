@@ -109,7 +109,8 @@ def _bridge_halves(
     """Estimate the evidence from each half of the chains, with a proposal fitted to the other half.
 
     z: posterior draws as standard normal scores, (chains, draws, d). shear: map that straightens a curved ridge of the
-    posterior; the proposal is fitted in straightened scores.
+    posterior; the proposal is fitted in straightened scores. The first estimate is from the second half of the draws,
+    the second from the first.
     """
     reflected, half = target.reflected, z.shape[1] // 2
     parts = shear.straight(z[:, :half]), shear.straight(z[:, half : 2 * half])

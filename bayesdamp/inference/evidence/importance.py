@@ -19,8 +19,8 @@ MOST_REFITS = 4
 """Greatest number of times that the proposal distribution of importance sampling is fitted again to weighted draws from
 it."""
 K_GOOD = 0.5
-"""Largest Pareto shape of importance weights that is good: the shape k of a generalised Pareto distribution fitted to
-the largest weights (Vehtari et al., JMLR 25, 2024)."""
+"""Limit of the Pareto shape of good importance weights: the shape k of a generalised Pareto distribution fitted to the
+largest weights (Vehtari et al., JMLR 25, 2024). Weights of pilot draws must be 0.1 below it (`_are_good`)."""
 LEAST_EFFECTIVE = 50
 """The evidence from importance sampling is unreliable if the effective number of draws, computed from their weights, is
 below this (conventional)."""
@@ -40,13 +40,13 @@ class Importance(EvidenceMethod):
 
     The proposal distribution, from which the draws are, is chosen by the weights of pilot draws. For exact laws these
     proposals are tried in turn, until the weights are good: Laplace's approximation, truncated at zero, with heavy
-    tails; the same with a curved ridge of the posterior straightened; up to `MOST_REFITS` fits to the weighted pilot
-    draws. If the model allows for deviations from its laws, the first proposal is a fit to the draws in `Mode.linear`,
-    and only the repeated fits follow.
+    tails; the same with a curved ridge of the posterior straightened, if this increases the effective number of draws;
+    up to `MOST_REFITS` fits to the weighted pilot draws. If the model allows for deviations from its laws, the first
+    proposal is a fit to the draws in `Mode.linear`, and only the repeated fits follow.
 
     The evidence is computed from new draws. Coefficients that cannot be negative are represented by scores that are
-    reflected at zero, in the proposal and in the posterior. The diagnostic is the Pareto shape of Vehtari et al., JMLR
-    25, 2024.
+    reflected at zero, in the proposal and in the posterior. The diagnostic contains the Pareto shape (Vehtari et al.,
+    JMLR 25, 2024) and the effective fraction of the draws.
     """
 
     name = "importance"
@@ -108,21 +108,24 @@ class Importance(EvidenceMethod):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Draw n points from a proposal distribution; return them, (n, d), and their log importance weights, (n,).
 
-        The points are straightened scores: coordinates in which a curved ridge of the posterior is straight. shear: map
-        from these to standard normal scores. A weight is the unnormalised posterior density divided by the density of
-        the proposal.
+        shear: map from the coordinates of the points to standard normal scores; it may straighten a curved ridge of the
+        posterior. A weight is the unnormalised posterior density, per unit of these coordinates, divided by the density
+        of the proposal.
         """
         y = proposal.draw(rng, n)
         return y, mode.likelihood.folded(shear.scores(y)) + shear.log_volume(y) - proposal.log_density(y)
 
     @staticmethod
     def _proposal(target: Target, mode: Mode, shear: Shear) -> ReflectedT:
-        """Return the first proposal distribution, in coordinates in which a curved ridge of the posterior is straight.
+        """Return the Student t distribution with which a series of refits starts, in the coordinates of `shear`.
 
-        It is a Student t. Its centre and scale matrix are the mean and the covariance of the distribution of
+        `shear` maps these coordinates to standard normal scores, and may straighten a curved ridge of the posterior.
+        The map that `evidence` tries first straightens none.
+
+        Centre and scale matrix of the Student t are the mean and the covariance of the distribution of
         `truncated_about`, because a reflected Student t about the mode would have wrong correlations near a bound. If
         this covariance is singular, the Student t is centred at the mode. If the model allows for deviations from its
-        laws, it is fitted to the draws in `Mode.linear` instead.
+        laws, it is fitted to the draws in `Mode.linear` instead, and `shear` has no effect.
         """
         if mode.linear is not None:
             return fit_reflected_t(mode.linear.draws, target.reflected)
