@@ -137,9 +137,9 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
 def find_largest_peak(t: np.ndarray, scores: np.ndarray, period: float) -> SpectralLine:
     """Return the largest peak of the periodogram of residuals; its p value is corrected for the number of frequencies.
 
-    t: times in s, (n,), assumed evenly spaced; gaps broaden a peak, which makes it less significant. scores: whitened
-    residuals, (n,). If other residuals are given, the description of the peak is right but its p value has no meaning.
-    period: period of the oscillation in s.
+    t: times in s, (n,), assumed evenly spaced; interruptions broaden a peak, which makes it less significant. scores:
+    whitened residuals, (n,). If other residuals are given, the description of the peak is right but its p value has no
+    meaning. period: period of the oscillation in s.
     """
     _, cycles, across = _extent(t, period)
     block = -(-scores.size // MOST_SAMPLES)
@@ -281,13 +281,14 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
     Returns
     -------
     check : FitCheck
-        Rms and autocorrelation of the residuals, p value of the predictive check of the autocorrelation, largest change
-        of a damping coefficient between a half and the whole record, and the verdict: a text that says whether the
-        model fits and, if not, why. These values are columns of fits.csv.
+        Rms (in the unit of the record) and autocorrelation at lag one of the residuals, not whitened; p value of the
+        predictive check of the autocorrelation; largest change of a damping coefficient between a half and the whole
+        record, in sds; and the verdict: a text that says whether the model fits and, if not, why. These values are
+        columns of fits.csv.
     arrays : dict of str to ndarray
-        `fit` and `residual`, (n,), in the unit of the record; `whitened`: the whitened residuals, (n,), which should be
-        independent and standard normal; `autocorrelation`: that of the whitened residuals, (l,), from lag 0 to three
-        times the largest lag of the predictive check, but at most n/2.
+        `fit` (the motion at the mode) and `residual`, (n,), in the unit of the record; `whitened`: the whitened
+        residuals, (n,), which should be independent and standard normal; `autocorrelation`: that of the whitened
+        residuals, (l,), from lag 0 to three times the largest lag of the predictive check, but at most n/2.
     """
     t, n, r = target.signal.t, target.signal.t.size, mode.likelihood.residual(mode.z)
     white = mode.likelihood.whitened(r, mode.z)
@@ -333,7 +334,7 @@ def _verdict(noise: NoiseModel, p: float, line: SpectralLine, window_p: float, o
 
     The reasons are tried in this order: structure in the residuals, coefficients that change during the record,
     outliers. The limits are `P_LIMIT` for p, `LINE_LIMIT` and `WINDOW_LIMIT`; outliers do not count if the noise model
-    allows for them.
+    allows for them. If the model fits with correlated noise, the text says so.
 
     noise: the noise model of the fit. p: p value of the predictive check of the autocorrelation. line: largest peak of
     the residuals' spectrum. window_p: p value of the shifts of coefficients between parts of the record. outliers:

@@ -75,7 +75,7 @@ class TruncatedNormal:
         """Mean, (d,), and lower Cholesky factor of the covariance, (d, d), of the truncated distribution.
 
         The effect of the restriction is estimated from `MOMENT_DRAWS` draws with a fixed seed. Raises LinAlgError if a
-        matrix is singular.
+        covariance is not positive definite.
         """
         mean, covariance, walls = self.mean, self.covariance, self.walls
         if walls.size:
@@ -357,7 +357,7 @@ def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.nda
     Returns
     -------
     Maximum
-        The maximum; its `x` contains only the scores `others`, (k,).
+        The maximum; its `x` and `information` contain only the scores `others`, (k,) and (k, k).
 
     Raises
     ------
@@ -605,7 +605,8 @@ class Whitening:
         Difference of two negative Hessians of the log posterior by straight scores, at the centre: the full one minus
         that for a motion that is linearised there. It is 0 if one of them is not finite or was not computed.
     good : bool
-        False if one of these two Hessians is not finite; True also if they were not computed.
+        False if one of these two Hessians is not finite (NUTS then uses exact gradients); True also if they were not
+        computed.
     shear : Shear
         Map from straight scores to standard normal scores.
     """
@@ -655,7 +656,8 @@ def whitening_of(target: Target, mode: Mode, shear: Shear | None = None) -> Whit
     mode : Mode
         Mode of the posterior.
     shear : Shear, optional
-        Map that straightens the ridge of the posterior; by default only the map of the noise parameters.
+        Map that straightens the ridge of the posterior, from `shear_of`; by default only the map of the noise
+        parameters.
 
     Returns
     -------
@@ -739,7 +741,8 @@ def whitening_under(mode: Mode, combination: int, shear: Shear) -> Whitening:
     Hyperparameters are the sizes (prior standard deviations) and correlation lengths of the deviations of damping and
     frequency from the laws; `combination` is the index of one combination in `Target.deviation`, from 0. Mean and
     covariance come from the gradient and the Gauss–Newton information of this conditional log posterior at the mode;
-    scores of half-normal priors are restricted to values ≥ 0.
+    scores of half-normal priors are restricted to values ≥ 0. shear: map from straight to standard normal scores, which
+    the result contains; it changes the mean but not the covariance.
     """
     reflected, d = mode.likelihood.target.reflected, mode.z.size
     at = np.where(reflected, np.maximum(np.abs(mode.z), 1e-12), mode.z)

@@ -109,7 +109,10 @@ class Motions:
         return slopes / (2.0 * self.frequency) if np.any(slopes) else None
 
     def at(self, amplitude: np.ndarray | float) -> Cycle:
-        """Return the undamped cycle of each draw at an amplitude in rad or m, which may be different for each draw."""
+        """Return the undamped cycle of each draw at an amplitude in rad or m, which may be different for each draw.
+
+        Its values are nan where the draw has no such motion.
+        """
         amplitudes = np.broadcast_to(np.asarray(amplitude, float), self.shape)
         return cycle(self.osc, self._numbers, amplitudes, self._rest)
 
@@ -123,7 +126,7 @@ class Motions:
         """The half-life of each draw in s: the time in which the amplitude falls from the reference to half of it.
 
         It is ∫ T/δ d ln A over this range, by Gauss–Legendre quadrature. T is the period and δ the logarithmic
-        decrement at amplitude A.
+        decrement at amplitude A. It is infinite without damping, and nan where there is no such oscillation.
         """
         time = np.zeros(self.shape)
         for x, w in zip(*_HALVING, strict=True):

@@ -30,8 +30,8 @@ def rhat(draws: np.ndarray) -> float:
     """Return the rank-normalised split R̂ of draws, (chain, draw).
 
     It is the larger of two values: that of the draws (bulk), and that of their absolute distances from the median
-    (tails); see section 4.1 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if there is one chain, too few
-    draws, or a draw that is not finite.
+    (tails); see section 4.1 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if there is one chain, if a chain
+    has fewer than `LEAST_DRAWS` draws, if a draw is not finite, or if all draws are equal.
     """
     if not _usable(draws) or draws.shape[0] < 2:
         return float("nan")
@@ -42,8 +42,8 @@ def rhat(draws: np.ndarray) -> float:
 def ess_bulk(draws: np.ndarray) -> float:
     """Return the bulk effective sample size of draws, (chain, draw), computed from their normalised ranks.
 
-    See section 4.2 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if there are too few draws or one is not
-    finite.
+    See section 4.2 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if a chain has fewer than `LEAST_DRAWS`
+    draws or a draw is not finite.
     """
     return _ess(_normalised(_split(draws))) if _usable(draws) else float("nan")
 
@@ -51,8 +51,8 @@ def ess_bulk(draws: np.ndarray) -> float:
 def ess_tail(draws: np.ndarray) -> float:
     """Return the tail effective sample size of draws, (chain, draw): the smaller one for the 5 % and 95 % quantiles.
 
-    See section 4.3 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if there are too few draws or one is not
-    finite.
+    See section 4.3 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if a chain has fewer than `LEAST_DRAWS`
+    draws or a draw is not finite.
     """
     if not _usable(draws):
         return float("nan")
@@ -62,8 +62,8 @@ def ess_tail(draws: np.ndarray) -> float:
 def effective_mean(draws: np.ndarray) -> float:
     """Return the effective sample size for the mean of draws, (chain, draw).
 
-    See section 3.2 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if there are too few draws or one is not
-    finite.
+    See section 3.2 of Vehtari et al., Bayesian Analysis 16 (2021). It is nan if a chain has fewer than `LEAST_DRAWS`
+    draws or a draw is not finite.
     """
     return _ess(_split(draws)) if _usable(draws) else float("nan")
 
@@ -164,13 +164,14 @@ def summarise(draws: np.ndarray, ensembles: int | None = None) -> dict[str, floa
         Values of the parameter, in its unit.
     ensembles : int, optional
         Number of independent groups of consecutive chains, if the chains of a group are not independent (emcee's
-        walkers). R̂ then compares the groups instead of the chains.
+        walkers). R̂ then compares the groups instead of the chains; the effective sample sizes are still computed from
+        the chains.
 
     Returns
     -------
     dict of str to float
         mean, sd, median, other quantiles (q2.5, q25, q75, q97.5), ends of the shortest 95 % interval (hdi_low,
-        hdi_high), ess_bulk, ess_tail and rhat.
+        hdi_high), ess_bulk, ess_tail and rhat, which may be nan.
     """
     chains = draws
     if ensembles is not None:  # (walker, step) to (ensemble, step · walker)

@@ -39,9 +39,9 @@ LONGEST_STEP = 3.0
 down."""
 HOPELESS_GAIN = 1e-7
 """If a step of a search for a mode is rejected although its expected gain of the log density was smaller than this, in
-nats, the search ends; a shorter step would not help."""
+nats, the search ends and counts as converged; a shorter step would not help."""
 MOST_STEPS = 60
-"""Largest number of trial steps in a search for a mode, including rejected ones. A search that reaches it has not
+"""Largest number of trial steps in a search for a mode, including rejected ones. A search that this number ends has not
 converged."""
 
 
@@ -74,7 +74,8 @@ def maximise_posterior(
     Returns
     -------
     Maximum
-        The maximum that was reached.
+        The end of the search: scores, and log posterior (nats, with the scale 1) and its information there. The value
+        is −∞ if it is not finite at the start; `converged` must be checked.
     """
     curvature = likelihood.with_scale(1.0).curvature
     return maximise(curvature, likelihood.target.reflected, z, retract=retract, close=close)
@@ -107,7 +108,8 @@ def maximise(
     Returns
     -------
     Maximum
-        The maximum that was reached; its value is −∞ if the log density is not finite at the start.
+        The end of the search, which may not have converged; its value is −∞ if the log density is not finite at the
+        start.
     """
 
     def expand(z: np.ndarray) -> Expansion:
@@ -136,12 +138,13 @@ class LocalSearch:
     Attributes
     ----------
     origin, z : ndarray, shape (d,)
-        Start and end of the search, as scores (parameters transformed so that their priors are standard normal).
+        Start and end of the search, as scores (parameters transformed so that their priors are standard normal). At the
+        start, parameters of the noise are already estimated from the residuals.
     end : float
         Log posterior density at the end, in nats.
     volume : float
-        Log volume of the posterior at the end: −½ log det of the information. The probability of a mode is proportional
-        to exp(end + volume).
+        Log volume of the posterior at the end: −½ log det of the information; −∞ if the determinant is not positive.
+        The probability of a mode is proportional to exp(end + volume).
     converged : bool
         Whether the search ended at an acceptable maximum. It is False, for example, if the search reached the limit of
         steps, or if the residual at the end is above `MOST_RESIDUAL`.
@@ -158,9 +161,9 @@ class LocalSearch:
 class StoredMode:
     """The values from which `restore_mode` rebuilds a mode.
 
-    z: standard normal scores at the mode, (d,). log_posterior: log posterior density there, in nats. information:
-    negative Gauss–Newton Hessian there, (d, d). tolerance: largest allowed error of a motion, in the record's unit.
-    searches: all local searches for the mode.
+    z: standard normal scores at the mode, (d,). log_posterior, information: log posterior density there, in nats, and
+    its negative Gauss–Newton Hessian, (d, d), as in `Mode`. tolerance: largest allowed error of a motion, in the
+    record's unit. searches: all local searches for the mode.
     """
 
     z: np.ndarray
@@ -204,10 +207,11 @@ class Mode:
     z : ndarray, shape (d,)
         Scores at the mode.
     log_posterior : float
-        Log posterior density at z, in nats. If `linear` is set, the deviations and the common prior scale are
-        integrated out.
+        Log posterior density of the scores at z, in nats, not normalised, with the common prior scale fixed at 1. If
+        `linear` is set, the deviations and this scale are integrated out instead.
     information : ndarray, shape (d, d)
-        Negative Gauss–Newton Hessian at z. If `linear` is set, it is the inverse covariance of the draws in it.
+        Negative Gauss–Newton Hessian of this density at z. If `linear` is set, it is the inverse covariance of the
+        draws in it.
     likelihood : Likelihood
         Likelihood and target of the posterior.
     searches : tuple of LocalSearch
@@ -273,7 +277,10 @@ class Mode:
         )
 
     def sd(self) -> np.ndarray:
-        """Return the posterior sds of the standard normal scores, (d,), from the covariance of `factor`."""
+        """Return the posterior sds of the standard normal scores, (d,), from the covariance of `factor`.
+
+        Raises Refusal if `information` is not positive definite.
+        """
         return np.sqrt(np.sum(self.factor**2, axis=1))
 
 
@@ -281,7 +288,7 @@ def covariance_factor(information: np.ndarray) -> np.ndarray:
     """Return the lower Cholesky factor, (d, d), of a covariance matrix from its inverse, the information, (d, d).
 
     The information is factored before it is inverted, because rounding can make the inverse of an ill-conditioned
-    matrix indefinite. Raises Refusal if the information is not positive definite.
+    matrix indefinite. Raises Refusal if the information is not finite or not positive definite.
     """
     try:
         if not np.all(np.isfinite(information)):
@@ -295,7 +302,10 @@ def covariance_factor(information: np.ndarray) -> np.ndarray:
 
 
 def restore_mode(target: Target, stored: StoredMode) -> Mode:
-    """Rebuild a mode of a model with exact laws from its stored values."""
+    """Rebuild the mode of a model with exact laws from its stored values; nothing is searched or computed again.
+
+    target: the same model, record and priors as when the mode was stored.
+    """
     likelihood = Likelihood.near(target, stored.z, stored.tolerance)
     return Mode(stored.z, stored.log_posterior, stored.information, likelihood, stored.searches)
 
@@ -396,7 +406,8 @@ def group_searches(mode: Mode) -> list[tuple[np.ndarray, float]]:
     -------
     list of (ndarray, float)
         For each maximum: its standard normal scores, (d,), and its fraction of the total posterior probability of the
-        maxima, by Laplace's approximation. The mode itself is first, the others follow, the highest first.
+        maxima, by Laplace's approximation. The mode itself is first, the others follow, the highest first. Searches
+        that have not converged are left out.
     """
     maxima = [mode.z]
     log_masses = [mode.log_posterior + _log_volume(mode.information)]
@@ -412,29 +423,29 @@ def group_searches(mode: Mode) -> list[tuple[np.ndarray, float]]:
 def find_mode(target: Target, starts: Iterable[Mapping[str, float]], *, noise_level: float) -> Mode:
     """Search for modes of the posterior from each start, and return the highest.
 
-    Maxima whose residual is above `MOST_RESIDUAL` are rejected.
+    Maxima whose residual is above `MOST_RESIDUAL` are rejected. Ends of searches that have not converged count too.
 
     Parameters
     ----------
     target : Target
         The model with its record and priors.
     starts : iterable of mapping of str to float
-        For each search, the values of the parameters at its start, by name. Parameters of the noise are estimated from
-        the residuals at the start instead.
+        For each search, the values of the parameters at its start, by name; a missing one starts near the middle of its
+        prior. Parameters of the noise are estimated from the residuals at the start instead.
     noise_level : float
-        Standard deviation of the record's noise, in its unit. It determines how accurately motions are computed in the
-        search.
+        Standard deviation of the record's noise, in its unit. It only determines how accurately motions are computed,
+        in the search and at the mode.
 
     Returns
     -------
     Mode
-        The highest mode, with the results of all searches.
+        The highest mode, searched again with accurate motions (`MODE_ERROR`), with the results of all searches.
 
     Raises
     ------
     Refusal
-        If no start leads to a finite posterior with a positive definite information matrix, or if at all maxima the
-        noise model, and not the motion, explains the oscillation.
+        If no start leads to a finite posterior; if at all maxima the noise model, and not the motion, explains the
+        oscillation; or if at the highest maximum the information is not positive definite.
     """
     noise, unit = target.noise_model, noise_level / np.sqrt(target.signal.t.size)
     largest = MOST_RESIDUAL * float(np.std(target.signal.y))

@@ -77,7 +77,7 @@ class Blocks:
     Attributes
     ----------
     t
-        Mean times of the readings in each block in s, from the first block on, (n,).
+        Mean times of the readings in each block in s, minus that of the first block, (n,).
     x
         Means of ln(A/A_ref) over the blocks, (n,). `decay.infer_noises` corrects them for the curvature of the decay
         within a block.
@@ -92,10 +92,11 @@ class Blocks:
     frequency
         Angular frequency of the oscillation in rad/s; None if it is not known.
     noises
-        Possible noises of the readings, each with the covariance of x that it causes, (n, n).
+        Possible noises of the readings, each with the covariance of x that it causes, (n, n); empty before
+        `decay.infer_noises`.
     inverse
         Inverse of the lower Cholesky factor of the covariance of x, (n, n). Fits multiply residuals by it, so that
-        these become independent with variance 1.
+        these become independent with variance 1. Its shape is (0, 0) before `decay.infer_noises`.
     """
 
     t: np.ndarray
@@ -167,13 +168,13 @@ class EnvelopeCandidate:
         """The posterior of the decay rates and of the deviation g from the law, averaged over the possible noises.
 
         It is the mixture of the normal posteriors in `about`, with half-normal priors of the rates, so that no rate is
-        negative.
+        negative. Its unknowns are those in `about`: scores of the rates, not rates in 1/s.
         """
         return self.about.apply_priors()
 
     @cached_property
     def exact(self) -> LinearPosterior:
-        """The posterior of the decay rates if the damping law is exact (deviation g = 0).
+        """The posterior of the scores of the decay rates if the damping law is exact (deviation g = 0).
 
         Its `log_evidence` includes the log prior probability that the law is exact.
         """
@@ -194,8 +195,8 @@ class EnvelopeCandidate:
     def curve(self, blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:
         """Return the posterior mean and standard deviation of ln(A/A_ref) at the n blocks of readings, (n,) each.
 
-        Both include the deviation from the law. They are computed to first order about the fit, like the evidence, but
-        without the condition that no rate is negative.
+        blocks: those to which the candidate was fitted. Both results include the deviation from the law. They are
+        computed to first order about the fit, like the evidence, but without the condition that no rate is negative.
         """
         d, at = self.rates.size, np.append(self.rates, self.x0)
         motion = solver_of(blocks, self.law).solve(at, tangents=ALL)
@@ -224,7 +225,8 @@ class EnvelopeCandidate:
     def total(self) -> float:
         """Log evidence in nats, averaged over the possible noises, their scales and the deviation from the damping law.
 
-        The log prior odds of the sum, which `log_share` contains, are not included.
+        It is the evidence for the values in `scores`. The log prior odds of the sum, which `log_share` contains, are
+        not included.
         """
         return self.posterior.log_evidence
 
@@ -249,8 +251,9 @@ def solver_of(blocks: Blocks, law: DecayLaw | PowerLaw, white: np.ndarray | None
 def fit_rates(blocks: Blocks, law: DecayLaw, white: np.ndarray) -> LeastSquaresFit:
     """Fit the decay rates of a sum of damping terms, and ln(A/A_ref) at the start, by least squares.
 
-    No rate is negative. The fit starts at the mean rate of the record, divided equally among the terms. If the
-    oscillation would then come to rest too early, the fit starts at smaller rates.
+    No rate is negative; wide priors (`FIT_SCALE`, `WIDE_SD`) are included. The fit starts at the mean rate of the
+    record, divided equally among the terms. If the oscillation would then come to rest too early, the fit starts at
+    smaller rates.
 
     Parameters
     ----------
@@ -264,7 +267,7 @@ def fit_rates(blocks: Blocks, law: DecayLaw, white: np.ndarray) -> LeastSquaresF
     Returns
     -------
     LeastSquaresFit
-        The fit; its values are the d rates in 1/s at the reference amplitude, then ln(A/A_ref) at the start.
+        The fit; its values are the d rates c_i in 1/s (see `DecayLaw`), then ln(A/A_ref) at the start.
     """
     rates = np.full(len(law.terms), blocks.mean_rate / len(law.terms))
     for _ in range(40):  # reduce the rates until the decay lasts to the end of the record
@@ -319,7 +322,7 @@ def fit_candidate(
         A candidate with the same law that was computed with other noises. If it is given, its rates and its value at
         the start are used, and there is no new fit.
     scores, log_share
-        Numbers that are only stored in the result, see `EnvelopeCandidate`.
+        Numbers that are only stored in the result, see `EnvelopeCandidate`; `scores` do not change the law.
 
     Returns
     -------
@@ -357,7 +360,7 @@ def power_law_evidence(blocks: Blocks) -> tuple[float, Quantity]:
     Returns
     -------
     log_evidence : float
-        Log evidence in nats.
+        Log evidence in nats, without prior odds, like `EnvelopeCandidate.total`.
     exponent : Quantity
         Median and 95 % interval of p, averaged over noises, their scales and the deviation from the law.
     """

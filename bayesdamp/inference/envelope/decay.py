@@ -154,7 +154,7 @@ class Decay:
 def free_decay(
     record: EnvelopeRecord, window: EnvelopeWindow | None, sums: Sequence[tuple[str, ...]]
 ) -> tuple[Decay, tuple[Sum, ...]]:
-    """Find the free decay of an envelope, down to its noise floor, and prepare the sums of damping terms for it.
+    """Find the free decay of an envelope, infer its noise, and prepare the sums of damping terms for it.
 
     Parameters
     ----------
@@ -168,14 +168,17 @@ def free_decay(
     Returns
     -------
     Decay
-        The decay.
+        The decay with its possible noises; it ends above the noise floor, unless `window` is given.
     tuple of Sum
-        The sums, with the amplitude and frequency of this decay, on which the priors of their terms' parameters depend.
+        The sums, with the amplitude and frequency of this decay, on which the priors of their terms' parameters depend
+        (1 if no term needs them).
 
     Raises
     ------
     Refusal
         If there is no window with a decay, or if the level decreases by less than `LEAST_DROP` dB.
+    InputError
+        If a term of a sum dissipates no energy, or needs a frequency, or an amplitude in rad or m, that is unknown.
     """
     chosen = window or find_window(record.t, record.level)
     first, stop, why = chosen.start, chosen.stop, list(chosen.why)
@@ -276,7 +279,8 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
     b : Blocks
         The readings.
     sums : sequence of Sum
-        Sums of damping terms that may describe the decay, besides viscous, Coulomb and quadratic damping.
+        Sums of damping terms that may describe the decay; only those with a term other than viscous, Coulomb and
+        quadratic damping have an effect.
 
     Returns
     -------
@@ -289,7 +293,8 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
         Number of blocks at the start, up to the last one that disagrees with its prediction by the later blocks (see
         `SURPRISE_SDS`). It is 0 if all agree, or if there are fewer than 30 blocks.
     end : int
-        Number of blocks before the first one that is less than `ABOVE_FLOOR` dB above the inferred noise floor.
+        Number of blocks before the first one whose fit is less than `ABOVE_FLOOR` dB above the inferred noise floor; n
+        if there is none.
     """
     n = b.t.size
     visible = np.sqrt(b.floor.power) if b.floor is not None else 1e-3

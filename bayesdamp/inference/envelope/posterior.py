@@ -37,7 +37,7 @@ merge the likelihoods of the rates for several noises into one Gaussian, and is 
 
 @dataclass(frozen=True)
 class RateDraws:
-    """Posterior draws of decay rates; the first axis of all arrays is the draw.
+    """Posterior draws of decay rates; the first axis of all arrays is the draw. Draws of one candidate are consecutive.
 
     Attributes
     ----------
@@ -48,15 +48,16 @@ class RateDraws:
         Mean (over time) decay rate in 1/s over the first half of the decrease in dB, according to the law without the
         deviation, (n,).
     energy
-        Fraction of the energy dissipated during the decay by each term, (n, terms); 0 for terms that are not in the sum
-        of the draw.
+        Fraction of the energy dissipated during the decay by each term, (n, terms), in the order of the argument
+        `terms` of `draw_rates`; 0 for terms that are not in the sum of the draw.
     deviation
         Root mean square over time of the relative deviation of the decay rate from the law, (n,).
     candidate
         Index of the fitted sum of damping terms from which each draw comes, in the argument `candidates` of
         `draw_rates`, (n,).
     rates
-        For each term by name: its rates c_i in 1/s (see `DecayLaw`), only of the draws whose sum contains the term.
+        For each term by name: its rates c_i in 1/s (see `DecayLaw`), only of the draws whose sum contains the term (so
+        that lengths differ).
     """
 
     at: np.ndarray
@@ -94,7 +95,8 @@ def draw_rates(
         Random number generator.
     sensor : float
         Relative standard deviation of every rate because of errors that the record does not show. All rates of a draw
-        are multiplied by one random factor with the mean 1 and this standard deviation.
+        are multiplied by one random factor with the mean 1 and this standard deviation (`energy` and `deviation` do not
+        change).
     exact : bool
         True to draw from the posterior under exact laws (no deviation); False to draw from the whole posterior.
 
@@ -213,9 +215,9 @@ def likelihood_of(
     blocks
         The readings with their possible noises.
     reference
-        ln of the reference amplitude in the record's unit.
+        ln of the reference amplitude, as in `Decay.reference`.
     unit
-        Unit of the readings.
+        Unit of the readings, which is only stored in the result.
 
     Returns
     -------

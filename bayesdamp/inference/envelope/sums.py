@@ -174,9 +174,9 @@ class Sum:
     def unit_rate(self, term: int, scores: tuple[float, ...], scale: Scale | None = None) -> float:
         """Return ln of the decay rate (1/s) that a term with a coefficient of 1 causes at the reference amplitude.
 
-        If this rate is below `LEAST_RELATIVE_RATE` times the largest rate along the decay, the result is ln of the
-        latter. term: index of the term in the sum. scores: standard normal scores of the term's other parameters.
-        scale: amplitude at the start and angular frequency; by default those of the sum.
+        If this rate is below `LEAST_RELATIVE_RATE` times the largest rate along the decay, the result is ln of this
+        multiple of the largest rate. term: index of the term in the sum. scores: standard normal scores of the term's
+        other parameters. scale: amplitude at the start and angular frequency; by default those of the sum.
         """
         loss = log_loss(self.each[term], scores, scale or self.scale)
         along = loss(np.append(np.linspace(self.low, self.start, 33), 0.0) - self.start)
@@ -184,7 +184,7 @@ class Sum:
 
 
 def further_terms(sums: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Return the names of all terms except viscous, Coulomb and quadratic damping, in the order of their first use."""
+    """Return the names of terms in sums other than viscous, Coulomb and quadratic damping, in order of first use."""
     return tuple(dict.fromkeys(t for terms in sums for t in terms if t not in POWERS))
 
 
@@ -212,13 +212,15 @@ def distinguishable_sums(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[s
     """Return the sums that an envelope can distinguish, and for each sum that is left out a sentence why.
 
     Two terms cannot be distinguished if the energies that they dissipate in a cycle are proportional to each other at
-    all amplitudes. A sum that contains two such terms is left out. Of sums that differ only by such terms, the first is
-    kept.
+    all amplitudes. A sum that contains two such terms is left out. Of sums that differ only by such terms, or by the
+    order of terms, the first is kept. The sums keep their order, but all seven sums of viscous, Coulomb and quadratic
+    damping are returned as in `SUMS`.
 
     Raises
     ------
     InputError
-        If a sum has more than `MOST_TERMS` terms, if a term dissipates no energy, or if no sum is left.
+        If a sum has more than `MOST_TERMS` terms, if there is no term with a given name, if a term dissipates no
+        energy, or if no sum is left.
     """
     if set(sums) == set(SUMS):
         return SUMS, ()
@@ -261,8 +263,8 @@ def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[De
     decay dA/dt ∝ −A³; and each sum that contains a term other than those three. Those of the three terms that its law
     lacks are added with rates of 0.
 
-    inverse: matrix that whitens the noise, (n, n). Returns the law, ln(A/A_ref) at the start, and the rates of its
-    terms in 1/s at the reference amplitude.
+    inverse: matrix that whitens the noise, (n, n). Returns the law, ln(A/A_ref) at the start, and the rates c_i of its
+    terms in 1/s (see `DecayLaw`).
     """
     every = Sum(SUMS[-1], b.ends[0], float(b.x.min())).law()
     steep = replace(every, terms=("steep",), each=(_power(STEEPEST_POWER),))
@@ -388,7 +390,8 @@ def importance_points(
     count : int
         Number of scores.
     rounds : int
-        Greatest number of rounds of sampling; sampling ends earlier if the effective number of points is large enough.
+        Greatest number of rounds of sampling; sampling ends earlier if the effective number of points reaches
+        `ENOUGH_EFFECTIVE`.
 
     Returns
     -------
@@ -532,7 +535,7 @@ def indistinguishable(ranking: Ranking) -> tuple[tuple[str, str], ...]:
     One sum of each pair is the most probable one. The first sum of a pair has parameters besides its coefficients, the
     second has none. The first has at least as many parameters in all as the second. (A simpler law that is a special
     case of another is distinguished by its evidence.) The limits are `SAME_LAW_RMS` for the difference of the laws and
-    `EXCLUDED_NATS` for that of the log evidences.
+    `EXCLUDED_NATS` for that of the log posterior probabilities. The result is empty if there are no such pairs.
     """
     best, most = ranking.best, ranking.log_evidence.max()
     near = [s for s, z in zip(ranking.sums, ranking.log_evidence, strict=True) if z > most - EXCLUDED_NATS]

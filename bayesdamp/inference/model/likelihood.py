@@ -58,8 +58,8 @@ class Likelihood:
         Largest error of a motion, in the unit of the record. If the target has deviations, `reference` and `tolerance`
         have no effect, because `Deviation.motions` is the solver.
     part : slice
-        Samples that are used; all, if the target has deviations. The motion always starts at the first sample of the
-        record.
+        Samples that are used, a slice without a step; all, if the target has deviations. The motion always starts at
+        the first sample of the record.
     scales : tuple of float
         Possible values of the common prior scale of coefficients (standard deviation of their scores), all equally
         probable; the prior is averaged over them.
@@ -95,7 +95,8 @@ class Likelihood:
         """Return this likelihood given one combination of the hyperparameters of the deviations from the laws.
 
         Hyperparameters are prior sds and correlation lengths of deviations of damping and frequency. combination: its
-        index along the first axis of `Deviation.maps`, from 0. The target must have deviations.
+        index along the first axis of `Deviation.maps`, from 0. The target must have deviations. Log likelihoods of the
+        result contain the log prior probability of the combination.
         """
         assert self.target.deviation is not None
         deviation = self.target.deviation.under(combination)
@@ -108,7 +109,7 @@ class Likelihood:
 
     @cached_property
     def gaps(self) -> np.ndarray:
-        """Times between the samples in s, (n − 1,)."""
+        """Times between the samples that are used in s, (n − 1,)."""
         return np.diff(self.target.signal.t[self.part])
 
     @cached_property
@@ -124,7 +125,7 @@ class Likelihood:
         return Trajectories(self.target.oscillator, times, signal.quantity, self.reference, self.tolerance)
 
     def residual(self, z: np.ndarray) -> np.ndarray:
-        """Return record minus motion, (n,), in the unit of the record; nan where the motion is unbounded.
+        """Return record minus motion, (n,), in the unit of the record; all nan if the motion is unbounded.
 
         z: all d inferred parameters as standard normal scores, in the order of `Target.names`.
         """
@@ -145,7 +146,8 @@ class Likelihood:
     def log_noise(self, residual: np.ndarray, z: np.ndarray) -> float:
         """Return the log density (nats) of residuals, (n,), in the unit of the record; −∞ if it is not finite.
 
-        z: all parameters as standard normal scores, (d,), of which only those of the noise matter.
+        z: all inferred parameters as standard normal scores, (d,), of which only those of the noise matter. If the
+        target has deviations, they are integrated out and z has no effect.
         """
         return self._log_density(residual, self.target.all_values(z))
 

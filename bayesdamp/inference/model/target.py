@@ -46,7 +46,7 @@ class Deviation(NoiseModel):
     The deviations from the damping and restoring laws are g (log damping) and h (relative frequency), at knots in time.
     Their hyperparameters are their prior sds and correlation lengths. The motion is that of `motions`, in which the
     deviations are fixed. The class takes the place of a noise model; its methods ignore their arguments `gaps`, `p` and
-    `features`.
+    `features`, and `draw` raises Refusal.
 
     Attributes
     ----------
@@ -151,7 +151,10 @@ class Deviation(NoiseModel):
         return _draw_index(self._parts(r)[-1], rng)
 
     def under(self, combination: int) -> Deviation:
-        """Return the distribution given one combination of prior sds and correlation lengths, by index (see `maps`)."""
+        """Return a copy with only one combination of prior sds and correlation lengths, by index (see `maps`).
+
+        Its log densities contain the log prior probability of the combination.
+        """
         own = slice(combination, combination + 1)
         return replace(
             self,
@@ -250,7 +253,8 @@ class Scores:
         """Return numbers P, (d,), such that the gradient of the log prior at standard normal scores z, (d,), is −P z.
 
         A number is 1, or for coefficients with a common, unknown prior scale σ the mean of 1/σ² over the values in
-        `scales`, given z. It is an upper bound of the negative curvature of the log prior.
+        `scales`, given z. It is an upper bound of the negative curvature of the log prior. The attribute `scales` has
+        no effect.
         """
         precision, shared = np.ones(z.size), self.shared
         if shared.any():
@@ -349,11 +353,12 @@ class Target(Scores):
     oscillator : Oscillator
         The oscillator: damping terms and restoring law.
     noise : str
-        Name of the noise model.
+        Name of the noise model; the likelihood does not use it if `deviation` is given.
     priors : mapping of str to Prior
         Priors of the inferred parameters, in the order of the scores.
     known : mapping of str to float
-        Values of the other parameters.
+        Values of the other parameters, of the noise's constants, and of the scales on which damping forces depend.
+        ValueError is raised if one of these is in neither `priors` nor `known`.
     scales : tuple of float
         Possible values of the common scale of `SharedHalfNormal` priors (the standard deviation of their scores), all
         equally probable.
@@ -402,8 +407,8 @@ class Target(Scores):
         """Return the end, (d,), of a step from scores z that is straight in the restoring law's natural coordinates.
 
         Natural coordinates are quantities that a record determines well, such as the frequency. To first order the end
-        is z + step. It is exactly z + step if the law has no such coordinates, or if not all of its parameters are
-        inferred.
+        is z + step. It is exactly z + step if the law has no such coordinates, if not all of its parameters are
+        inferred, or if no parameter values belong to the coordinates of the end.
         """
         return self.retract(self.oscillator.restoring, z, z + step)
 
@@ -452,7 +457,9 @@ def build_target(
 ) -> Target:
     """Build the target of one damping model on one record: its oscillator, noise model, priors and known parameters.
 
-    Coefficients of damping terms are always inferred; other parameters are inferred if they have no known value.
+    Coefficients of damping terms are always inferred; other parameters are inferred if they have no known value. There
+    is one exception: ε, the velocity range in which dry friction changes its sign, is fixed at
+    `reference.friction_width` unless `system` has a value of it, or lists it as inferred.
 
     Parameters
     ----------
@@ -461,8 +468,8 @@ def build_target(
     damping : tuple of str
         Names of the damping terms.
     system : System
-        What is known of the oscillator: its restoring law, values of parameters, and priors that replace the default
-        ones.
+        What is known of the oscillator: its restoring law, values of parameters (those of coefficients have no effect),
+        and priors that replace the default ones.
     features : Features
         Features of the record, on which default priors depend.
     reference : Reference
@@ -470,14 +477,15 @@ def build_target(
     noise : str
         Name of the noise model.
     term_priors : mapping of str to Prior, optional
-        Priors of coefficients by the names of damping terms, instead of the default ones.
+        Priors of coefficients by the names of damping terms, instead of the default ones and those in `system`.
 
     Raises
     ------
     ValueError
-        If a constant of the noise model or a reference in a damping force has no value.
+        If the method `read` of the noise model does not return all of its constants.
     InputError
-        If an inferred parameter has neither a prior in `system` or `term_priors` nor a default one.
+        If an inferred parameter has neither a prior in `system` or `term_priors` nor a default one, or if there is no
+        damping term, restoring law or noise model with a given name.
     Refusal
         If the noise model does not apply to the record.
     """
@@ -497,7 +505,7 @@ def build_target(
 
 
 def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prior]:
-    """Return the default priors of damping terms' parameters by name: first of all coefficients, then of all others.
+    """Return the default priors of damping terms' parameters by name: coefficients first, then other parameters.
 
     reference: amplitude (rad or m) and angular frequency (rad/s) on which the widths of the priors depend.
     """
@@ -511,7 +519,9 @@ def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, 
     """Return the default prior of the parameter `name`. Raises InputError if it has none.
 
     With the amplitude A and the frequency ω of `reference`, displacements (θ₀ and equilibrium angles) are normal about
-    the record's midline with sd 2A, and gravity is normal about 0 with sd ω²/2.
+    the record's midline with sd 2A. The start velocity (sd 2Aω), gravity (ω²/2) and the cubic stiffness (ω²/(2A²)) are
+    normal about 0. Stiffness is lognormal about ω² with sigma ½, ε log-uniform (`EPSILON_RANGE`). Priors of damping
+    terms are those of `damping_priors`, those of the noise from `NoiseModel.priors`.
     """
     a, w = reference.amplitude, reference.frequency
     of_damping = damping_priors([term.name for term in osc.terms], reference)

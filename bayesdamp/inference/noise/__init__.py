@@ -50,17 +50,20 @@ class NoiseModel(ABC):
 
     name: str
     parameters: tuple[str, ...]
-    """Names of the inferred parameters."""
+    """Names of the parameters. Each is inferred, unless its value is known."""
     constants: tuple[str, ...] = ()
-    """Names of numbers that are read from the record and not inferred, such as its recording step."""
+    """Names of numbers that `read` takes from the record and that are not inferred, such as its recording step."""
     tied: tuple[str, str] | None = None
     """Names of two parameters, if the record determines a combination of them much better than the second parameter
-    alone; None if no parameters are like this."""
+    alone; None if no parameters are like this. Samplers then use other coordinates for the two (`NoiseMap`)."""
     heavy_tailed: bool = False
     """True if the model allows for outliers; outliers are then not reported as a misfit."""
 
     def read(self, signal: Signal) -> dict[str, float]:
-        """Return the values of `constants` by name. Raises Refusal if the model does not apply to the record."""
+        """Return the values of `constants` for a record, by name; by default there are none.
+
+        Raises Refusal if the model does not apply to the record.
+        """
         return {}
 
     @abstractmethod
@@ -133,7 +136,7 @@ class NoiseModel(ABC):
         """
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw the noise of one record, (n,), in the unit of the record. Raises Refusal if the model cannot do this.
+        """Draw the noise of one record, (n,), in the unit of the record; without an override, raise Refusal.
 
         gaps: times between the samples in s, (n - 1,). p: parameters and constants of the noise by name.
         """
@@ -143,8 +146,8 @@ class NoiseModel(ABC):
 class IndependentNoise(NoiseModel):
     """Independent residuals with a common scale `noise_sd`. A subclass must define only `name` and `log_density`.
 
-    Override `slope` if the derivative is known, which is faster, and `information_root` and `whiten` if the noise is
-    far from normal.
+    With more parameters it must also define `parameters`, `priors` and `start`. Override `slope` if the derivative is
+    known, which is faster, `information_root` and `whiten` if the noise is far from normal, and `draw` for simulations.
     """
 
     parameters = ("noise_sd",)
@@ -195,13 +198,16 @@ class IndependentNoise(NoiseModel):
         """Return v / noise_sd, (..., n), for a shift v of the record.
 
         v: change of each sample in the unit of the record, (..., n). For normal noise, the sum of squares of the result
-        is the Fisher information about a factor by which the shift is multiplied. p: must contain `noise_sd`. gaps: not
-        used.
+        is the Fisher information about a factor by which the shift is multiplied. p: must contain `noise_sd`. gaps has
+        no effect.
         """
         return v / by_sample(p)["noise_sd"]
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
-        """Return r / noise_sd, (..., n), which is standard normal for normal noise. gaps: not used."""
+        """Return residuals r, (..., n), divided by noise_sd in p; the result is standard normal for normal noise.
+
+        gaps has no effect.
+        """
         return r / by_sample(p)["noise_sd"]
 
 
@@ -222,7 +228,8 @@ class FittedNoise:
     name : str
         Name of the noise model.
     values : mapping of str to float
-        Values of its parameters and constants by name; scales such as noise_sd are in the unit of the record.
+        Values of its parameters, inferred or known, and constants by name; scales such as noise_sd are in the unit of
+        the record.
     log_evidence : float
         Log density of the residuals in nats, integrated over the parameters by Laplace's approximation; −∞ if the
         search did not end at a maximum, and nan if the noise model was not fitted (the default). If all parameters are
@@ -247,7 +254,7 @@ class FittedNoise:
         residual : ndarray, shape (n,)
             Record minus motion.
         direction : ndarray, shape (n,)
-            The shift of each sample, up to a common factor.
+            The shift of each sample, up to a common factor; not all may be 0.
         gaps : ndarray, shape (n - 1,)
             Times between the samples, in s.
         least : float
@@ -298,9 +305,9 @@ class SampleNoise:
     fitted : FittedNoise
         The noise model that is chosen.
     weighed : tuple of FittedNoise
-        All noise models that apply to the record, each fitted to the same residual. This is the residual of the motion
-        with all damping terms together or, for a record of very many cycles, of the amplitudes and phases fitted to its
-        blocks.
+        All noise models that were compared and apply to the record, each fitted to the same residual; () if none were
+        compared. This is the residual of the motion with all damping terms together or, for a record of very many
+        cycles, of the amplitudes and phases fitted to its blocks.
     """
 
     fitted: FittedNoise = field(default_factory=FittedNoise)
@@ -315,8 +322,8 @@ class SampleNoise:
     def likeliest(self) -> str:
         """Name of the noise model with the largest evidence in `weighed`; `name` if that is empty.
 
-        It may differ from `name`, the chosen model: another model is chosen instead of Gaussian noise only if its
-        evidence is clearly larger, and correlated noise never.
+        It may differ from `name`, the chosen model: if Gaussian noise is one of the models, another one is chosen only
+        if its evidence is clearly larger, and correlated noise never.
         """
         return max(self.weighed, key=lambda model: model.log_evidence, default=self.fitted).name
 
@@ -346,7 +353,7 @@ def fit_noise(
     residual : ndarray, shape (n,)
         Record minus motion.
     signal : Signal
-        The record.
+        The record, for its times and its recording step; `residual` replaces its values.
     features : Features
         Features of the record, on which default priors depend.
     known, priors : mapping, optional
@@ -356,12 +363,14 @@ def fit_noise(
     Returns
     -------
     FittedNoise
-        The most probable parameters, and the evidence by Laplace's approximation.
+        The most probable parameters, and the log evidence by Laplace's approximation, which may be −∞.
 
     Raises
     ------
     Refusal
         If the model does not apply to the record.
+    InputError
+        If there is no noise model with this name.
     """
     noise = NOISES.get(name)
     constants = {**noise.read(signal), **{n: v for n, v in (known or {}).items() if n in noise.parameters}}
@@ -391,7 +400,7 @@ def fit_noise(
     axes = EVIDENCE_STEP * np.eye(z.size)
 
     def mixed(a: np.ndarray, b: np.ndarray) -> float:
-        """Return the mixed second difference of the density at its mode for two steps, (p,) each."""
+        """Return the mixed second difference of the negative log density at its mode for two steps, (p,) each."""
         return sum(s * u * negative_log_density(z + s * a + u * b) for s, u in product((1, -1), repeat=2))
 
     hessian = np.array([[mixed(a, b) for b in axes] for a in axes]) / (4 * EVIDENCE_STEP**2)

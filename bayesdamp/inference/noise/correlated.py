@@ -19,7 +19,7 @@ class CorrelatedNoise(NoiseModel):
     """Stationary normal noise with the covariance noise_sd² exp(−|t_i − t_j| / noise_time).
 
     For samples at equal distances Δt this is the process AR(1) with ρ = exp(−Δt / noise_time). It is also valid for
-    uneven times and gaps.
+    uneven times, and for interruptions of the record.
     """
 
     name = "correlated"
@@ -55,8 +55,8 @@ class CorrelatedNoise(NoiseModel):
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the innovations r_i − ρ r_{i−1}, (..., n), each divided by its sd σ √(1 − ρ²); the first is r_0/σ.
 
-        ρ = exp(−gap / noise_time) is the correlation of neighbours, and σ is noise_sd. gaps: times between the samples
-        in s, (n - 1,). p: noise_sd and noise_time (s) by name.
+        ρ = exp(−Δt / noise_time) is the correlation of neighbours, and σ is noise_sd. gaps: times Δt between the
+        samples in s, (n - 1,). p: noise_sd and noise_time (s) by name.
         """
         p = by_sample(p)
         return _innovations(r, *_decay(gaps, p)) / p["noise_sd"]
@@ -64,8 +64,9 @@ class CorrelatedNoise(NoiseModel):
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the log density of residuals r, (...): Σ log N(r_i − ρ r_{i−1}; 0, σ²(1 − ρ²)) + log N(r_0; 0, σ²).
 
-        ρ = exp(−gap / noise_time) is the correlation of neighbours, and σ is noise_sd. gaps: times between the samples
-        in s, (n - 1,). p: noise_sd and noise_time (s) by name. The result is in nats.
+        ρ = exp(−Δt / noise_time) is the correlation of neighbours, and σ is noise_sd. r: in the unit of the record,
+        (..., n). gaps: times Δt between the samples in s, (n - 1,). p: noise_sd and noise_time (s) by name. The result
+        is in nats.
         """
         p = by_sample(p)
         lost, fresh = _decay(gaps, p)
@@ -143,9 +144,10 @@ class CorrelatedNoise(NoiseModel):
 
 
 def _decay(gaps: np.ndarray, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return 1 − ρ and √(1 − ρ²) for each gap, (..., n − 1), without loss of digits if ρ is close to 1.
+    """Return 1 − ρ and √(1 − ρ²) for each time step, (..., n − 1), without loss of digits if ρ is close to 1.
 
-    ρ = exp(−gap / noise_time) is the correlation of two neighbouring residuals; gaps and `noise_time` in p are in s.
+    ρ = exp(−Δt / noise_time) is the correlation of two neighbouring residuals. gaps: the time steps Δt. They and
+    `noise_time` in p are in s.
     """
     lost = -np.expm1(-gaps / p["noise_time"])
     return lost, np.sqrt(lost * (2 - lost))

@@ -35,7 +35,8 @@ class QuantisedNoise(IndependentNoise):
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the log density of each residual, log{[Φ((step/2 − r)/σ) − Φ((−step/2 − r)/σ)]/step}, (..., n).
 
-        σ is noise_sd, step is noise_step and Φ is the standard normal distribution function.
+        r: residuals, (..., n), in the unit of the record. σ is noise_sd and step is noise_step in p; Φ is the standard
+        normal distribution function.
         """
         top, log_fraction = _log_probability(r, p["noise_sd"], p["noise_step"])
         return top + log_fraction - np.log(p["noise_step"])
@@ -73,8 +74,9 @@ class QuantisedNoise(IndependentNoise):
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
         """Draw the errors of rounded samples, (n,): normal noise plus the error of rounding to multiples of noise_step.
 
-        The exact values before rounding are assumed to be uniformly distributed within a step. p: noise_sd and
-        noise_step by name. gaps sets only the number of samples, n − 1 gaps.
+        The exact values before rounding are drawn uniformly within a step, whatever the motion is, so that motion plus
+        draws are not multiples of noise_step. p: noise_sd and noise_step by name. Only the size of gaps, (n − 1,), has
+        an effect.
         """
         n, step = gaps.size + 1, p["noise_step"]
         motion, normal = rng.uniform(-0.5, 0.5, n) * step, p["noise_sd"] * rng.standard_normal(n)

@@ -12,7 +12,10 @@ from bayesdamp.records.oscillation.features import Features
 
 
 class StudentT(IndependentNoise):
-    """Independent residuals; r_i / noise_sd has Student's t distribution with noise_dof degrees of freedom."""
+    """Independent residuals; r_i / noise_sd has Student's t distribution with noise_dof degrees of freedom.
+
+    noise_sd is a scale; the standard deviation of the residuals is larger, or infinite for noise_dof ≤ 2.
+    """
 
     name = "student_t"
     parameters = ("noise_sd", "noise_dof")
@@ -21,8 +24,8 @@ class StudentT(IndependentNoise):
     def priors(self, features: Features) -> dict[str, Prior]:
         """Return, by name, lognormal priors of the scale noise_sd and of the degrees of freedom noise_dof.
 
-        The prior of noise_sd has sigma 1; its median is the roughness of the record (sd of its noise over short
-        windows). The prior of noise_dof has the median 6 and sigma 0.8.
+        The prior of noise_sd has sigma 1 (sd of the logarithm); its median is the roughness of the record (sd of its
+        noise over short windows). The prior of noise_dof has the median 6 and sigma 0.8.
         """
         return {**super().priors(features), "noise_dof": LogNormal(median=6.0, sigma=0.8)}
 
@@ -45,7 +48,8 @@ class StudentT(IndependentNoise):
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the derivative of the log density by each residual, −(ν + 1) r / (ν σ² + r²), (..., n).
 
-        σ is noise_sd and ν is noise_dof. gaps has no effect, because the noise is independent.
+        r: residuals in the unit of the record, (..., n). σ is noise_sd and ν is noise_dof in p. gaps has no effect,
+        because the noise is independent.
         """
         p = by_sample(p)
         sd, dof = p["noise_sd"], p["noise_dof"]
@@ -63,8 +67,8 @@ class StudentT(IndependentNoise):
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return whitened residuals, (..., n): the standard normal quantiles of their cumulative probabilities.
 
-        The probabilities are those of the residuals under Student's t distribution with scale noise_sd and noise_dof
-        degrees of freedom. The map is not linear in r. gaps has no effect.
+        The probabilities are those of the residuals r under Student's t distribution with the scale noise_sd and
+        noise_dof degrees of freedom, both in p. The map is not linear in r. gaps has no effect.
         """
         p = by_sample(p)
         t, dof = r / p["noise_sd"], p["noise_dof"]
@@ -72,9 +76,9 @@ class StudentT(IndependentNoise):
         return -np.sign(t) * ndtri(np.clip(tail, 1e-300, 0.5))
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw independent noise, (n,): Student's t with noise_dof degrees of freedom, times noise_sd.
+        """Draw independent noise, (n,): Student's t with noise_dof degrees of freedom, times noise_sd (both in p).
 
-        gaps sets only the number of samples, n − 1 gaps.
+        Only the size of gaps, (n − 1,), has an effect.
         """
         return p["noise_sd"] * rng.standard_t(p["noise_dof"], gaps.size + 1)
 

@@ -41,16 +41,18 @@ class Settings:
     Attributes
     ----------
     chains : int
-        Number of chains (emcee: an ensemble has at least four times as many walkers).
+        Number of chains (emcee: each of its two ensembles has at least four times as many walkers).
     warmup : int
-        Number of first draws of each chain that are discarded (emcee: half of this number).
+        Number of first draws of each chain that are discarded (emcee: half of this number); see `warmup_of` for models
+        with deviations from the laws.
     draws : int
-        Number of draws of each chain after the warm-up.
+        Number of draws of each chain after the warm-up; the smallest number if NUTS continues its chains (`grows`). For
+        emcee it is the number of steps of each walker if `grows` is False; otherwise emcee ignores it.
     seed : int
         Seed of all random numbers.
     grows : bool
-        True if NUTS and emcee may make more draws than `draws` when the effective number of draws is too small; False
-        for just `draws`. Other samplers ignore it.
+        True if NUTS and emcee continue, up to a limit, until the chains have converged and the effective number of
+        draws is large enough; False for just `draws`. Other samplers may ignore it.
     """
 
     chains: int = 4
@@ -60,7 +62,7 @@ class Settings:
     grows: bool = True
 
     def warmup_of(self, mode: Mode) -> int:
-        """Return the number of warm-up draws of each chain.
+        """Return the number of warm-up draws of each chain (emcee uses half of it).
 
         It is `warmup`, but at most `LINEAR_WARMUP` if `mode.linear` is given, which is so if the model allows damping
         and frequency to deviate from their laws. Few draws are enough then, because chains start with draws from the
@@ -85,9 +87,9 @@ class Sampler(ABC):
     def sample_and_summarise(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Return the result of `sample`, with summaries of the parameters and with the time that sampling took, in s.
 
-        If the sampler gives no summaries, they are computed for each parameter. An outcome "ok" is then replaced by
-        `verdict(summaries)`, which is "ok" or a sentence on the first parameter whose chains have not converged or are
-        too short.
+        If the sampler gives draws but no summaries, they are computed for each parameter. An outcome "ok" is then
+        replaced by `verdict(summaries)`, which is "ok" or a sentence on the first parameter whose chains have not
+        converged or are too short. Raises Refusal like `sample`.
         """
         began = time.perf_counter()
         posterior = self.sample(target, mode, settings)
@@ -106,17 +108,18 @@ def seeded_starts(
     """Return starting points of chains or walkers, scattered more widely than the posterior.
 
     A start is a seed plus a normal scatter; the seeds are the points from which the mode was searched. If the log
-    density of the start is too low (`START_NATS`), the seed is moved towards the centre. Seeds are used in an order in
-    which each is the farthest from those before it, so that even a few chains cover their range. If the model allows
-    damping and frequency to deviate from their laws (`Mode.linear`), starts are draws from the posterior of the
-    linearised model instead.
+    density of the start is too low (`START_NATS`), the seed is moved towards the centre of the whitened coordinates; if
+    that does not help, the start is the centre itself or close to it. Seeds are used in an order in which each is the
+    farthest from those before it, so that even a few chains cover their range; for more starts they are used again. If
+    the model allows damping and frequency to deviate from their laws (`Mode.linear`), starts are draws from the
+    posterior of the linearised model instead.
 
     Parameters
     ----------
     target : Target
         The model with its record and priors.
     mode : Mode
-        Mode of the posterior, with the searches that found it.
+        Mode of the posterior, with the searches that found it, whose starts are the seeds.
     at : Whitening
         Whitened coordinates at the mode.
     count : int
@@ -129,8 +132,8 @@ def seeded_starts(
     u : ndarray, shape (count, d)
         The starts in whitened coordinates.
     log_density : ndarray, shape (count,)
-        Log posterior density at the starts, in nats: of the whitened coordinates, or of the standard normal scores if
-        the starts are draws of the linearised model.
+        Log posterior density at the starts, in nats, up to a constant: of the whitened coordinates, or of the standard
+        normal scores if the starts are draws of the linearised model.
     """
     rng = np.random.default_rng(settings.seed)
     if mode.linear is not None:

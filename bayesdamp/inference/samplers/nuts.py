@@ -29,7 +29,8 @@ from bayesdamp.types import OK, Posterior
 MOST_DOUBLINGS = 7
 """Greatest number of times that NUTS doubles a trajectory, which then has at most 2⁷ points."""
 DIVERGENCE_NATS = 1000.0
-"""A NUTS trajectory counts as divergent if its energy increases by at least this many nats (conventional)."""
+"""A NUTS trajectory counts as divergent if its energy increases by at least this many nats, or is infinite as for an
+unbounded motion (conventional)."""
 MOST_REFLECTIONS = 4
 """Greatest number of reflections in a leapfrog step for each wall (a bound where a coefficient is zero), 4 k in total
 for k walls; a step with more is rejected."""
@@ -38,12 +39,11 @@ LEAPFROG_STEP = 1.05
 are nearly circles with a period of 2π. With slightly more than π/3, four points span half of a circle, after which a
 trajectory turns back and ends. Shorter steps make trajectories twice as long, and the draws are not better."""
 LEAST_ACCEPTANCE = 0.5
-"""If the mean acceptance probability of NUTS is below this, sampling is repeated: with a curved ridge of the posterior
-straightened, with shorter steps, or with the exact gradient (conventional)."""
+"""If the mean acceptance probability of NUTS is below this, sampling is repeated: in coordinates in which a curved
+posterior is straight (`Shear`), with shorter steps, or with the exact gradient (conventional)."""
 MOST_DIVERGENT = 0.002
-"""If a larger fraction than this of the NUTS transitions diverges, sampling is repeated: with a curved ridge of the
-posterior straightened, with shorter steps, or with the exact gradient. The outcome reports divergences only above 1
-%."""
+"""If a larger fraction than this of the NUTS transitions diverges, sampling is repeated as for `LEAST_ACCEPTANCE`. The
+outcome reports divergences only above 1 %."""
 ATTEMPTS = ((False, 0.5), (True, 1.0), (True, 0.5), (True, 0.25), (True, 0.125))
 """Repetitions of NUTS sampling that are tried in turn while the draws are poor (`is_poor`). Each is a pair: True if the
 force of the leapfrog steps is the exact gradient, False if it is that for the linearised motion; and the factor by
@@ -51,7 +51,7 @@ which `LEAPFROG_STEP` is multiplied. If the force was the exact gradient already
 (conventional)."""
 MOST_DRAWS_FACTOR = 3
 """NUTS continues its chains if they have not converged or the effective number of draws is too small: until this is no
-longer so, or until each chain has this multiple of the requested number of draws."""
+longer so, or until each chain has at least this multiple of the requested number of draws."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,10 @@ class WhitenedPosterior:
         return cls(likelihood, at, line, at.factor[reflected], at.centre[reflected])
 
     def log_density(self, u: np.ndarray) -> float:
-        """Return the log posterior density (nats) at u, (d,), up to a constant; −∞ if the motion is unbounded."""
+        """Return the log posterior density (nats) at u, (d,), up to a constant; −∞ if the motion is unbounded.
+
+        The walls are not considered: beyond them the density is continued symmetrically.
+        """
         return self.likelihood.log_posterior(self.at.scores(u)) + float(self.at.log_volume(u))
 
     def force(self, u: np.ndarray) -> np.ndarray:
@@ -145,6 +148,9 @@ class _Subtree:
 class Chain:
     """A Markov chain that the no-U-turn sampler (NUTS) generates with a fixed leapfrog step.
 
+    The step is never adapted, and warm-up draws are made like all others: the caller discards them. The starting point
+    is an argument of `sample`.
+
     space: the posterior in whitened coordinates. step: length of a leapfrog step in them. rng: random generator.
     """
 
@@ -154,9 +160,9 @@ class Chain:
     def sample(self, u: np.ndarray, log_density: float, count: int) -> tuple[np.ndarray, ...]:
         """Make `count` draws by NUTS, starting from position u, (d,).
 
-        u itself is not a draw, and there is no warm-up. log_density: log density at u (nats). Returns, for each draw:
-        position (count, d), log density, whether its trajectory diverged, number of leapfrog steps, and mean acceptance
-        probability, (count,) each.
+        u itself is not a draw, and no draw is discarded as warm-up. log_density: log density at u (nats), as from
+        `space.log_density`. Returns, for each draw: position (count, d), log density, whether its trajectory diverged,
+        number of leapfrog steps, and mean acceptance probability, (count,) each.
         """
         rows = []
         at = Point(u, np.zeros(u.size), self.space.force(u), log_density)
@@ -288,7 +294,7 @@ def is_poor(posterior: Posterior) -> bool:
     """Return whether NUTS rejected too many proposals, or too many of its transitions diverged.
 
     This is so if the mean acceptance probability is below `LEAST_ACCEPTANCE`, or the fraction of divergent transitions
-    above `MOST_DIVERGENT`. posterior: result of NUTS.
+    above `MOST_DIVERGENT`. posterior: result of NUTS. Convergence and the number of draws are not considered.
     """
     rejected = float(np.mean(posterior.stats["acceptance_rate"])) < LEAST_ACCEPTANCE
     return rejected or float(np.mean(posterior.stats["diverging"])) > MOST_DIVERGENT
@@ -325,7 +331,11 @@ class ChainRun:
         return self.results[0].shape[1] - self.warmup
 
     def posterior(self, mode: Mode) -> Posterior:
-        """Return the posterior of the parameters from the draws after the warm-up, with diagnostics of the chains."""
+        """Return the posterior of the parameters from the draws after the warm-up, with diagnostics of the chains.
+
+        Its outcome is "ok", or says which parameter is not reliable (`verdict`) or that more than 1 % of transitions
+        diverged.
+        """
         target = mode.likelihood.target
         u, log_density, diverging, steps, accept = (x[:, self.warmup :] for x in self.results)
         z = self.at.scores(u)
@@ -424,9 +434,10 @@ class Nuts(Sampler):
 
     Coefficients are bounded at zero. The force of the leapfrog steps is the gradient for the linearised motion, which
     is cheap. The draws are nevertheless from the exact posterior: acceptance is decided by exact energies, and any
-    function of the position is valid as a force. If there are too few effective draws, the chains are continued. If
-    that does not help, or if too many proposals are rejected, sampling is repeated: with a curved ridge of the
-    posterior straightened, with shorter steps, or with the exact gradient.
+    function of the position is valid as a force. If the chains have not converged or there are too few effective draws,
+    they are continued. If that does not help, or if the draws are poor (`is_poor`), sampling is repeated in coordinates
+    in which a curved posterior is straight (`Shear`); and as long as the draws are poor, with shorter steps or the
+    exact gradient (`ATTEMPTS`).
     """
 
     name = "nuts"
@@ -435,7 +446,8 @@ class Nuts(Sampler):
         """Return draws from chains that start near the mode; continue or repeat chains that are not good enough.
 
         The chains start at the points of `seeded_starts`. If no run is good enough, the last one is returned. Its
-        outcome reports poor convergence and divergences, but not a low acceptance.
+        outcome reports poor convergence and more than 1 % divergences, but not a low acceptance. Only the draws of one
+        run, after its warm-up, are returned.
         """
         at = whitening_of(target, mode)
         run, posterior = self._run(mode, at, settings, not at.good)
@@ -452,7 +464,7 @@ class Nuts(Sampler):
     def run_chains(
         self, mode: Mode, at: Whitening, settings: Settings, exact: bool = False, factor: float = 1.0
     ) -> ChainRun:
-        """Run chains with the requested number of draws and a given kind of force and step.
+        """Run chains with the requested numbers of warm-up and other draws, and a given kind of force and step.
 
         Parameters
         ----------
