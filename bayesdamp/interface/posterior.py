@@ -154,8 +154,7 @@ class Posterior(Result, types.Posterior):
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
         """Return a table of equivalent damping ratios at several amplitudes, from these draws.
 
-        The columns are those of `Fit.damping_ratio`. `amplitudes` are in the unit of the recorded file; by default
-        three in the range of the record. Raises Refusal without draws, and if the fit assumes exact laws.
+        The columns, `amplitudes` and errors are those of `Fit.damping_ratio`. Raises Refusal also without draws.
         """
         self._require_draws()
         u = self.u.reshape(-1, self.u.shape[-1]) if self.u.size else None
@@ -173,7 +172,7 @@ class Posterior(Result, types.Posterior):
         return joint_log_density([self.fit.priors[n] for n in self.names], self.draws, scales)
 
     def summary(self, derived: bool = True) -> pd.DataFrame:
-        """Return a table with a row for each parameter and each derived quantity; empty if there are no draws.
+        """Return a table with a row for each parameter and, if `derived`, each derived quantity; empty without draws.
 
         Derived quantities that do not exist for some draws are left out. The columns are mean, sd, quantiles, the
         shortest 95 % interval, effective sample sizes, R-hat and unit. If the model allows deviations from its laws,
@@ -207,7 +206,7 @@ class Posterior(Result, types.Posterior):
         Raises
         ------
         InputError
-            If a name is not a parameter.
+            If a name is not an inferred parameter, or `ax` contains another number of axes.
         Refusal
             If there are no draws.
         """
@@ -418,11 +417,11 @@ def sample(
         A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if the model assumes exact laws) or emcee.
         If the model allows deviations from its laws, also smc, which is then the default.
     chains, warmup
-        Number of chains, 2 to 1000, and number of draws that each chain discards at its beginning, at least 10. For
-        emcee the chains are its walkers, of which it may use more than requested.
+        Number of chains, 2 to 1000, and number of draws that each chain discards at its beginning, at least 10 (no
+        effect for smc). For emcee the chains are its walkers, of which it may use more than requested.
     draws
-        Number of draws of each chain after the warmup, at least 10. By default 1,000; nuts and emcee then add draws if
-        these are too few.
+        Number of draws of each chain after the warmup, at least 10. By default 1,000; nuts and emcee then (but not if a
+        number is given) add draws if these are too few.
     seed
         Seed of all random numbers.
 
@@ -610,9 +609,10 @@ def run_evidence_method(
         Seed of all random numbers.
     draws
         Draws of the sampler "nuts" in natural units, shape (chain, draw, parameter), for methods that need draws
-        (bridge). If None, such a method samples its own draws.
+        (bridge); other methods ignore them. If None, such a method samples its own draws.
     outcome
-        Outcome of the sampler with these draws: "ok", or a sentence that says why they are unreliable.
+        Outcome of the sampler with these draws: "ok", or a sentence that says why they are unreliable. It has no effect
+        without draws.
 
     Raises
     ------
