@@ -37,11 +37,12 @@ COLUMNS = (
 )  # fmt: skip
 """Columns of calibration.csv; the docstring of `calibration_rows` explains them."""
 RANK_COLUMNS = ("model", "sampler", "parameter", "ranks")
-"""Columns of ranks.csv. The column `ranks` contains the ranks of the true value in all records, separated by spaces."""
+"""Columns of ranks.csv. The column `ranks` contains the ranks of the true value in all records with draws, separated by
+spaces."""
 RECORD_COLUMNS = ("record", "noise", "cycles", "model", "outcome", "doubts")
 """First columns of recovery.csv: the number of the record, its noise (fraction of the reference amplitude), number of
-cycles, true model, outcome (`ok`, or why it is not used), and the number of models whose evidence is doubtful. They are
-followed by a column for each sum of damping terms with its probability."""
+cycles, true model, outcome (`ok`, or why it is not used), and the number of models whose evidence is doubtful (empty if
+the record is not used). They are followed by a column for each sum of damping terms with its probability."""
 
 Row = dict[str, Any]
 Results = Mapping[str, Sequence[TaskResult]]
@@ -73,10 +74,11 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
 
     Values in a row:
 
-    - records: number of tested records. without: number of further records, which have no interval.
+    - records: number of tested records. without: number of further records, which have no interval (refined estimates
+      without a standard error). level: probability of the intervals (only for coverage).
     - value: for "ranks" the largest difference, with its sign, of their distribution function from the uniform one; for
       "coverage" the fraction of intervals that contain the true value.
-    - low, high: range that contains this fraction with 99 % probability if the intervals are right.
+    - low, high: range that contains this fraction with 99 % probability if the intervals are right (only for coverage).
     - p: two-sided p value, nan if there are no records.
     - verdict: "wrong" if p_holm is below `FALSE_ALARM`, "not tested" if it is nan, else "passes".
     """
@@ -149,8 +151,8 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
 def rank_rows(study: Study, results: Results) -> Iterator[Row]:
     """Yield the rows of ranks.csv: the ranks of the true values among thinned posterior draws.
 
-    A row contains the ranks of all records, in their order, for one model, sampler and parameter: in one field,
-    separated by spaces.
+    A row contains the ranks of all records with draws, in the order of the records, for one model, sampler and
+    parameter: in one field, separated by spaces.
     """
     for model, sampler, name, ranks, _ in _ranks(study, results):
         text = " ".join(map(str, ranks.tolist()))

@@ -430,7 +430,8 @@ def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarr
     """Return the arrays that a verdict on several records of a specimen needs.
 
     `run/DAMPING@RESTORING/...`: each model's likelihood as a function of its damping (which models: see `JOINABLE`).
-    `over`, `over_sd`: the deviation of the damping from its law at each amplitude of the damping curve (see `CURVE`).
+    `over`, `over_sd`: the deviation of the damping from its law at each amplitude of the damping curve (see `CURVE`);
+    missing if the laws were assumed to hold exactly.
     `run/reference`: the amplitude and the angular frequency to which default priors are scaled.
     """
     amplitudes = np.array([r.amplitude for r in findings.curve])

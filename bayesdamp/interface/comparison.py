@@ -164,7 +164,7 @@ class Comparison(Result):
         yield from zip(self.answers, map(unit_named, self.units), strict=True)
 
     def summary(self) -> pd.DataFrame:
-        """Return a table of verdicts with the columns of verdicts.csv.
+        """Return a table of verdicts with the columns of verdicts.csv, without those that no verdict fills.
 
         It has one row for a single record; otherwise a row for each record, and a last one for the specimen.
         """

@@ -130,7 +130,7 @@ class Fit(Result, Storable):
     signal, model
         The record and the model.
     noise
-        The noise model that was specified, or chosen for the record.
+        The noise model that was specified, or chosen for the record; "" if nothing was fitted.
     values, units
         Values of the inferred parameters in natural units, and their units, by name; empty if nothing was fitted.
     sd, intervals
@@ -149,7 +149,8 @@ class Fit(Result, Storable):
     outcome
         "ok", or a sentence that says why there is no fit.
     notes
-        Sentences on the choice of the noise model and of the width ε of Coulomb friction.
+        Sentences on the choice of the noise model and of the width ε of Coulomb friction; none if the model allows
+        deviations.
     mode
         The posterior mode, from which samplers start; None if nothing was fitted, or if the model allows deviations.
     sd_noise, sd_law

@@ -67,8 +67,8 @@ class Posterior(Result, types.Posterior):
 
     Attributes
     ----------
-    fit
-        The fit.
+    fit, sampler
+        The fit, and the name of the sampler.
     names, summaries
         Names of the inferred parameters, and mean, sd, quantiles and diagnostics of each, by name. Both are empty
         without draws.
@@ -80,8 +80,8 @@ class Posterior(Result, types.Posterior):
         Statistics of the sampler by name, each of shape (chain, draw).
     divergences
         Number of divergent NUTS transitions; None for other samplers.
-    evaluations
-        Number of evaluations of the likelihood.
+    evaluations, seconds
+        Number of evaluations of the likelihood, and computing time in s.
     ensembles
         Number of ensembles of chains that exchange information (emcee), for the diagnostics.
     diagnostics
@@ -494,10 +494,14 @@ class Evidence(Result, types.Evidence):
 
     Attributes
     ----------
+    model, method
+        Names of the model and of the evidence method.
     log_evidence, stderr
         The log evidence and its standard error in nats; NaN if the method does not compute it.
     diagnostic
         Diagnostic numbers of the method, in words.
+    evaluations, seconds
+        Number of evaluations of the likelihood, and computing time in s.
     outcome
         "ok", or a sentence that says why the value is unreliable or missing.
     signal, noise

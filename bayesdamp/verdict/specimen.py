@@ -105,8 +105,9 @@ class RecordAnswer:
     """The answer on one record: its verdict, its comparison of dampings, and its damping curve.
 
     curve: arrays `amplitude` (in the base unit), `ratio` (damping ratio, a fraction), `low` and `high` (ends of its
-    95 % interval). If the laws may hold approximately, also `over` and `over_sd`: mean and standard deviation of
-    ln(damping ratio / damping ratio without deviations from the law).
+    95 % interval); the last three are missing if no law is the answer (`verdict.law_free`). If the laws may hold
+    approximately, also `over` and `over_sd`: mean and standard deviation of ln(damping ratio / damping ratio without
+    deviations from the law).
     """
 
     verdict: Verdict
@@ -124,7 +125,8 @@ def specimen(
 ) -> Verdict:
     """Return the verdict on a specimen (one object that was recorded several times) from the answers on its records.
 
-    All records have the same damping, times a factor for each record, whose spread is inferred.
+    All records have the same damping, times a factor for each record, whose spread is inferred. The verdict has the
+    grade `NOT_WEIGHED` if no model was fitted to all records, and no coefficients if a record contradicts its law.
 
     Parameters
     ----------
@@ -143,6 +145,11 @@ def specimen(
         Amplitudes, in the base unit (rad, m or the sensor's), at which to give the damping ratio; by default those that
         `choose_amplitudes` returns. At an amplitude outside the ranges of all records the ratio is extrapolated, and a
         remark says so.
+
+    Returns
+    -------
+    Verdict
+        The verdict, with amplitudes in the base unit.
 
     Raises
     ------
@@ -293,7 +300,7 @@ def coefficients_of(comparison: SpecimenComparison, damping: str, unit: str) -> 
     """Return the parameters of a sum of damping terms that all records of a specimen have in common.
 
     They are from the joint posterior of all records with the restoring law that is most probable with this sum. The
-    result is empty if there is no joint posterior. unit: base unit of the records.
+    result is empty if there is no joint posterior of this sum. unit: base unit of the records.
     """
     models = [m for m in comparison.repeats if m[0] == damping]
     if not models:
@@ -470,8 +477,12 @@ def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]
         The verdict that is checked.
     ratios
         The other damping ratios: the value and both ends of its 95 % interval (dimensionless), in the order of the
-        verdict's amplitudes. At least one is needed. If there are fewer ratios than amplitudes, the last amplitudes are
-        not compared.
+        verdict's amplitudes. If there are fewer ratios than amplitudes, the last amplitudes are not compared.
+
+    Raises
+    ------
+    ValueError
+        If there is no ratio to compare.
     """
     return max(
         _compare(first, ratios),
