@@ -229,8 +229,9 @@ def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
 def run_safely(compute: Callable[..., Result], *arguments: object) -> tuple[Result | None, str]:
     """Call a function; return its result and OK, or None and a text that says why it failed.
 
-    The text is the message of a Refusal, or "failed: TYPE: FIRST LINE OF MESSAGE" for another exception. InputError and the OSError
-    of a full disk are raised to the caller. If BAYESDAMP_DEBUG is set, every exception except Refusal is raised.
+    The text is the message of a Refusal, or "failed: TYPE: FIRST LINE OF MESSAGE" for another exception. InputError and
+    the OSError of a full disk are raised to the caller. If BAYESDAMP_DEBUG is set, every exception except Refusal is
+    raised.
     """
     try:
         return compute(*arguments), OK

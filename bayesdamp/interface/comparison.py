@@ -100,8 +100,9 @@ class Comparison(Result):
         - parameters: names of the inferred damping parameters.
 
         Rows are sorted by record and falling log_evidence; those without it come last, by falling log_evidence_exact.
-        Envelopes, and records on which no model was compared, have no rows. Other forms of damping, which may be more
-        probable, are in `verdict.rivals`.
+        Envelopes, and records on which no model was compared, have no rows. If deviations are inferred, a model that
+        could be fitted only under exact laws has none either. Other forms of damping, which may be more probable, are
+        in `verdict.rivals`.
         """
         rows = [
             {

@@ -540,11 +540,11 @@ def check_signal(signal: types.Signal, model: Model) -> Signal:
 
 
 def fit_approximate(signal: Signal, model: Model) -> Single:
-    """Fit a model that allows deviations of damping and restoring force from their laws.
+    """Fit a model that allows deviations of damping and restoring force from their laws; return its linearised fit.
 
     A record of many cycles is first reduced to amplitudes and phases, averaged over cycles. If this is not accurate
-    enough, a record of at most `MOST_CYCLES` cycles is fitted again without averages. Raises Refusal if the model
-    cannot be fitted to the record.
+    enough, a record of at most `MOST_CYCLES` cycles is fitted again without averages. A record with a known initial
+    displacement or velocity is not reduced. Raises Refusal if the model cannot be fitted to the record.
     """
     case = Case.with_noise(signal, model)
     fit = partial(

@@ -412,6 +412,11 @@ def read(
     time_unit
         Unit of the times (`"ms"`, `"us"`, `"h"` ...); by default from the file, otherwise s.
 
+    Returns
+    -------
+    Record
+        The runs as they were read; `Record.signal` returns the free decay of one of them.
+
     Raises
     ------
     InputError

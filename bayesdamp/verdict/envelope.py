@@ -349,9 +349,9 @@ def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[Dam
 def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | None:
     """Compare sums of damping terms on all records of a specimen together; return None if fewer than two have a decay.
 
-    The result is also None if `shared_likelihoods` contains no sum. All records have the same coefficients, times a
-    factor for each record. The log deviation g of the damping from its law is inferred for each record, but its size
-    and correlation length are common to all.
+    The result contains the probability and the joint posterior of each sum. It is also None if `shared_likelihoods`
+    contains no sum. All records have the same coefficients, times a factor for each record. The log deviation g of the
+    damping from its law is inferred for each record, but its size and correlation length are common to all.
 
     Raises
     ------

@@ -39,10 +39,10 @@ Curve = Mapping[str, np.ndarray]
 class PooledMean:
     """The mean of a number over records, and the spread between records.
 
-    mean, sd: posterior mean and standard deviation of the mean. spread, spread_low, spread_high: posterior median of
-    the standard deviation between records, with its 95 % interval. low, high: 95 % interval of the measured value of
-    one more record, whose standard error is the median of the records' standard errors. All are in the unit of the
-    number.
+    mean, sd: posterior mean and standard deviation of the common mean. spread, spread_low, spread_high: posterior
+    median of the standard deviation between records, with its 95 % interval. low, high: 95 % interval of the measured
+    value of one more record, whose standard error is the median of the records' standard errors. All are in the unit of
+    the number.
     """
 
     mean: float
@@ -57,9 +57,9 @@ class PooledMean:
 def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
     """Infer the mean of a number over several records, and the spread between them, from the records' values.
 
-    The true values of the records differ by a normal random effect, whose standard deviation is the spread. The spread
-    has a half-Cauchy prior (for its scale, see `PRIOR_SCATTERS`), and the mean has a flat prior. For a single record
-    the spread is 0.
+    The result also contains an interval for one more record (see `PooledMean`). The true values of the records differ
+    by a normal random effect, whose standard deviation is the spread. The spread has a half-Cauchy prior (for its
+    scale, see `PRIOR_SCATTERS`), and the mean has a flat prior. For a single record the spread is 0.
 
     Parameters
     ----------
@@ -300,7 +300,8 @@ def coefficients_of(comparison: SpecimenComparison, damping: str, unit: str) -> 
     """Return the parameters of a sum of damping terms that all records of a specimen have in common.
 
     They are from the joint posterior of all records with the restoring law that is most probable with this sum. The
-    result is empty if there is no joint posterior of this sum. unit: base unit of the records.
+    result is empty if there is no joint posterior of this sum. Their parts of the standard deviation are NaN. unit:
+    base unit of the records.
     """
     models = [m for m in comparison.repeats if m[0] == damping]
     if not models:
@@ -493,8 +494,8 @@ def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]
 def agreement(first: Verdict, second: Verdict) -> Agreement:
     """Compare a second verdict on a record with the first: the damping that they name, and their damping ratios.
 
-    The order of the terms in a damping sum does not matter. The damping ratios of both verdicts must be at the same
-    amplitudes, in the same order.
+    The result is an `Agreement`. The order of the terms in a damping sum does not matter. The damping ratios of both
+    verdicts must be at the same amplitudes, in the same order.
     """
     dampings = {frozenset(v.damping.split("+")) if v.decided else frozenset() for v in (first, second)}
     comparisons = _compare(first, [(r.value, r.low, r.high) for r in second.damping_ratio])

@@ -47,7 +47,11 @@ _RATIOS = 3
 
 
 def _cells(name: str, value: Any) -> dict[str, object]:
-    """Return the cells of verdicts.csv, by column, for the value of the field `name`."""
+    """Return the cells of verdicts.csv, by column, for the value of the field `name`.
+
+    Rivals, other forms, energies and remarks become one text each. For energies there is also a cell for each term,
+    with the probability that the damping contains it. Of damping ratios only the first `_RATIOS` are used.
+    """
     match name:
         case "rivals":
             return {name: " ".join(f"{r.damping}:{r.probability:.4g}" for r in value)}
