@@ -68,9 +68,9 @@ class Generator:
     """A generator of simulated records of one damping model, with parameters drawn from its priors.
 
     model: name of the damping model, such as "viscous+coulomb". source: the settings of the simulation; its damping
-    terms and true values are not used. system: the restoring law, the known values and the priors of the parameters.
-    blank: the posterior density for a placeholder of a record. Records are drawn from its priors, and replacing its
-    signal by a record gives the posterior density for that record.
+    terms, noise model and true values are not used. system: the restoring law, the known values and the priors of the
+    parameters. blank: the posterior density for a placeholder of a record. Records are drawn from its priors, and
+    replacing its signal by a record gives the posterior density for that record.
     """
 
     model: str
@@ -81,9 +81,9 @@ class Generator:
     def draw(self, rng: np.random.Generator, name: str) -> DrawnRecord:
         """Draw parameters from the prior, and return a record with this name that is simulated with them.
 
-        `rng` draws the parameters and then the noise. If the simulation raises InputError, as for an unbounded motion,
-        the parameters are drawn again. Such parameters have likelihood zero for every record, so leaving them out of
-        the prior does not change the posterior.
+        The result is a `DrawnRecord`. `rng` draws the parameters and then the noise. If the simulation raises
+        InputError, as for an unbounded motion, the parameters are drawn again. Such parameters have likelihood zero for
+        every record, so leaving them out of the prior does not change the posterior.
 
         Raises
         ------

@@ -287,12 +287,12 @@ def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
 
 
 def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
-    """Yield a row for each bin of `EDGES` that contains records; these are sorted by their `p`.
+    """Yield a row for each bin of `EDGES` that contains records, those whose `p` is between the edges of the bin.
 
     hit, (n,): whether the most probable model of each record is the true one. p, (n,): the probability of this model. A
-    row contains the fraction of records whose most probable model is the true one (share), and the range of this
-    fraction if the probabilities are right (low, high). With 99 % probability all fractions are in their ranges
-    (Bonferroni).
+    row contains the edges (from, to), the number of records, their mean `p` (probability), the fraction of them whose
+    most probable model is the true one (share), the range of this fraction if the probabilities are right (low, high),
+    and a two-sided p value. With 99 % probability all fractions are in their ranges (Bonferroni).
     """
     bin_of = np.clip(np.searchsorted(EDGES, p, side="left") - 1, 0, len(EDGES) - 2)
     edges, used = list(pairwise(EDGES)), np.unique(bin_of)

@@ -97,7 +97,7 @@ class Answer:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """The verdict on the record, restored from `content`."""
+        """The verdict on the record, restored from `content`, with amplitudes in the base unit."""
         return Verdict.from_dict(self.content.verdict)
 
     def of_specimen(self) -> RecordAnswer:
@@ -170,8 +170,8 @@ def answer(
         Unit of `amplitudes`; by default `signal.unit`, which is also used for a unit of velocity or acceleration (rpm,
         g). The answer itself is always in `signal.unit` (rad, m or the sensor's unit) and s.
     deviation
-        "none": the damping and restoring laws are assumed to hold exactly. "law" and "auto" have the same effect:
-        deviations from them are inferred.
+        "none": the damping and restoring laws are assumed to hold exactly. "law" and "auto" (the default) have the same
+        effect: deviations from them are inferred.
     damping, restoring
         Sums of damping terms, such as "viscous+coulomb", and restoring laws to compare. By default these are the seven
         sums of viscous, Coulomb and quadratic damping, and all laws that the unit of the signal allows. Other forms of
@@ -450,7 +450,8 @@ def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarr
 def _row(comparison: ModelComparison, result: CandidateResult) -> ComparedCandidate:
     """Convert the result of one damping model to the form in which it is stored.
 
-    The rms residual is None if averages over cycles were fitted instead of the samples of the record.
+    The log evidence with deviations is None if the laws were assumed to hold exactly. The rms residual is None if
+    averages over cycles were fitted instead of the samples of the record.
     """
     data, noise = comparison.data, comparison.variance / comparison.inflation
     # The fit uses means of `thinned` samples. Add the noise that averaging removed, to get the residual of the samples.

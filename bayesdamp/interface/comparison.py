@@ -280,8 +280,8 @@ def compare(
     name
         Name of the specimen. It has no effect if there is only one record.
     deviation
-        "auto" and "law" have the same effect: the damping and restoring laws may hold approximately, and deviations
-        from them are inferred. "none": they hold exactly.
+        "auto" (the default) and "law" have the same effect: the damping and restoring laws may hold approximately, and
+        deviations from them are inferred. "none": they hold exactly.
     noise
         A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, from which
         the most probable one is chosen. Gaussian noise, if it is among them, is replaced only by a model whose log

@@ -121,6 +121,8 @@ def answer_envelope(
 def specimen_of_envelopes(name: str, answers: Sequence[Answer]) -> Verdict | None:
     """Return the verdict on a specimen from the answers on its envelopes; None if fewer than two contain a decay.
 
+    `name` is that of the specimen. The answers must be computed with `repeated=True`.
+
     Raises
     ------
     InputError

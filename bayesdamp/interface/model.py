@@ -257,9 +257,9 @@ class Model(Result):
         epsilon, the velocity within which Coulomb friction changes its sign, may also be given for a model without
         friction, which ignores it.
     deviation
-        "none": the damping and restoring laws hold exactly. "law" and "auto" have the same effect: they may hold
-        approximately, and deviations from them are inferred. The noise variance is then known, or set to the residual
-        variance after fitting parameters and deviations.
+        "none" (the default): the damping and restoring laws hold exactly. "law" and "auto" have the same effect: they
+        may hold approximately, and deviations from them are inferred. The noise variance is then known, or set to the
+        residual variance after fitting parameters and deviations.
     sensor
         Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
         every damping ratio. It is not used with the deviation "none".

@@ -358,8 +358,8 @@ def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray
     """Compute the log likelihood of each sample, and a simulated record, for draws of a fit that assumes exact laws.
 
     `numbers` are the indices of the draws of each chain that are used. Both results have the shape (m, n) for m draws,
-    chain after chain, and n samples; the simulated records contain noise. They are None if the noise model cannot be
-    simulated.
+    chain after chain, and n samples. The simulated records contain noise; instead of them the second result is None if
+    the noise model cannot be simulated.
     """
     target, mode = post.fit.engine
     noise = NOISES.get(target.noise)
@@ -454,7 +454,7 @@ def draw(fit: Fit, sampler: str, settings: Settings) -> tuple[types.Posterior, A
     """Sample the posterior of a fit without checking the arguments.
 
     `sample`, which checks them, and the tasks of a study call this function. `settings` contains the numbers of chains
-    and draws, and the seed.
+    and draws, the warmup, and the seed.
 
     Returns
     -------

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 GivenAxes: TypeAlias = "Axes | Sequence[Axes] | NDArray[Any] | None"
 """Axes that a user may pass: one, several, the array from `plt.subplots`, or None."""
 VALUES_FILE = "result.json"
-"""Name of the file with plain values inside a saved result; the arrays are next to it."""
+"""Name of the file with the plain values in a saved result, which is a zip archive; its other files are the arrays."""
 KINDS = (
     "Record", "Signal", "Model", "Estimate", "Fit", "Posterior", "Evidence", "Comparison", "Prediction",
 )  # fmt: skip

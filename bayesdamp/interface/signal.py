@@ -86,7 +86,7 @@ class Signal(Result, types.Signal):
 
     @property
     def own_unit(self) -> Unit:
-        """The unit of the recorded file, which figures and tables use."""
+        """The unit of displacement in the recorded file (of the values for rpm, g), which figures and tables use."""
         return UNITS[self.provenance.unit or self.unit]
 
     def summary(self) -> pd.DataFrame:

@@ -148,7 +148,7 @@ def simulate_source(
     Raises
     ------
     InputError
-        If the motion grows without bound.
+        If the motion grows without bound, or the gaps take more than half of the record.
     """
     return simulate_signal(
         Oscillator(source.damping, restoring),

@@ -300,8 +300,8 @@ def coefficients_of(comparison: SpecimenComparison, damping: str, unit: str) -> 
     """Return the parameters of a sum of damping terms that all records of a specimen have in common.
 
     They are from the joint posterior of all records with the restoring law that is most probable with this sum. The
-    result is empty if there is no joint posterior of this sum. Their parts of the standard deviation are NaN. unit:
-    base unit of the records.
+    result is empty if there is no joint posterior of this sum. `sd_noise` and `sd_law` of each are NaN. unit: base unit
+    of the records.
     """
     models = [m for m in comparison.repeats if m[0] == damping]
     if not models:

@@ -215,7 +215,8 @@ class Verdict(CheckedMethods):
     def row(self) -> dict[str, object]:
         """Return the cells of this verdict's row in verdicts.csv, by column, without those of fields that are None.
 
-        `columns()` lists the columns. Amplitudes are in this verdict's own unit.
+        `columns()` lists the columns; each other damping term in `energy` has a further one. Amplitudes are in this
+        verdict's own unit.
         """
         row: dict[str, object] = {}
         for f in fields(self):
