@@ -45,7 +45,7 @@ from bayesdamp.verdict.types import Verdict
 BEYOND = 1.3
 """Factor by which a requested amplitude may be above the record's first amplitude or below its last (conventional)."""
 COMPARED = "comparison"
-"""Key under which `answer` stores the model comparison in the dictionary that is its argument `comparisons`."""
+"""Key under which `answer` stores the model comparison in its argument `comparisons`, a dictionary."""
 CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
 """Names of the arrays of a damping curve that a verdict on several records needs. `amplitude`: the amplitudes. `ratio`,
 `low`, `high`: the damping ratio there, and the ends of its 95 % interval. `over`, `over_sd`: mean and sd of ln(damping
@@ -202,7 +202,7 @@ def answer(
         the stored comparison, so its signal and the arguments on models, priors and noise must be the same.
     repeated
         Whether the signal is one of several records of a specimen (the object that was recorded). The answer then
-        contains each model's likelihood, which `Answer.of_specimen` needs.
+        contains each model's likelihood (for `Answer.of_specimen`).
     noise
         A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, from which
         the most probable one is chosen. Gaussian noise, if it is among them, is replaced only by a model whose log

@@ -46,7 +46,7 @@ def analyse(
         Seed of the draws from which intervals are computed.
     sums
         Damping sums to compare, each as the names of its terms; by default the seven sums of viscous, Coulomb and
-        quadratic damping. They should be sums that an envelope can distinguish (`distinguishable_sums`).
+        quadratic damping.
 
     Raises
     ------

@@ -420,8 +420,8 @@ def sample(
         Number of chains, 2 to 1000, and number of draws that each chain discards at its beginning, at least 10 (no
         effect for smc). For emcee the chains are its walkers, of which it may use more than requested.
     draws
-        Number of draws of each chain after the warmup, at least 10. By default 1,000; nuts and emcee then (but not if a
-        number is given) add draws if these are too few.
+        Number of draws of each chain after the warmup, at least 10. By default 1,000; only then nuts and emcee add
+        draws if these are too few.
     seed
         Seed of all random numbers.
 

@@ -174,8 +174,8 @@ def get_axes(
     count
         Number of axes that are needed.
     columns, heights, size
-        Number of columns, relative heights of the rows, and size in inches of a new figure. Without effect if `ax` is
-        given. `count` must be a multiple of `columns`.
+        Number of columns, relative heights of the rows, and size in inches of a new figure. `count` must be a
+        multiple of `columns`.
 
     Raises
     ------
