@@ -43,7 +43,7 @@ MOST_ESCAPES = 100
 motions are unbounded (conventional)."""
 Result = TypeVar("Result")
 RECORDS_PER_TASK = 16
-"""Number of records that one task (a computation whose result is stored) simulates."""
+"""Number of records that one task (a computation whose result is stored) simulates and analyses."""
 LIKELIHOOD = "log_likelihood"
 """Name of the log likelihood, which is ranked like a parameter. The rank of its value at the true parameters can show
 an error that the rank of no parameter shows (Modrák et al., 2023)."""
@@ -68,9 +68,9 @@ class Generator:
     """A generator of simulated records of one damping model, with parameters drawn from its priors.
 
     model: name of the damping model, such as "viscous+coulomb". source: the settings of the simulation; its damping
-    terms and true values are not used. system: the restoring law, the known values and the priors of the parameters.
-    blank: the posterior density for an empty record. Records are drawn from its priors, and replacing its signal by a
-    record gives the posterior density for that record.
+    terms, noise model and true values are not used. system: the restoring law, the known values and the priors of the
+    parameters. blank: the posterior density for a placeholder of a record. Records are drawn from its priors, and
+    replacing its signal by a record gives the posterior density for that record.
     """
 
     model: str
@@ -81,14 +81,14 @@ class Generator:
     def draw(self, rng: np.random.Generator, name: str) -> DrawnRecord:
         """Draw parameters from the prior, and return a record with this name that is simulated with them.
 
-        `rng` draws the parameters and then the noise. If the simulation raises InputError, as for an unbounded motion,
-        the parameters are drawn again. Such parameters have likelihood zero for every record, so leaving them out of
-        the prior does not change the posterior.
+        The result is a `DrawnRecord`. `rng` draws the parameters and then the noise. If the simulation raises
+        InputError, as for an unbounded motion, the parameters are drawn again. Such parameters have likelihood zero for
+        every record, so leaving them out of the prior does not change the posterior.
 
         Raises
         ------
         InputError
-            If the simulations with `MOST_ESCAPES` successive draws fail.
+            If the simulations with `MOST_ESCAPES` successive draws of the parameters fail.
         """
         escaped, osc = InputError("nothing was drawn"), self.blank.oscillator
         source = self.source.model_copy(update={"damping": osc.damping, "noise": self.blank.noise_model.name})
@@ -229,8 +229,9 @@ def mode_of(drawn: DrawnRecord, system: System) -> tuple[Mode, Estimate]:
 def run_safely(compute: Callable[..., Result], *arguments: object) -> tuple[Result | None, str]:
     """Call a function; return its result and OK, or None and a text that says why it failed.
 
-    The text is the message of a Refusal, or "failed: TYPE: MESSAGE" for another exception. InputError and the OSError
-    of a full disk are raised to the caller. If BAYESDAMP_DEBUG is set, every exception except Refusal is raised.
+    The text is the message of a Refusal, or "failed: TYPE: FIRST LINE OF MESSAGE" for another exception. InputError and
+    the OSError of a full disk are raised to the caller. If BAYESDAMP_DEBUG is set, every exception except Refusal is
+    raised.
     """
     try:
         return compute(*arguments), OK
@@ -249,9 +250,9 @@ def compute_chunk(study: Study, model: str, first: int) -> Product:
         The content is a `RanksContent` with the outcome of each record and the names of the k quantities: the
         parameters, and last the log likelihood. The arrays are for c = `RECORDS_PER_TASK` records and s samplers, in
         the units of the parameters (nats for the log likelihood). truth (c, k): the true values. value and stderr (c,
-        k): the refined estimate and its standard errors; NaN where missing. ranks (c, s, k): number of thinned draws
-        below the true value, 0 to calibration.draws; −1 if the sampler gave no draws. below (c, s, k): fraction of all
-        draws below the true value; NaN if there are no draws.
+        k): the refined estimate and its standard errors; NaN where missing, as for the log likelihood. ranks (c, s, k):
+        number of thinned draws below the true value, 0 to calibration.draws; −1 if the sampler gave no draws. below (c,
+        s, k): fraction of all draws below the true value; NaN if there are no draws.
     """
     source, table, p = make_generator(study, model), study.calibration, study.posterior
     names = [*source.blank.names, LIKELIHOOD]
@@ -335,7 +336,8 @@ def key_parts(study: Study) -> dict[str, Any]:
 def thin(draws: np.ndarray, count: int) -> np.ndarray:
     """Select `count` draws that are spread evenly over all chains; return them, (count,).
 
-    draws: shape (chain, draw). The chains are joined one after the other; the first and the last draw are included.
+    draws: values of one quantity, (chain, draw). The chains are joined one after the other; the first and the last draw
+    are included.
     Raises ValueError if there are fewer than `count` draws.
     """
     flat = draws.reshape(-1)

@@ -21,7 +21,7 @@ from bayesdamp.store.results import RecoveryContent
 from bayesdamp.types import OK, InputError, Refusal
 
 RECORDS_PER_TASK = 4
-"""Number of records that one task (a computation whose result is stored) simulates."""
+"""Number of records that one task (a computation whose result is stored) simulates and analyses."""
 
 
 def compute_chunk(study: Study, series: str, first: int) -> Product:
@@ -34,9 +34,9 @@ def compute_chunk(study: Study, series: str, first: int) -> Product:
     Product
         The content is a `RecoveryContent`. The arrays are for c = `RECORDS_PER_TASK` records and the m models in
         `models` of the content. model (c,): index of the true model, from 0. probability (c, m): probability of each
-        model, with equal prior probabilities. log_evidence (c, m): in nats. design (c, 2): the noise (fraction of the
-        reference amplitude) and the number of cycles. A record whose outcome is not `ok` is not used: all its
-        probabilities are NaN, and so is the evidence of the model that failed and of those after it.
+        model, with equal prior probabilities. log_evidence (c, m): in nats. design (c, 2): the median of the noise's sd
+        (fraction of the reference amplitude) and the number of cycles. A record whose outcome is not `ok` is not used:
+        all its probabilities are NaN, and so is the evidence of the model that failed and of those after it.
     """
     models, began = study.models.compare, time.perf_counter()
     outcomes = [OK] * RECORDS_PER_TASK
@@ -76,8 +76,9 @@ def compute_chunk(study: Study, series: str, first: int) -> Product:
 def design_of(study: Study, number: int) -> tuple[float, float]:
     """Return the noise (fraction of the reference amplitude) and the number of cycles of record `number`, from 0.
 
-    A cycle has the reference frequency. Successive records use all combinations of the study's noise levels and numbers
-    of cycles in turn.
+    The noise is the median of the distribution from which the sd of the record's noise is drawn. A cycle has the
+    reference frequency. Successive records use all combinations of the study's noise levels and numbers of cycles in
+    turn.
     """
     levels = list(product(study.recovery.noise, study.recovery.cycles))
     return levels[number % len(levels)]
@@ -132,7 +133,7 @@ def check(study: Study) -> None:
     Raises
     ------
     InputError
-        If there are fewer than two models to compare, or `make_generator` cannot draw records of one of them.
+        If there are fewer than two models to compare, or if records of one of them cannot be drawn (see `_generators`).
     """
     count = len(study.models.compare)
     if count < 2:

@@ -83,7 +83,9 @@ def run_calibration(
     report: bool = True,
     console: Console | None = None,
 ) -> int:
-    """Compute the results that the folder `out` does not contain yet, and write tables and report.
+    """Compute the results that the folder `out` does not contain yet, and write tables and report into this folder.
+
+    If no task succeeds, neither tables nor report are written.
 
     Parameters
     ----------
@@ -93,6 +95,7 @@ def run_calibration(
         The folder of the results.
     records
         Number of simulated records, instead of the study's: for each model, or with `models` for all models together.
+        It is rounded up to whole tasks (`RECORDS_PER_TASK` of `ranks` and `recovery`).
     models
         If True, test the probabilities of models (model recovery). If False, test the posteriors of parameters.
     workers
@@ -107,7 +110,8 @@ def run_calibration(
     Returns
     -------
     int
-        The exit status: 0, or 3 if the program failed on some records. The verdict "wrong" is a result, not a failure.
+        The exit status: 0, or 3 if the program failed on some records or tasks. The verdict "wrong" of a test is a
+        result, not a failure.
 
     Raises
     ------
@@ -158,7 +162,7 @@ def _write(study: Study, store: Store, results: Mapping[str, Sequence[TaskResult
     """Write run.json and the tables of a calibration into the folder of the store.
 
     models: True for a model recovery, whose table is recovery.csv; False for a test of posteriors, whose tables are
-    calibration.csv and ranks.csv. results: results of tasks by the name of their series.
+    calibration.csv and ranks.csv. results: results of the successful tasks by the name of their series.
     """
     if models:
         columns, rows = tables.recovery_table(results[RECOVERY])

@@ -37,11 +37,12 @@ COLUMNS = (
 )  # fmt: skip
 """Columns of calibration.csv; the docstring of `calibration_rows` explains them."""
 RANK_COLUMNS = ("model", "sampler", "parameter", "ranks")
-"""Columns of ranks.csv. The column `ranks` contains the ranks of the true value in all records, separated by spaces."""
+"""Columns of ranks.csv. The column `ranks` contains the ranks of the true value in all records with draws, separated by
+spaces."""
 RECORD_COLUMNS = ("record", "noise", "cycles", "model", "outcome", "doubts")
 """First columns of recovery.csv: the number of the record, its noise (fraction of the reference amplitude), number of
-cycles, true model, outcome (`ok`, or why it is not used), and the number of models whose evidence is doubtful. They are
-followed by a column for each sum of damping terms with its probability."""
+cycles, true model, outcome (`ok`, or why it is not used), and the number of models whose evidence is doubtful (empty if
+the record is not used). They are followed by a column for each sum of damping terms with its probability."""
 
 Row = dict[str, Any]
 Results = Mapping[str, Sequence[TaskResult]]
@@ -73,10 +74,11 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
 
     Values in a row:
 
-    - records: number of tested records. without: number of further records, which have no interval.
+    - records: number of tested records. without: number of further records, which have no interval (refined estimates
+      without a standard error). level: probability of the intervals (only for coverage).
     - value: for "ranks" the largest difference, with its sign, of their distribution function from the uniform one; for
       "coverage" the fraction of intervals that contain the true value.
-    - low, high: range that contains this fraction with 99 % probability if the intervals are right.
+    - low, high: range that contains this fraction with 99 % probability if the intervals are right (only for coverage).
     - p: two-sided p value, nan if there are no records.
     - verdict: "wrong" if p_holm is below `FALSE_ALARM`, "not tested" if it is nan, else "passes".
     """
@@ -149,8 +151,8 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
 def rank_rows(study: Study, results: Results) -> Iterator[Row]:
     """Yield the rows of ranks.csv: the ranks of the true values among thinned posterior draws.
 
-    A row contains the ranks of all records, in their order, for one model, sampler and parameter: in one field,
-    separated by spaces.
+    A row contains the ranks of all records with draws, in the order of the records, for one model, sampler and
+    parameter: in one field, separated by spaces.
     """
     for model, sampler, name, ranks, _ in _ranks(study, results):
         text = " ".join(map(str, ranks.tolist()))
@@ -285,12 +287,12 @@ def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
 
 
 def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
-    """Yield a row for each bin of `EDGES` that contains records; these are sorted by their `p`.
+    """Yield a row for each bin of `EDGES` that contains records, those whose `p` is between the edges of the bin.
 
     hit, (n,): whether the most probable model of each record is the true one. p, (n,): the probability of this model. A
-    row contains the fraction of records whose most probable model is the true one (share), and the range of this
-    fraction if the probabilities are right (low, high). With 99 % probability all fractions are in their ranges
-    (Bonferroni).
+    row contains the edges (from, to), the number of records, their mean `p` (probability), the fraction of them whose
+    most probable model is the true one (share), the range of this fraction if the probabilities are right (low, high),
+    and a two-sided p value. With 99 % probability all fractions are in their ranges (Bonferroni).
     """
     bin_of = np.clip(np.searchsorted(EDGES, p, side="left") - 1, 0, len(EDGES) - 2)
     edges, used = list(pairwise(EDGES)), np.unique(bin_of)

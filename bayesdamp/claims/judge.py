@@ -200,9 +200,15 @@ def initial_estimate(
         Damping term of the record, and its restoring law: "horizontal_pendulum" for the paper's pendulum, any other law
         for a spring with the same stiffness.
     simulated
-        Velocity in rad/s within which Coulomb friction changes its sign in the simulated record.
+        Velocity in rad/s within which Coulomb friction changes its sign in the simulated record; 0 for the sign
+        function. It has no effect on records with another damping.
     assumed
         The value of this velocity in rad/s that the estimator assumes.
+
+    Returns
+    -------
+    Estimate
+        The estimate; without values, and with the reason as its outcome, if the method failed.
     """
     signal, problem = paper_record(damping, restoring, simulated)
     if assumed != simulated:

@@ -45,7 +45,7 @@ from bayesdamp.verdict.types import Verdict
 BEYOND = 1.3
 """Factor by which a requested amplitude may be above the record's first amplitude or below its last (conventional)."""
 COMPARED = "comparison"
-"""Key under which `answer` stores the model comparison in its argument `comparisons`."""
+"""Key under which `answer` stores the model comparison in its argument `comparisons`, a dictionary."""
 CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
 """Names of the arrays of a damping curve that a verdict on several records needs. `amplitude`: the amplitudes. `ratio`,
 `low`, `high`: the damping ratio there, and the ends of its 95 % interval. `over`, `over_sd`: mean and sd of ln(damping
@@ -82,9 +82,10 @@ class Answer:
         The verdict, the compared models and further results as plain values, with amplitudes in the record's base unit
         (rad, m or the sensor's unit).
     arrays
-        Arrays for the figure, by name, as in `inference.deviation.findings.picture`. For one of several records of a
-        specimen (the object that was recorded), they include the likelihood of each model,
-        `run/DAMPING@RESTORING/...`. Empty if an oscillation has no answer. For an envelope, see `answer_envelope`.
+        Arrays for the figure, by name: those of `inference.deviation.findings.picture` (without those of `OF_LAW` or
+        `BY_LAW` if the damping is measured without a law) and of `measured_curve`. For one of several records of a
+        specimen (the object that was recorded), also the likelihood of each model, `run/DAMPING@RESTORING/...`, `over`
+        and `over_sd`. Empty if an oscillation has no answer. For an envelope, see `answer_envelope`.
     further
         Posterior draws of the models that were sampled (`draws/DAMPING@RESTORING`), and the arrays of the fits in
         `content.laws` (`found/DAMPING@RESTORING/...`). Empty for an envelope.
@@ -96,15 +97,16 @@ class Answer:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """The verdict on the record, restored from `content`."""
+        """The verdict on the record, restored from `content`, with amplitudes in the base unit."""
         return Verdict.from_dict(self.content.verdict)
 
     def of_specimen(self) -> RecordAnswer:
         """Return the part of this answer that a verdict on several records of a specimen needs.
 
-        Log evidences are relative to the largest one of the compared models. They allow for deviations from the damping
-        and restoring laws. If one of the compared models has only a log evidence under exact laws, those under exact
-        laws are used for all models. The answer must be on an oscillation, contain `arrays`, and be computed with
+        It contains the verdict, the log evidence and the likelihood of each model, and the damping curve (`CURVE`). Log
+        evidences are relative to the largest one of the compared models. They allow for deviations from the damping and
+        restoring laws. If one of the compared models has only a log evidence under exact laws, those under exact laws
+        are used for all of them. The answer must be on an oscillation, contain `arrays`, and be computed with
         `repeated=True`.
         """
         rows, rivals = [r for r in self.content.candidates if r.outcome == OK], self.content.rivals
@@ -165,18 +167,18 @@ def answer(
         Amplitudes at which to give the damping ratio, in `unit`; by default three, at 10, 50 and 90 % of the
         logarithmic range of the record. They may be outside this range by the factor `BEYOND`.
     unit
-        Unit of `amplitudes`; by default `signal.unit`. The answer itself is always in `signal.unit` (rad, m or the
-        sensor's unit) and s.
+        Unit of `amplitudes`; by default `signal.unit`, which is also used for a unit of velocity or acceleration (rpm,
+        g). The answer itself is always in `signal.unit` (rad, m or the sensor's unit) and s.
     deviation
-        "none": the damping and restoring laws are assumed to hold exactly; "law" or "auto": deviations from them are
-        inferred.
+        "none": the damping and restoring laws are assumed to hold exactly. "law" and "auto" (the default) have the same
+        effect: deviations from them are inferred.
     damping, restoring
         Sums of damping terms, such as "viscous+coulomb", and restoring laws to compare. By default these are the seven
         sums of viscous, Coulomb and quadratic damping, and all laws that the unit of the signal allows. Other forms of
         damping are tried in addition.
     known
         Known values of parameters, by name, in `signal.unit` and s; or a function that returns such a dictionary for
-        the name of a restoring law.
+        the name of a restoring law. Damping coefficients are always inferred; values for them have no effect.
     priors
         Priors by name of the parameter, such as "zeta"; the other parameters have default priors.
     reference
@@ -186,21 +188,21 @@ def answer(
         Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
         every damping ratio. It is not used with the deviation "none".
     measured
-        Whether the record is a measurement. Probabilities are then at most `thresholds.CAP`, unless the deviation is
-        "none".
+        Whether the record is a measurement. The probabilities of compared sums and restoring laws are then at most
+        `thresholds.CAP`, unless the deviation is "none".
     seed
         Seed of all random numbers.
     notes
         Sentences on the record that are added to the remarks.
     sample
-        Whether to sample the posterior of the full equation of motion. If False, the answer is from a linear
-        approximation of the motion.
+        Whether to sample the posteriors of the most probable models with the full equation of motion. If False, the
+        answer is from linear approximations of the motion.
     comparisons
-        A dictionary in which the comparison by linear approximations is stored, so that a second call on the same
-        signal with the same arguments does not compute it again.
+        A dictionary in which the comparison by linear approximations is stored. A later call with this dictionary uses
+        the stored comparison, so its signal and the arguments on models, priors and noise must be the same.
     repeated
         Whether the signal is one of several records of a specimen (the object that was recorded). The answer then
-        contains each model's likelihood.
+        contains each model's likelihood (for `Answer.of_specimen`).
     noise
         A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, from which
         the most probable one is chosen. Gaussian noise, if it is among them, is replaced only by a model whose log
@@ -209,13 +211,15 @@ def answer(
     Returns
     -------
     Answer
-        The grade of its verdict is `not_weighed` if no model can be fitted (the sentence gives the reason), and
-        `no_free_decay` if the signal is not the free decay of one oscillator; the answer then has no arrays.
+        The grade of its verdict is `not_weighed` if no model can be fitted (the sentence gives the reason, and no
+        Refusal is raised), and `no_free_decay` if the signal is not the free decay of one oscillator. In both cases the
+        answer contains only the verdict.
 
     Raises
     ------
     InputError
-        If an argument is invalid, or an amplitude is outside the range of the record by more than `BEYOND`.
+        If an argument is invalid, a restoring law does not suit the unit of the signal, or an amplitude is outside the
+        range of the record by more than `BEYOND`.
     """
     for law in restoring:
         check_translation(signal.unit, law, signal.name)
@@ -328,9 +332,9 @@ def measured_curve(fit: LawFree) -> dict[str, np.ndarray]:
     """Return the damping against amplitude, measured without assuming a damping law, as arrays `free/...` for a figure.
 
     `free/amplitude` contains `CURVE_POINTS` falling amplitudes in the record's base unit. At these, `free/ratio` is the
-    equivalent damping ratio, and `free/lost` is the energy lost in a cycle per unit of inertia (unit²/s²). Arrays with
-    the endings `_low` and `_high` are the ends of their 95 % intervals. The energy lost in a cycle is 4π ζ E, with the
-    damping ratio ζ and the energy E of the oscillation.
+    equivalent damping ratio, and `free/lost` is the energy lost in a cycle per unit of inertia (unit²/s²). The arrays
+    `free/ratio_low`, `free/ratio_high`, `free/lost_low` and `free/lost_high` are the ends of their 95 % intervals. The
+    energy lost in a cycle is 4π ζ E, with the damping ratio ζ and the energy E of the oscillation.
     """
     at = fit.at(np.linspace(*fit.span, CURVE_POINTS))
     order, half = np.argsort(-at.amplitude), NORMAL_95 * at.ratio_sd
@@ -353,7 +357,7 @@ def amplitudes_in_base_unit(
     comparison
         The model comparison on the record; only the record's first and last amplitude are used.
     unit
-        A unit of displacement.
+        The unit of the recorded file. For a unit of velocity or acceleration, `amplitudes` are in its base unit.
 
     Returns
     -------
@@ -381,8 +385,8 @@ def amplitudes_in_base_unit(
 def _noise_remark(noise: SampleNoise) -> str:
     """Return a sentence on a noise model other than Gaussian noise; an empty text for Gaussian noise.
 
-    The sentence says by how many nats the model's log evidence is larger than that of Gaussian noise, or that the model
-    was specified.
+    The sentence says by how many nats the model's log evidence is larger than that of Gaussian noise, or, if the two
+    were not compared, that the model was specified.
     """
     if noise.name == GAUSSIAN:
         return ""
@@ -426,7 +430,8 @@ def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarr
     """Return the arrays that a verdict on several records of a specimen needs.
 
     `run/DAMPING@RESTORING/...`: each model's likelihood as a function of its damping (which models: see `JOINABLE`).
-    `over`, `over_sd`: the deviation of the damping from its law at each amplitude of the damping curve (see `CURVE`).
+    `over`, `over_sd`: the deviation of the damping from its law at each amplitude of the damping curve (see `CURVE`);
+    missing if the laws were assumed to hold exactly.
     `run/reference`: the amplitude and the angular frequency to which default priors are scaled.
     """
     amplitudes = np.array([r.amplitude for r in findings.curve])
@@ -445,7 +450,8 @@ def _runs(comparison: ModelComparison, findings: Findings) -> dict[str, np.ndarr
 def _row(comparison: ModelComparison, result: CandidateResult) -> ComparedCandidate:
     """Convert the result of one damping model to the form in which it is stored.
 
-    The rms residual is None if averages over cycles were fitted instead of the samples of the record.
+    The log evidence with deviations is None if the laws were assumed to hold exactly. The rms residual is None if
+    averages over cycles were fitted instead of the samples of the record.
     """
     data, noise = comparison.data, comparison.variance / comparison.inflation
     # The fit uses means of `thinned` samples. Add the noise that averaging removed, to get the residual of the samples.

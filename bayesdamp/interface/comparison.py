@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 _CANDIDATES = ["record", "damping", "restoring", "log_evidence", "log_evidence_exact", "rms", "outcome"]
-"""Columns of an empty `Comparison.table`."""
+"""Columns of `Comparison.table` if it has no rows; the columns place and parameters are then missing."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,12 +51,13 @@ class Comparison(Result):
     Attributes
     ----------
     verdict
-        The verdict on the record or the specimen, with amplitudes in the unit of the recorded file. If the files of a
-        specimen have different units, amplitudes are in base units (rad, m).
+        The verdict on the record or the specimen. Its amplitudes are in the file's unit of displacement (rad or m for
+        a file in rpm or g), or in the base unit (rad, m) if the files of a specimen have different units. Its
+        coefficients stay in base units: rad, m or the sensor's, and s.
     answers
         The answer on each record, in base units: rad, m or the unit of the sensor.
     units
-        The unit of each recorded file.
+        The name of the unit of each recorded file, such as "deg".
     """
 
     verdict: Verdict
@@ -65,7 +66,7 @@ class Comparison(Result):
 
     @cached_property
     def records(self) -> tuple[Comparison, ...]:
-        """The comparison on each record alone; empty if there is only one record."""
+        """The comparison on each record by itself, with its own verdict; empty if there is only one record."""
         if len(self.answers) == 1:
             return ()
         return tuple(Comparison(in_unit(a.verdict, unit), (a,), (unit.name,)) for a, unit in self._each())
@@ -79,7 +80,7 @@ class Comparison(Result):
     def outcome(self) -> str:
         """ "ok", or the reason why no model could be fitted.
 
-        It is also "ok" if a record is not a free decay (`verdict.grade`), and no models were compared.
+        It is also "ok" if the record is not a free decay (see `verdict.grade`), so that no models were compared.
         """
         return self.verdict.sentence if self.verdict.grade is Grade.NOT_WEIGHED else OK
 
@@ -91,14 +92,17 @@ class Comparison(Result):
 
         - record, damping, restoring: names of the record, the sum of damping terms and the restoring law;
         - log_evidence (with deviations from the laws; NaN if laws were assumed to be exact) and log_evidence_exact
-          (under exact laws), each in nats relative to the record's largest value;
-        - rms: residual under exact laws, in the unit of the file (missing if averages over cycles were fitted);
+          (under exact laws), each in nats relative to the record's largest value; NaN if the model was not compared;
+        - rms: residual under exact laws, in the unit of the recorded values; missing if averages over cycles were
+          fitted;
         - outcome: "ok", or why the model was not compared;
         - place: always empty in this table;
         - parameters: names of the inferred damping parameters.
 
         Rows are sorted by record and falling log_evidence; those without it come last, by falling log_evidence_exact.
-        Other forms of damping, which may be more probable, are in `verdict.rivals`.
+        Envelopes, and records on which no model was compared, have no rows. If deviations are inferred, a model that
+        could be fitted only under exact laws has none either. Other forms of damping, which may be more probable, are
+        in `verdict.rivals`.
         """
         rows = [
             {
@@ -120,10 +124,10 @@ class Comparison(Result):
     def curve(self) -> pd.DataFrame:
         """The damping against amplitude, measured without assuming a damping law, with 95 % intervals.
 
-        Columns: amplitude (in the unit of the file); ratio (equivalent damping ratio); lost (energy lost in a cycle per
-        unit of inertia, in unit²/s²); ratio_low, ratio_high, lost_low and lost_high (ends of the intervals); unit (of
-        the amplitude); record. There are no rows for an envelope, for a record on which no model was compared, and for
-        a record that is too short.
+        Columns: amplitude (in `unit`); ratio (equivalent damping ratio); lost (energy lost in a cycle per unit of
+        inertia, in `unit`²/s²); ratio_low, ratio_high, lost_low and lost_high (ends of the intervals); unit (the file's
+        unit of displacement; rad or m for a file in rpm or g); record (its name). There are no rows for an envelope,
+        for a record on which no model was compared, and for a record that is too short.
         """
         return self._joined({n: f"free/{n}" for n in DAMPING_CURVES})
 
@@ -132,8 +136,9 @@ class Comparison(Result):
         """The damping ratio against amplitude according to the damping laws, with 95 % intervals.
 
         It is averaged over the laws, weighted by their probability. Columns: amplitude, ratio (equivalent damping
-        ratio), ratio_low and ratio_high (ends of the interval), unit (of the amplitude), record. There are no rows for
-        a record that no law describes (`verdict.law_free`), and for an envelope.
+        ratio; NaN where no motion has the amplitude), ratio_low and ratio_high (ends of the interval), unit (of the
+        amplitude, as in `curve`), record. There are no rows for an envelope, for a record on which no model was
+        compared, and for one that no law describes (`law_free` of its verdict).
         """
         names = {"amplitude": "amplitude", "ratio": "ratio", "ratio_low": "low", "ratio_high": "high"}
         return self._joined(names)
@@ -160,14 +165,14 @@ class Comparison(Result):
         yield from zip(self.answers, map(unit_named, self.units), strict=True)
 
     def summary(self) -> pd.DataFrame:
-        """Return a table of verdicts with the columns of verdicts.csv.
+        """Return a table of verdicts with the columns of verdicts.csv, without those that no verdict fills.
 
         It has one row for a single record; otherwise a row for each record, and a last one for the specimen.
         """
         return data_frame([v.row() for v in (*(r.verdict for r in self.records), self.verdict)])
 
     def plot(self, ax: GivenAxes = None) -> tuple[Axes, ...]:
-        """Plot the answer on the first record that has an answer: record, damping ratio, residual and energy.
+        """Plot the answer on one record, the first that has an answer: record, damping ratio, residual and energy.
 
         Parameters
         ----------
@@ -183,7 +188,7 @@ class Comparison(Result):
         Raises
         ------
         InputError
-            If no record has an answer.
+            If no record has an answer, or `ax` does not contain this number of axes.
         """
         from matplotlib import rc_context
 
@@ -261,7 +266,8 @@ def compare(
 
     A comparison on a record of 5,000 samples takes about 5 s, or 1 to 2 s with `sample=False`; longer for records with
     many cycles. The first run of an installation takes 10 to 20 s longer, because the equations of motion are compiled.
-    For envelopes (from `read_envelope`), only the options `repeats`, `name`, `damping` and `seed` are allowed.
+    For envelopes (from `read_envelope`), only the options `repeats`, `name`, `damping` and `seed` have an effect.
+    `sample` is ignored; each other option must have its default value.
 
     Parameters
     ----------
@@ -272,10 +278,10 @@ def compare(
     repeats
         Whether the records are of one specimen. If False, only one record is allowed.
     name
-        Name of the specimen.
+        Name of the specimen. It has no effect if there is only one record.
     deviation
-        "auto" or "law": the damping and restoring laws may hold approximately, and deviations from them are inferred.
-        "none": they hold exactly.
+        "auto" (the default) and "law" have the same effect: the damping and restoring laws may hold approximately, and
+        deviations from them are inferred. "none": they hold exactly.
     noise
         A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, from which
         the most probable one is chosen. Gaussian noise, if it is among them, is replaced only by a model whose log
@@ -285,9 +291,10 @@ def compare(
         sums of viscous, Coulomb and quadratic damping, and all laws that the unit of the record allows. Other forms of
         damping are tried in addition.
     known
-        Known values of parameters, by name, in base units: rad, m or the sensor's unit, and s.
+        Known values of parameters other than damping coefficients, by name, in base units: rad, m or the sensor's unit,
+        and s.
     priors
-        Priors by damping term or parameter, in base units; the other parameters have default priors.
+        Priors by name of the damping term or of the parameter, in base units; other parameters have default priors.
     sensor
         Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
         every damping ratio. It is not used with the deviation "none".
@@ -304,13 +311,15 @@ def compare(
     Returns
     -------
     Comparison
-        The comparison. If no model can be fitted to a record, its `outcome` is the reason.
+        The comparison. If no model can be fitted to a record, the `outcome` of the comparison on this record is the
+        reason (no Refusal is raised). The verdict on a specimen is from the records that have an answer. If there is
+        none, or fewer than two envelopes have a decay, it is the verdict on the first record alone.
 
     Raises
     ------
     InputError
-        If an argument is invalid, an amplitude is too far outside the range of a record, or `amplitudes` is given for
-        records whose units cannot be converted to each other.
+        If an argument is invalid, an amplitude is too far outside the range of a record, two signals are the same
+        record, or the units of the records cannot be converted to each other (envelopes must have the same unit).
 
     Examples
     --------

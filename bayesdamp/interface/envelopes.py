@@ -31,9 +31,10 @@ def analyse(
     seed: int = 0,
     sums: Sequence[tuple[str, ...]] = SUMS,
 ) -> EnvelopeAnswer:
-    """Find the free decay in an envelope, and return its damping with its uncertainty.
+    """Find the free decay in an envelope, and return the verdict on its damping, its curve, and the rate likelihoods.
 
-    If the envelope does not contain a free decay, the verdict has the grade "no_free_decay".
+    If the envelope does not contain a free decay, the verdict has the grade "no_free_decay", and there are no curve and
+    no likelihoods.
 
     Parameters
     ----------
@@ -44,8 +45,8 @@ def analyse(
     seed
         Seed of the draws from which intervals are computed.
     sums
-        Damping sums to compare, each as the names of at most three terms; by default the seven sums of viscous, Coulomb
-        and quadratic damping.
+        Damping sums to compare, each as the names of its terms; by default the seven sums of viscous, Coulomb and
+        quadratic damping.
 
     Raises
     ------
@@ -82,18 +83,19 @@ def answer_envelope(
         Window of the free decay, as indices of readings; None to find it.
     sums
         Damping sums to compare, each as the names of its terms. Of sums that an envelope cannot distinguish, only the
-        first is compared.
+        first is compared. A sum of terms that it cannot distinguish from each other is left out.
     seed
         Seed of the draws from which intervals are computed.
     repeated
-        Whether the record is one of several records of a specimen. The answer then contains, for each damping sum, the
-        likelihood of the decay rates.
+        Whether the record is one of several records of a specimen. The answer then contains, for each damping sum whose
+        terms have no inferred parameters besides their coefficients, the likelihood of the decay rates.
 
     Returns
     -------
     Answer
-        Its arrays are `t` in s and `level` in dB (about `STORED_READINGS` of them); if there is a decay, the fields of
-        `inference.envelope.decay.Curve` as `curve/...`; and the arrays of the likelihoods.
+        Its arrays are `t` in s and `level` in dB of the whole record (about `STORED_READINGS` of them); if there is a
+        decay, the fields of `inference.envelope.decay.Curve` as `curve/...`; and those of the likelihoods as
+        `likelihood/DAMPING/...`.
 
     Raises
     ------
@@ -119,10 +121,12 @@ def answer_envelope(
 def specimen_of_envelopes(name: str, answers: Sequence[Answer]) -> Verdict | None:
     """Return the verdict on a specimen from the answers on its envelopes; None if fewer than two contain a decay.
 
+    `name` is that of the specimen. The answers must be computed with `repeated=True`.
+
     Raises
     ------
     InputError
-        If the records have different units.
+        If the records with a decay have different units.
     """
     records = []
     for a in answers:

@@ -46,12 +46,12 @@ class Estimate(Result):
 
     @property
     def outcome(self) -> str:
-        """ "ok", or the reason why a stage failed."""
+        """ "ok", or the name of each stage that failed or is doubtful, with the reason."""
         return "; ".join(self._failures) or OK
 
     @property
     def _failures(self) -> tuple[str, ...]:
-        """A sentence for each stage that failed, with its name and its outcome."""
+        """A sentence for each stage whose outcome is not "ok", with its name and its outcome."""
         return tuple(f"{s.stage}: {s.outcome}" for s in (self.initial, self.refined) if s.outcome != OK)
 
     @property

@@ -20,9 +20,10 @@ def first_words(signal: Signal, unit: str = "") -> LawFreeDamping:
     """Measure frequency and damping of a free decay at three amplitudes, without assuming a damping law.
 
     Sinusoids are fitted in short windows. The three amplitudes are that of the first window (the largest), that of the
-    last window (the smallest), and the geometric mean of both. The field `sentence` of the result describes it, with
-    the mean frequency and its 95 % interval. The amplitudes in this sentence are in `unit`, such as "deg", if this is a
-    unit of the signal's displacement. Raises Refusal if the record does not oscillate or has too few cycles.
+    last window (the smallest), and the geometric mean of both, in the signal's base unit. The field `sentence` of the
+    result describes it, with the mean frequency and its 95 % interval. Only in this sentence are the amplitudes in
+    `unit`, such as "deg", if this is a unit of the signal's displacement. Raises Refusal if the record does not
+    oscillate or has too few cycles, or if the amplitudes of its cycles differ too much.
 
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=10.0, samples=400, noise_sd=0.003)
@@ -100,10 +101,11 @@ def _other_motion(signal: Signal, no_law_fits: bool) -> OtherMotion | None:
 def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
     """Return the verdict on a signal that is not the free decay of one oscillator; None if it may be such a decay.
 
-    The signal is searched for other motions, such as a second oscillation or growth. It may be a free decay if none is
-    found, or if the motion that is found has a `size` below `thresholds.OTHER_MOTION`. The size is, for example, the
-    amplitude of a second oscillation relative to the first, or the factor of growth minus 1 (see `OtherMotion`). The
-    limit is `thresholds.SMALL_OTHER_MOTION` if no law fits and two oscillations explain the record to its noise.
+    The verdict contains the motion and its modes, with amplitudes in `signal.unit`, but no damping law. The signal is
+    searched for other motions, such as a second oscillation or growth. It may be a free decay if none is found, or if
+    the motion that is found has a `size` below `thresholds.OTHER_MOTION`. The size is, for example, the amplitude of a
+    second oscillation relative to the first, or the factor of growth minus 1 (see `OtherMotion`). The limit is
+    `thresholds.SMALL_OTHER_MOTION` if no law fits and two oscillations explain the record to its noise.
 
     Parameters
     ----------

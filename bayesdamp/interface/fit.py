@@ -74,7 +74,8 @@ class Prediction(Result):
         Motion of the best fit, and its standard deviation due to the uncertainty of the parameters (without noise),
         each of shape (m,), in `unit`.
     quantity, unit
-        The predicted quantity ("angle", "velocity" or "acceleration"), and its unit.
+        The predicted quantity ("angle", "velocity" or "acceleration"), and its unit: that of the signal (rad, m or the
+        sensor's), per s or s², not that of the recorded file.
     """
 
     t: Vector
@@ -84,7 +85,7 @@ class Prediction(Result):
     unit: str
 
     def summary(self) -> pd.DataFrame:
-        """Return a table with a row for each time: t in s, value and sd in `unit`."""
+        """Return a table with a row for each time. Its columns are t (s), value and sd (both in `unit`), and unit."""
         return data_frame({"t": self.t, "value": self.value, "sd": self.sd, "unit": self.unit})
 
     def _table(self) -> Table:
@@ -129,7 +130,7 @@ class Fit(Result, Storable):
     signal, model
         The record and the model.
     noise
-        The noise model that was specified, or chosen for the record.
+        The noise model that was specified, or chosen for the record; "" if nothing was fitted.
     values, units
         Values of the inferred parameters in natural units, and their units, by name; empty if nothing was fitted.
     sd, intervals
@@ -140,7 +141,7 @@ class Fit(Result, Storable):
         Values of the parameters that were not inferred, by name.
     fitted, residuals
         Trajectory, and record minus trajectory, in `signal.y_unit`, each of shape (n,); empty if nothing was fitted. If
-        the model allows deviations, the trajectory includes those of the best motion. It is then NaN at samples that
+        the model allows deviations, the trajectory includes those of the best motion. Both are then NaN at samples that
         are not used (after the amplitude has fallen below 5 % of its first value).
     log_posterior
         Log prior plus log likelihood of the values in nats, as a density in natural units, not normalised; NaN if the
@@ -148,7 +149,8 @@ class Fit(Result, Storable):
     outcome
         "ok", or a sentence that says why there is no fit.
     notes
-        Sentences on the choice of the noise model and of the width ε of Coulomb friction.
+        Sentences on the choice of the noise model and of the width ε of Coulomb friction; none if the model allows
+        deviations.
     mode
         The posterior mode, from which samplers start; None if nothing was fitted, or if the model allows deviations.
     sd_noise, sd_law
@@ -232,12 +234,13 @@ class Fit(Result, Storable):
         Parameters
         ----------
         amplitudes
-            Amplitudes in the unit of the recorded file; by default three in the range of the record.
+            Amplitudes in the file's unit of displacement (rad or m for a file in rpm or g), as in the table; by default
+            three in the range of the record.
 
         Raises
         ------
         InputError
-            If an amplitude is above 1.3 times the largest, or below 1/1.3 of the smallest, in the record.
+            If an amplitude is above 1.3 times the first, or below 1/1.3 of the last amplitude of the record.
         Refusal
             If there is no fit, or if the model assumes exact laws; then use `sample(fit).derived`.
         """
@@ -258,7 +261,7 @@ class Fit(Result, Storable):
         Returns
         -------
         Prediction
-            The motion at the times, shape (m,).
+            The motion at the m times, in the given order (an array is flattened).
 
         Raises
         ------
@@ -299,7 +302,7 @@ class Fit(Result, Storable):
         Parameters
         ----------
         ax
-            Two axes, or one axes for the record and the fit without residuals; by default new ones.
+            Two axes; or one for the record with the fit, without residuals. By default two new ones.
         until
             Time in s from the first sample up to which the fit is extrapolated after the end of the record, with a band
             of ± 2 sd; by default it is not extrapolated.
@@ -459,8 +462,8 @@ def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None
     model
         The model.
     start
-        A further starting point: parameter values by name, in base units (rad, m or the sensor's, and s), such as those
-        of an `Estimate`.
+        A further starting point: parameter values by name, in base units (rad, m or the sensor's, and s), such as
+        `values` of an `Estimate`.
 
     Returns
     -------
@@ -470,7 +473,8 @@ def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None
     Raises
     ------
     InputError
-        If an argument is invalid.
+        If an argument is invalid, if the restoring law does not suit the unit of the record, or if an oscillator with
+        the known parameters cannot oscillate about the record's midline.
 
     Examples
     --------
@@ -502,10 +506,9 @@ def tabulate_ratios(
 ) -> pd.DataFrame:
     """Return a table of equivalent damping ratios at several amplitudes, with the columns of `Fit.damping_ratio`.
 
-    `amplitudes` are in the unit of the recorded file; by default three in the range of the record. `u`, (n, K),
-    contains n draws of the parameters (as standard normal scores) and of the deviations from the laws, as `Posterior.u`
-    with the chains joined. By default, draws from the linear approximation of the fit are used. Raises Refusal if there
-    is no fit, or if it assumes exact laws.
+    `amplitudes` are as in `Fit.damping_ratio`, and so are the errors that are raised. `u`, (n, K), contains n draws of
+    the parameters (as standard normal scores) and of the deviations from the laws, as `Posterior.u` with the chains
+    joined. By default, draws from the linear approximation of the fit are used.
     """
     if fit.law is None:
         raise Refusal(NO_RATIO_TABLE if fit.outcome == OK else fit.outcome)

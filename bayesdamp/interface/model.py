@@ -59,9 +59,10 @@ up to 0.1 nats if the width ε of Coulomb friction is inferred."""
 class Density(ResultView):
     """The posterior density of a model on a record.
 
-    Its methods take a vector x of the inferred parameters in the units `units`, in the order of `names`. The step sizes
-    of the ODE solver are chosen at the best fit. Within three standard deviations of it, the numerical error of the log
-    likelihood is at most 1e-3 nats; farther away it is a small fraction of the difference from the maximum.
+    Its methods take a vector x of the inferred parameters in the units `units` (not transformed), in the order of
+    `names`, and raise InputError if x has another shape. The step sizes of the ODE solver are chosen at the best fit.
+    Within three standard deviations of it, the numerical error of the log likelihood is at most 1e-3 nats; farther away
+    it is a small fraction of the difference from the maximum.
 
     Attributes
     ----------
@@ -128,7 +129,7 @@ class Density(ResultView):
         Raises
         ------
         InputError
-            If a name is not a parameter.
+            If a name is not an inferred parameter.
         """
         check_keys(values or {}, self.names, "vector")
         return np.array([float({**self.values, **(values or {})}[n]) for n in self.names])
@@ -159,10 +160,7 @@ class Density(ResultView):
         return np.array([self.log_posterior(x) for x in many])
 
     def gradient(self, x: ArrayLike) -> Vector:
-        """Return the gradient of the log posterior (nats) with respect to x, (d,); zeros if the log posterior is −∞.
-
-        x contains the parameter values in the units `units`, (d,). They are not transformed.
-        """
+        """Return the gradient of the log posterior (nats) with respect to x, (d,); zeros if the log posterior is −∞."""
         x = self._vector(x)
         value, slopes = self._slopes(x) if np.isfinite(self.log_prior(x)) else (-np.inf, x)
         if not np.isfinite(value):
@@ -259,9 +257,9 @@ class Model(Result):
         epsilon, the velocity within which Coulomb friction changes its sign, may also be given for a model without
         friction, which ignores it.
     deviation
-        "none": the damping and restoring laws hold exactly. "law" or "auto": they may hold approximately, and
-        deviations from them are inferred. The noise variance is then known, or set to the residual variance after
-        fitting parameters and deviations.
+        "none" (the default): the damping and restoring laws hold exactly. "law" and "auto" have the same effect: they
+        may hold approximately, and deviations from them are inferred. The noise variance is then known, or set to the
+        residual variance after fitting parameters and deviations.
     sensor
         Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
         every damping ratio. It is not used with the deviation "none".
@@ -366,6 +364,9 @@ class Model(Result):
 
         Raises
         ------
+        InputError
+            If the restoring law does not suit the unit of the record, or an oscillator with the known parameters cannot
+            oscillate about the record's midline.
         Refusal
             If the model cannot be fitted to this record.
         """
@@ -374,7 +375,7 @@ class Model(Result):
         return Density.at(own, self, mode)
 
     def summary(self) -> pd.DataFrame:
-        """Return a table with a row for each parameter: its known value, and its specified prior.
+        """Return a table with a row for each parameter: its known value, and its specified prior, if given.
 
         Default priors depend on the record; they are in the summary of a fit.
         """
@@ -539,11 +540,11 @@ def check_signal(signal: types.Signal, model: Model) -> Signal:
 
 
 def fit_approximate(signal: Signal, model: Model) -> Single:
-    """Fit a model that allows deviations of damping and restoring force from their laws.
+    """Fit a model that allows deviations of damping and restoring force from their laws; return its linearised fit.
 
     A record of many cycles is first reduced to amplitudes and phases, averaged over cycles. If this is not accurate
-    enough, a record of at most `MOST_CYCLES` cycles is fitted again without averages. Raises Refusal if the model
-    cannot be fitted to the record.
+    enough, a record of at most `MOST_CYCLES` cycles is fitted again without averages. A record with a known initial
+    displacement or velocity is not reduced. Raises Refusal if the model cannot be fitted to the record.
     """
     case = Case.with_noise(signal, model)
     fit = partial(
@@ -586,7 +587,8 @@ def fit_exact(
     Raises
     ------
     InputError
-        If `start` has an unknown parameter.
+        If `start` has an unknown parameter, or an oscillator with the known parameters cannot oscillate about the
+        record's midline.
     Refusal
         If the model cannot be fitted to the record.
     """

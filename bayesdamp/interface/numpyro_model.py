@@ -41,7 +41,8 @@ def numpyro_model(
     Returns
     -------
     callable
-        The model. Parameters that are passed to it by name are not sampled. It returns all parameters by name.
+        The model. Parameters that are passed to it by name are not sampled, and their prior is then not used. It
+        returns all parameters by name, in natural units. It raises InputError for an unknown name.
     """
     names = list(priors)
     shape = jax.ShapeDtypeStruct((1 + len(names),), float)

@@ -67,8 +67,8 @@ class Posterior(Result, types.Posterior):
 
     Attributes
     ----------
-    fit
-        The fit.
+    fit, sampler
+        The fit, and the name of the sampler.
     names, summaries
         Names of the inferred parameters, and mean, sd, quantiles and diagnostics of each, by name. Both are empty
         without draws.
@@ -80,8 +80,8 @@ class Posterior(Result, types.Posterior):
         Statistics of the sampler by name, each of shape (chain, draw).
     divergences
         Number of divergent NUTS transitions; None for other samplers.
-    evaluations
-        Number of evaluations of the likelihood.
+    evaluations, seconds
+        Number of evaluations of the likelihood, and computing time in s.
     ensembles
         Number of ensembles of chains that exchange information (emcee), for the diagnostics.
     diagnostics
@@ -154,8 +154,7 @@ class Posterior(Result, types.Posterior):
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
         """Return a table of equivalent damping ratios at several amplitudes, from these draws.
 
-        The columns are those of `Fit.damping_ratio`. `amplitudes` are in the unit of the recorded file; by default
-        three in the range of the record. Raises Refusal without draws, and if the fit assumes exact laws.
+        The columns, `amplitudes` and errors are those of `Fit.damping_ratio`. Raises Refusal also without draws.
         """
         self._require_draws()
         u = self.u.reshape(-1, self.u.shape[-1]) if self.u.size else None
@@ -173,7 +172,7 @@ class Posterior(Result, types.Posterior):
         return joint_log_density([self.fit.priors[n] for n in self.names], self.draws, scales)
 
     def summary(self, derived: bool = True) -> pd.DataFrame:
-        """Return a table with a row for each parameter and each derived quantity; empty if there are no draws.
+        """Return a table with a row for each parameter and, if `derived`, each derived quantity; empty without draws.
 
         Derived quantities that do not exist for some draws are left out. The columns are mean, sd, quantiles, the
         shortest 95 % interval, effective sample sizes, R-hat and unit. If the model allows deviations from its laws,
@@ -207,7 +206,7 @@ class Posterior(Result, types.Posterior):
         Raises
         ------
         InputError
-            If a name is not a parameter.
+            If a name is not an inferred parameter, or `ax` contains another number of axes.
         Refusal
             If there are no draws.
         """
@@ -359,8 +358,8 @@ def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray
     """Compute the log likelihood of each sample, and a simulated record, for draws of a fit that assumes exact laws.
 
     `numbers` are the indices of the draws of each chain that are used. Both results have the shape (m, n) for m draws,
-    chain after chain, and n samples; the simulated records contain noise. They are None if the noise model cannot be
-    simulated.
+    chain after chain, and n samples. The simulated records contain noise; instead of them the second result is None if
+    the noise model cannot be simulated.
     """
     target, mode = post.fit.engine
     noise = NOISES.get(target.noise)
@@ -418,11 +417,11 @@ def sample(
         A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if the model assumes exact laws) or emcee.
         If the model allows deviations from its laws, also smc, which is then the default.
     chains, warmup
-        Number of chains, 2 to 1000, and number of draws that each chain discards at its beginning, at least 10. For
-        emcee the chains are its walkers, of which it may use more than requested.
+        Number of chains, 2 to 1000, and number of draws that each chain discards at its beginning, at least 10 (no
+        effect for smc). For emcee the chains are its walkers, of which it may use more than requested.
     draws
-        Number of draws of each chain after the warmup, at least 10. By default 1,000; nuts and emcee then add draws if
-        these are too few.
+        Number of draws of each chain after the warmup, at least 10. By default 1,000; only then nuts and emcee add
+        draws if these are too few.
     seed
         Seed of all random numbers.
 
@@ -455,7 +454,7 @@ def draw(fit: Fit, sampler: str, settings: Settings) -> tuple[types.Posterior, A
     """Sample the posterior of a fit without checking the arguments.
 
     `sample`, which checks them, and the tasks of a study call this function. `settings` contains the numbers of chains
-    and draws, and the seed.
+    and draws, the warmup, and the seed.
 
     Returns
     -------
@@ -495,10 +494,14 @@ class Evidence(Result, types.Evidence):
 
     Attributes
     ----------
+    model, method
+        Names of the model and of the evidence method.
     log_evidence, stderr
         The log evidence and its standard error in nats; NaN if the method does not compute it.
     diagnostic
         Diagnostic numbers of the method, in words.
+    evaluations, seconds
+        Number of evaluations of the likelihood, and computing time in s.
     outcome
         "ok", or a sentence that says why the value is unreliable or missing.
     signal, noise
@@ -610,9 +613,10 @@ def run_evidence_method(
         Seed of all random numbers.
     draws
         Draws of the sampler "nuts" in natural units, shape (chain, draw, parameter), for methods that need draws
-        (bridge). If None, such a method samples its own draws.
+        (bridge); other methods ignore them. If None, such a method samples its own draws.
     outcome
-        Outcome of the sampler with these draws: "ok", or a sentence that says why they are unreliable.
+        Outcome of the sampler with these draws: "ok", or a sentence that says why they are unreliable. It has no effect
+        without draws.
 
     Raises
     ------

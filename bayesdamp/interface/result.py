@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 GivenAxes: TypeAlias = "Axes | Sequence[Axes] | NDArray[Any] | None"
 """Axes that a user may pass: one, several, the array from `plt.subplots`, or None."""
 VALUES_FILE = "result.json"
-"""Name of the file with plain values inside a saved result; the arrays are next to it."""
+"""Name of the file with the plain values in a saved result, which is a zip archive; its other files are the arrays."""
 KINDS = (
     "Record", "Signal", "Model", "Estimate", "Fit", "Posterior", "Evidence", "Comparison", "Prediction",
 )  # fmt: skip
@@ -77,7 +77,7 @@ class Result(ResultView):
         Raises
         ------
         InputError
-            If the file does not contain a result of this class.
+            If the file is missing or damaged, or does not contain a result of this class.
         """
         result = _read(path)
         if not isinstance(result, cls):
@@ -90,13 +90,13 @@ class Result(ResultView):
 def load(path: str | Path) -> Any:
     """Load a result, a verdict or a run.
 
-    The path is a file that `save` wrote, a verdict in JSON, or the folder of a run. The method `load` of a class, such
-    as `Fit.load(path)`, also checks the type.
+    The path is a file that `save` wrote, a verdict in a file that ends in .json, or the folder of a run. The method
+    `load` of a class, such as `Fit.load(path)`, also checks the type.
 
     Raises
     ------
     InputError
-        If the path is none of these.
+        If the path is none of these, or the file contains several verdicts (use `Verdict.load(path, record)`).
     """
     path = Path(path)
     if path.is_dir():
@@ -174,7 +174,8 @@ def get_axes(
     count
         Number of axes that are needed.
     columns, heights, size
-        Number of columns, relative heights of the rows, and size in inches of a new figure.
+        Number of columns, relative heights of the rows, and size in inches of a new figure. `count` must be a
+        multiple of `columns`.
 
     Raises
     ------

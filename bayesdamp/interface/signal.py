@@ -86,7 +86,7 @@ class Signal(Result, types.Signal):
 
     @property
     def own_unit(self) -> Unit:
-        """The unit of the recorded file, which figures and tables use."""
+        """The unit of displacement in the recorded file (of the values for rpm, g), which figures and tables use."""
         return UNITS[self.provenance.unit or self.unit]
 
     def summary(self) -> pd.DataFrame:
@@ -112,7 +112,7 @@ class Signal(Result, types.Signal):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot the record in the unit of its file, and return the axes.
 
-        The parts that were cut away are grey; the title gives the reasons.
+        The parts that were cut away are grey; the title contains the signal's `notes`.
         """
         ax = get_axes(ax)[0]
         begun = self.provenance.start if self.whole_t.size else 0.0
@@ -136,8 +136,8 @@ class Signal(Result, types.Signal):
     def of(cls, signal: types.Signal, **more: Any) -> Self:
         """Convert a plain signal to this class, which can be plotted, printed and saved.
 
-        A signal that is already of this class is returned unchanged. `more`: values of further fields, such as whole_t
-        and whole_y.
+        A signal that is already of this class is returned unchanged, and `more` is ignored. `more`: values of the
+        fields whole_t and whole_y.
         """
         if isinstance(signal, cls):
             return signal
@@ -165,14 +165,16 @@ def signal(
     t
         Times in s, shape (n,).
     y
-        The recorded quantity, shape (n,), in the unit that follows from `unit` and `quantity`.
+        The recorded quantity, shape (n,), in the unit that follows from `unit` and `quantity`. With `rate`, it is the
+        first argument.
     rate
         Sampling rate in Hz, instead of the times: `signal(y, rate=500.0)`.
     unit
         Unit of the displacement, by its name in `bayesdamp.types.UNITS` or as in the header of a column (`°`,
-        `degrees`). A velocity is in this unit per s, an acceleration in this unit per s².
+        `degrees`). A velocity is in this unit per s, an acceleration in this unit per s². The units rpm, dps, g and mg
+        are those of the velocity or acceleration itself.
     quantity
-        "angle" (any displacement), "velocity" or "acceleration"; by default "angle".
+        "angle" (any displacement), "velocity" or "acceleration"; by default that of the unit (rpm, g), else "angle".
     name
         Name of the signal.
     cleaned
@@ -188,7 +190,8 @@ def signal(
     Raises
     ------
     InputError
-        If the arrays are not a valid record, or do not contain an oscillation.
+        If an argument is invalid, or the arrays are not a valid record or (if `cleaned`) do not contain two periods of
+        an oscillation.
 
     Examples
     --------
@@ -347,7 +350,8 @@ class Record(Result):
         Raises
         ------
         InputError
-            If the run does not exist, or does not contain two periods of an oscillation.
+            If the run does not exist, another argument is invalid, or the run does not contain two periods of an
+            oscillation.
         """
         if run not in self.runs:
             raise InputError(
@@ -360,7 +364,7 @@ class Record(Result):
     def signals(self) -> tuple[Signal, ...]:
         """Return the free decay of each run, as the method `signal` with its default arguments.
 
-        Raises InputError if a run does not contain two periods of an oscillation.
+        Raises InputError if any run does not contain two periods of an oscillation.
         """
         return tuple(self.signal(run) for run in self.runs)
 
@@ -407,6 +411,11 @@ def read(
         Names of the channels to read; by default all that oscillate. Each run of each channel is a run of the record.
     time_unit
         Unit of the times (`"ms"`, `"us"`, `"h"` ...); by default from the file, otherwise s.
+
+    Returns
+    -------
+    Record
+        The runs as they were read; `Record.signal` returns the free decay of one of them.
 
     Raises
     ------

@@ -18,8 +18,8 @@ from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import InputError
 
 START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
-"""Default values of simulated records: displacement and velocity at the start (rad, rad/s), and the velocity within
-which Coulomb friction changes its sign (0: the sign function)."""
+"""Default values of simulated records: displacement and velocity at the start (rad and rad/s, or m and m/s), and the
+velocity within which Coulomb friction changes its sign (0: the sign function)."""
 AT_REST = {"rest_angle": 0.0, "spring_angle": 0.0}
 """Default values of the two angles that shift the equilibrium of the oscillator. With these values the equilibrium is
 at 0, unless gravity shifts it."""
@@ -55,7 +55,7 @@ def simulate(
     duration
         Length of the record in s.
     samples
-        Number of equally spaced samples from 0 to `duration`.
+        Number of equally spaced samples from 0 to `duration`, before gaps are removed.
     noise_sd
         Standard deviation of the noise, in the unit of the quantity; for "student_t" the scale of the distribution.
     noise
@@ -64,13 +64,13 @@ def simulate(
         Number of outliers; a number below 1 is their fraction of the samples. Each shifts a sample by 0.3 to 1 times
         half of the range of the motion.
     gaps
-        Number of gaps without samples, each 1/50 of the record.
+        Number of gaps; each removes 1/50 of all samples.
     quantum
         Step to which values are rounded, in the unit of the quantity; 0 for no rounding.
     quantity
         "angle" (any displacement), "velocity" or "acceleration".
     unit
-        Unit of the displacement, "rad" or "m"; a velocity is in this unit per s.
+        Unit of the displacement, "rad" or "m"; a velocity is in this unit per s, an acceleration per s².
     seed
         Seed of all random numbers.
     name
@@ -148,7 +148,7 @@ def simulate_source(
     Raises
     ------
     InputError
-        If the motion grows without bound.
+        If the motion grows without bound, or the gaps take more than half of the record.
     """
     return simulate_signal(
         Oscillator(source.damping, restoring),

@@ -57,7 +57,8 @@ def decide(
     exist, instead of those of the law. With another grade, it contains the law-free frequency in three cases: if it
     contradicts that of the best restoring law, if it has the narrower interval at the same amplitude, or if the law
     gives none. The natural frequency is left out if law-free values replace or contradict it, or if it is not
-    determined (`thresholds.UNDETERMINED`).
+    determined (`thresholds.UNDETERMINED`). With law-free ratios, the energies of terms and forms are left out too. If a
+    law-free ratio contradicts the law, so are exponent and coefficients.
 
     Parameters
     ----------
@@ -70,8 +71,8 @@ def decide(
     quantity
         The recorded quantity, as in `Verdict`.
     measured
-        Whether the record is a measurement. If it is, and `approximate` is True, probabilities are at most
-        `thresholds.CAP`.
+        Whether the record is a measurement. If it is, and `approximate` is True, the probabilities of compared sums and
+        of the restoring law are at most `thresholds.CAP`; those of other forms of damping are not limited.
     approximate
         Whether the damping and restoring laws may hold approximately. If False, the grade is `EXACT`, unless the
         law-free damping contradicts the law.

@@ -306,8 +306,8 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
 def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[DampingLikelihood, ...]]:
     """Return the likelihoods of the records of a specimen, for each sum of damping terms compared on all of them.
 
-    The result contains, by name of the sum, one likelihood for each record with a decay. It is empty if no record has a
-    decay.
+    The result contains, by name of the sum, one likelihood for each record with a decay. Sums whose terms have inferred
+    parameters besides their coefficients are left out. It is empty if no record has a decay, or no sum is left.
 
     The likelihood of a record is a function of the scores of the sum's terms. The score of a term is its damping ratio
     at a reference amplitude, divided by `SCORE_RATIO`. The reference amplitude is the geometric mean of the records'
@@ -349,8 +349,9 @@ def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[Dam
 def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | None:
     """Compare sums of damping terms on all records of a specimen together; return None if fewer than two have a decay.
 
-    All records have the same coefficients, times a factor for each record. The log deviation g of the damping from its
-    law is inferred for each record, but its size and correlation length are common to all.
+    The result contains the probability and the joint posterior of each sum. It is also None if `shared_likelihoods`
+    contains no sum. All records have the same coefficients, times a factor for each record. The log deviation g of the
+    damping from its law is inferred for each record, but its size and correlation length are common to all.
 
     Raises
     ------
@@ -418,7 +419,8 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     the frequency of a record is unknown, the decay rate is used instead of Q. Unless the damping is viscous with a
     probability of at least `thresholds.DECIDED`, Q is assumed to depend on the amplitude. The common Q is then computed
     at three amplitudes that all records have in common, and `quality_factor` or `rate` is that at the middle one. If
-    there are no common amplitudes, it is computed from the mean Q of each record, and a remark says so.
+    there are no common amplitudes, it is computed from the mean Q of each record, and a remark says so. If no sum can
+    be compared on all records together (`joint_damping`), the damping is "".
 
     Parameters
     ----------

@@ -16,11 +16,11 @@ those with different ones do not."""
 class Grade(StrEnum):
     """How well a law of damping describes the record, the best first; or why no law was compared.
 
-    EXACT: the damping follows its law within a small limit (for an envelope: the law probably holds exactly).
-    APPROXIMATE: the deviation from the law may be larger, but the law is still the answer. DEVIATES: the deviation, or
-    the unexplained residual, is so large that no law is named as the answer. NO_FREE_DECAY: the record is not the free
-    decay of one oscillator. NOT_WEIGHED: no model could be fitted. `decide.grade_of`, and for an envelope
-    `envelope.answer`, state the limits.
+    EXACT: the damping follows its law within a small limit (for an envelope: the law probably holds exactly), or laws
+    were assumed to hold exactly. APPROXIMATE: the deviation from the law may be larger, but the law is still the
+    answer. DEVIATES: the deviation, or the unexplained residual, is so large that no law is named as the answer.
+    NO_FREE_DECAY: the record is not the free decay of one oscillator. NOT_WEIGHED: no model could be fitted.
+    `decide.grade_of`, and for an envelope `envelope.answer`, state the limits.
     """
 
     EXACT = "exact"
@@ -101,7 +101,7 @@ class DampingRatio(AtAmplitude):
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A parameter of the most probable damping or restoring law, with its total 95 % interval, from low to high.
+    """A parameter of the damping or restoring law that a verdict names, with its total 95 % interval, low to high.
 
     sd_noise, sd_law: the parts of its standard deviation that are due to noise and to deviations of the damping from
     its law; NaN if unknown. unit: unit of all these numbers.
@@ -175,7 +175,7 @@ class Averages:
 
     Amplitudes and phases that are averaged over blocks of cycles are then fitted instead of the full motion. cycles:
     number of cycles in the record. error_sd: largest shift of a parameter by the averaging, in posterior standard
-    deviations.
+    deviations; infinite if it could not be computed.
     """
 
     cycles: float
@@ -220,7 +220,7 @@ def quality_of(r: DampingRatio) -> str:
     """Return the quality factor Q = 1/(2 × damping ratio) as text with its 95 % interval.
 
     If the interval of the damping ratio includes 0, the text contains only the value and the lower limit. If the
-    damping ratio itself is not positive, the text is a dash.
+    damping ratio itself is not positive or NaN, the text is a dash.
     """
     if not r.value > 0:
         return fmt.NONE

@@ -39,10 +39,10 @@ Curve = Mapping[str, np.ndarray]
 class PooledMean:
     """The mean of a number over records, and the spread between records.
 
-    mean, sd: posterior mean and standard deviation of the mean. spread, spread_low, spread_high: posterior median of
-    the standard deviation between records, with its 95 % interval. low, high: 95 % interval of the measured value of
-    one more record, whose standard error is the median of the records' standard errors. All are in the unit of the
-    number.
+    mean, sd: posterior mean and standard deviation of the common mean. spread, spread_low, spread_high: posterior
+    median of the standard deviation between records, with its 95 % interval. low, high: 95 % interval of the measured
+    value of one more record, whose standard error is the median of the records' standard errors. All are in the unit of
+    the number.
     """
 
     mean: float
@@ -57,9 +57,9 @@ class PooledMean:
 def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
     """Infer the mean of a number over several records, and the spread between them, from the records' values.
 
-    The true values of the records differ by a normal random effect, whose standard deviation is the spread. The spread
-    has a half-Cauchy prior (for its scale, see `PRIOR_SCATTERS`), and the mean has a flat prior. For a single record
-    the spread is 0.
+    The result also contains an interval for one more record (see `PooledMean`). The true values of the records differ
+    by a normal random effect, whose standard deviation is the spread. The spread has a half-Cauchy prior (for its
+    scale, see `PRIOR_SCATTERS`), and the mean has a flat prior. For a single record the spread is 0.
 
     Parameters
     ----------
@@ -105,8 +105,9 @@ class RecordAnswer:
     """The answer on one record: its verdict, its comparison of dampings, and its damping curve.
 
     curve: arrays `amplitude` (in the base unit), `ratio` (damping ratio, a fraction), `low` and `high` (ends of its
-    95 % interval). If the laws may hold approximately, also `over` and `over_sd`: mean and standard deviation of
-    ln(damping ratio / damping ratio without deviations from the law).
+    95 % interval); the last three are missing if no law is the answer (`verdict.law_free`). If the laws may hold
+    approximately, also `over` and `over_sd`: mean and standard deviation of ln(damping ratio / damping ratio without
+    deviations from the law).
     """
 
     verdict: Verdict
@@ -124,7 +125,8 @@ def specimen(
 ) -> Verdict:
     """Return the verdict on a specimen (one object that was recorded several times) from the answers on its records.
 
-    All records have the same damping, times a factor for each record, whose spread is inferred.
+    All records have the same damping, times a factor for each record, whose spread is inferred. The verdict has the
+    grade `NOT_WEIGHED` if no model was fitted to all records, and no coefficients if a record contradicts its law.
 
     Parameters
     ----------
@@ -143,6 +145,11 @@ def specimen(
         Amplitudes, in the base unit (rad, m or the sensor's), at which to give the damping ratio; by default those that
         `choose_amplitudes` returns. At an amplitude outside the ranges of all records the ratio is extrapolated, and a
         remark says so.
+
+    Returns
+    -------
+    Verdict
+        The verdict, with amplitudes in the base unit.
 
     Raises
     ------
@@ -293,7 +300,8 @@ def coefficients_of(comparison: SpecimenComparison, damping: str, unit: str) -> 
     """Return the parameters of a sum of damping terms that all records of a specimen have in common.
 
     They are from the joint posterior of all records with the restoring law that is most probable with this sum. The
-    result is empty if there is no joint posterior. unit: base unit of the records.
+    result is empty if there is no joint posterior of this sum. `sd_noise` and `sd_law` of each are NaN. unit: base unit
+    of the records.
     """
     models = [m for m in comparison.repeats if m[0] == damping]
     if not models:
@@ -470,8 +478,12 @@ def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]
         The verdict that is checked.
     ratios
         The other damping ratios: the value and both ends of its 95 % interval (dimensionless), in the order of the
-        verdict's amplitudes. At least one is needed. If there are fewer ratios than amplitudes, the last amplitudes are
-        not compared.
+        verdict's amplitudes. If there are fewer ratios than amplitudes, the last amplitudes are not compared.
+
+    Raises
+    ------
+    ValueError
+        If there is no ratio to compare.
     """
     return max(
         _compare(first, ratios),
@@ -482,8 +494,8 @@ def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]
 def agreement(first: Verdict, second: Verdict) -> Agreement:
     """Compare a second verdict on a record with the first: the damping that they name, and their damping ratios.
 
-    The order of the terms in a damping sum does not matter. The damping ratios of both verdicts must be at the same
-    amplitudes, in the same order.
+    The result is an `Agreement`. The order of the terms in a damping sum does not matter. The damping ratios of both
+    verdicts must be at the same amplitudes, in the same order.
     """
     dampings = {frozenset(v.damping.split("+")) if v.decided else frozenset() for v in (first, second)}
     comparisons = _compare(first, [(r.value, r.low, r.high) for r in second.damping_ratio])

@@ -9,15 +9,18 @@ from math import log
 DECIDED = 0.95
 """One damping is named without reservation only if its probability is at least this (conventional)."""
 CAP = 0.99
-"""Largest probability that a verdict gives for a measured record. Measured on records whose laws do not hold exactly:
-nine in ten statements with a probability above 0.95 were right."""
+"""Largest probability of a sum of damping terms or a restoring law that a verdict gives for a measured record. Measured
+on records whose laws do not hold exactly: nine in ten statements with a probability above 0.95 were right."""
 NAMED = 0.05
-"""The sentence of a verdict mentions another damping if its probability is at least this."""
+"""If a verdict does not decide on a damping, its sentence mentions up to two other dampings whose probability is at
+least this. The sentence on the energy mentions another form of damping from the same probability."""
 EXACT = 0.03
-"""The grade is exact if the 95 % interval of the deviation from the damping law (a fraction) ends at or below this."""
+"""The grade is exact if the 95 % interval of the deviation from the damping law (a fraction) ends at or below this,
+unless another limit makes it `DEVIATES`."""
 DEVIATES = 0.25
 """If the deviation from the damping law is larger than this fraction, the grade is `DEVIATES`: no law is named as the
-answer. The median of the deviation is compared; for an envelope its 97.5 % quantile."""
+answer. The median of the deviation is compared; for an envelope its 97.5 % quantile, unless its grade is exact. The
+same limit decides at which amplitude the damping surely differs from that of its law (`Verdict.over_law`)."""
 RESTORING_DEVIATES = 0.05
 """The grade is `DEVIATES` if the 95 % interval of the deviation from the restoring law (a fraction) begins above
 this."""
@@ -40,7 +43,7 @@ envelope. If the factor is larger, the grade is `DEVIATES`, and decay rates are 
 not apply if one sum is probable enough (`DECIDED`) and holds well enough to be named, or if there are fewer than
 `FEW_READINGS` readings."""
 UNEXPLAINED = 0.05
-"""The grade is `DEVIATES` if the rms residual beyond the noise is larger than this fraction of the amplitude."""
+"""The grade is `DEVIATES` if the rms residual beyond the noise is larger than this fraction of the first amplitude."""
 UNDESCRIBED = 0.5
 """The verdict says that no damping model describes the record if the rms residual beyond the noise is larger than this
 fraction of the amplitude (conventional: half)."""
@@ -51,7 +54,8 @@ SMALL_OTHER_MOTION = 0.01
 """Limit that replaces `OTHER_MOTION` if no law of one oscillator fits the record, but two oscillations explain it to
 its noise (conventional)."""
 REMARK = 0.01
-"""A remark mentions the rms residual beyond the noise if it is at least this fraction of the amplitude."""
+"""A remark mentions the rms residual beyond the noise if it is at least this fraction of the first amplitude. If no law
+is the answer, the record is then searched again for a second oscillation (`no_free_decay`)."""
 EXTRAPOLATED = 0.005
 """The natural frequency is given only as an extrapolation if it differs by more than this fraction from the frequency
 at an amplitude of the record, or if half its 95 % interval is more than this fraction of it (conventional)."""
@@ -68,8 +72,8 @@ TWIN = 0.3
 """A twin of a damping term is another term with the same energy loss at every amplitude. If the 95 % upper limit of the
 twin's fraction of the energy is at least this, a sum without the twin is named only with reservation (conventional)."""
 TERM_SURE = 0.95
-"""The sentence says that the damping surely contains a term if all sums with this term together have at least this
-probability."""
+"""If a verdict does not decide on a damping, its sentence says that the damping surely contains a term if all dampings
+with this term together have at least this probability."""
 EXPONENT_NAMED = 0.3
 """The sentence on a power law of the damping force names the damping with this exponent (Coulomb 0, viscous 1,
 quadratic 2) only if half the exponent's 95 % interval is at most this."""

@@ -47,7 +47,11 @@ _RATIOS = 3
 
 
 def _cells(name: str, value: Any) -> dict[str, object]:
-    """Return the cells of verdicts.csv, by column, for the value of the field `name`."""
+    """Return the cells of verdicts.csv, by column, for the value of the field `name`.
+
+    Rivals, other forms, energies and remarks become one text each. For energies there is also a cell for each term,
+    with the probability that the damping contains it. Of damping ratios only the first `_RATIOS` are used.
+    """
     match name:
         case "rivals":
             return {name: " ".join(f"{r.damping}:{r.probability:.4g}" for r in value)}
@@ -88,13 +92,15 @@ class Verdict(CheckedMethods):
         Whether the record decides which damping it is; False if other dampings remain possible.
     damping, probability, rivals
         The most probable of the compared sums of damping terms, with its terms joined by + ("" if none was compared);
-        its probability; and all other dampings with their probabilities. The rivals include forms of damping outside
-        the compared sums, which may be more probable.
+        its probability (NaN if none was compared; at most `thresholds.CAP`, unless the record is simulated or the laws
+        were assumed to hold exactly); and all other dampings with their probabilities. The rivals include forms of
+        damping outside the compared sums, which may be more probable.
     restoring, restoring_probability
         Name and probability of the most probable restoring law; "" and NaN for an envelope.
     frequency
-        Natural frequency of small oscillations in Hz, from the restoring law; None if the record does not determine
-        it. For an envelope: the frequency of its oscillation, if it was specified.
+        Natural frequency of small oscillations in Hz, from the restoring law; None if the record does not determine or
+        contradicts it. For an envelope: the frequency of its oscillation, if it was specified. For a record that is not
+        a free decay: the frequency of its largest oscillation.
     frequency_at
         Frequency in Hz at the smallest amplitude of `damping_ratio` (or close to it; the amplitude is included). It
         may be measured without a law although `law_free` is False: if the measured value is more precise than that
@@ -106,6 +112,7 @@ class Verdict(CheckedMethods):
     energy, other_forms
         The share of the energy that each compared term dissipates, whether it is in `damping` or not; and upper limits
         for the shares of forms of damping that are not in `damping`. Both are fractions; both are empty if `law_free`.
+        For an envelope or a specimen, `other_forms` is empty.
     deviation, restoring_deviation
         Energy-weighted mean of the relative deviation from the damping law, and from the restoring law, as fractions
         with 95 % intervals; None if laws were assumed to hold exactly. For an envelope, `deviation` is the root mean
@@ -115,7 +122,8 @@ class Verdict(CheckedMethods):
         furthest from 1. It is given only if the whole interval is above 1 + D or below 1/(1 + D), with D =
         `thresholds.DEVIATES`; otherwise None.
     unexplained_pct, noise_pct
-        Rms of the unexplained residual, and of the noise of a sample, in % of the first amplitude.
+        Rms of the unexplained residual, and of the noise of a sample, in % of the first amplitude (for an envelope, of
+        the amplitude).
     midline_drift_pct
         Drift of the midline (signed) over the record in % of the first amplitude; 0 where it is not significant.
     law_free, contradicted
@@ -123,7 +131,7 @@ class Verdict(CheckedMethods):
         and whether no law is the answer because the best damping law contradicts the measured damping ratios.
     coefficients
         Parameters of the damping that is named and of the restoring law, in base units (rad, m or the sensor's, and s).
-        For a specimen, only those of the damping.
+        For a specimen, only those of the damping. Empty if `contradicted`.
     motion, modes
         For a record that is not a free decay of one oscillator: the kind of motion, and its oscillations, the largest
         first.
@@ -147,7 +155,7 @@ class Verdict(CheckedMethods):
         For several records: predictions for one more record, with 95 % intervals. next_record: its damping ratios.
         next_value: for envelopes, its quality factor, or its decay rate if the frequency is not known.
     remarks, sentence
-        Reservations, the largest first; and the answer in one sentence.
+        Reservations, the largest first, then other information; and the answer in one sentence.
     """
 
     record: str
@@ -197,17 +205,18 @@ class Verdict(CheckedMethods):
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """Return the probabilities of all compared dampings and other forms, by name; the named damping is first."""
+        """Return the probabilities of all compared dampings and other forms, by name; `damping` is first."""
         return {self.damping: self.probability, **{r.damping: r.probability for r in self.rivals}}
 
     def summary(self) -> pd.DataFrame:
-        """Return the verdict as a table with one row and the columns of verdicts.csv."""
+        """Return the verdict as a table with one row and the columns of verdicts.csv; see `row` for those left out."""
         return data_frame([self.row()])
 
     def row(self) -> dict[str, object]:
         """Return the cells of this verdict's row in verdicts.csv, by column, without those of fields that are None.
 
-        `columns()` lists the columns. Amplitudes are in this verdict's own unit.
+        `columns()` lists the columns; each other damping term in `energy` has a further one. Amplitudes are in this
+        verdict's own unit.
         """
         row: dict[str, object] = {}
         for f in fields(self):
@@ -230,11 +239,11 @@ class Verdict(CheckedMethods):
         return join(cls, {name: value for name, value in given.items() if name != "schema"})
 
     def to_json(self) -> str:
-        """Return JSON as in `verdict.json`, but with amplitudes in this verdict's own unit."""
+        """Return one JSON object as in the list of `verdict.json`, but with amplitudes in this verdict's own unit."""
         return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
 
     def save(self, path: str | Path) -> Path:
-        """Write the verdict as JSON atomically, and return the path.
+        """Write the JSON of `to_json` to a file, atomically, and return its path. An existing file is replaced.
 
         Raises
         ------
@@ -247,17 +256,20 @@ class Verdict(CheckedMethods):
     def load(cls, path: str | Path, record: str | None = None) -> Verdict:
         """Read a verdict from a file that `save` wrote, or one of the verdicts in the verdict.json of a run.
 
+        Amplitudes are in the unit in which they were saved; in a verdict.json this is the base unit.
+
         Parameters
         ----------
         path
             The file.
         record
-            Name of the record; needed only if the file contains several verdicts.
+            Name of the record or specimen. If None, the file must contain exactly one verdict.
 
         Raises
         ------
         InputError
-            If the file contains no verdict, or several verdicts of which `record` does not select exactly one.
+            If the file is missing, contains no verdict of this version, or does not contain exactly one verdict (on
+            `record`, if it is given).
         """
         try:
             verdicts = load_verdicts(Path(path))
@@ -337,7 +349,7 @@ def save_verdicts(folder: Path, verdicts: Sequence[Verdict], shown: Sequence[Ver
     folder
         The run's folder.
     verdicts
-        Verdicts on the records in their order, then those on specimens.
+        Verdicts on the records in their order, then those on specimens. They are written to verdict.json unchanged.
     shown
         The same verdicts in the units of the records' files, for the table; `verdicts` by default.
     """

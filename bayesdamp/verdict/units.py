@@ -20,8 +20,10 @@ s²."""
 def in_unit(v: Verdict, unit: Unit) -> Verdict:
     """Return the verdict with its amplitudes, also those in its sentence, converted to the unit of the record's file.
 
-    Coefficients stay in the units of the equation of motion (rad or m, and s). The verdict is returned unchanged if it
-    has no amplitudes, if its amplitudes are not in the base unit, or if `unit` is the base unit.
+    `unit` may also be a unit of velocity or acceleration (rpm, g); amplitudes are then in its base unit. Coefficients
+    stay in the units of the equation of motion (rad or m, and s), and the texts of remarks are not changed. The verdict
+    is returned unchanged if it has no amplitudes, if its amplitudes are not in the base unit, or if `unit` is the base
+    unit.
     """
     own, amplitudes = unit.displacement, (*v.damping_ratio, *v.modes)
     if not amplitudes or own.base == own.name or any(r.unit != own.base for r in amplitudes):
@@ -44,8 +46,9 @@ def in_unit(v: Verdict, unit: Unit) -> Verdict:
 def picture_in_unit(arrays: Mapping[str, np.ndarray], unit: Unit) -> dict[str, np.ndarray]:
     """Return the arrays of a figure, converted from the base unit (rad or m) to the unit of the record's file.
 
-    The arrays are those of `inference.deviation.findings.picture`. Displacements are then in the unit of displacement
-    of `unit`, and energies in its square per s². Other arrays, such as damping ratios, are not changed.
+    The arrays are those of `Answer.arrays` of an oscillation. Displacements are then in the unit of displacement of
+    `unit`, recorded velocities and accelerations in this unit per s and s², and energies in its square per s². Other
+    arrays, such as damping ratios, are not changed.
     """
     scale = unit.displacement.scale
 

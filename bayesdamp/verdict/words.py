@@ -234,14 +234,14 @@ def _capitalise(text: str) -> str:
 
 
 def is_specified(i: Interval) -> bool:
-    """Return whether a number was specified and not inferred: its interval has no width."""
+    """Return whether a number counts as specified and not inferred, which is so if its interval has no width."""
     return i.high - i.low <= 2e-12 * abs(i.value)
 
 
 def plus_minus(i: Interval) -> str:
     """Return a number with its 95 % interval as text, such as `3.4643 ± 0.0006 Hz`, where ± is half the interval.
 
-    An asymmetric interval is in brackets. A value that was specified and not inferred is followed by "(specified)".
+    An asymmetric interval is in brackets. A value whose interval has no width is followed by "(specified)".
     """
     up, down = i.high - i.value, i.value - i.low
     half, unit = 0.5 * (up + down), f" {i.unit}" if i.unit else ""
