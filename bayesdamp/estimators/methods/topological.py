@@ -102,7 +102,9 @@ class Topological(Estimator[TopologicalOptions]):
     ) -> Estimate:
         """Compute the coefficient from the decrease of the persistence lifetimes, without a standard error.
 
-        Unknown restoring parameters and an unknown start come from the record's features and the smoothed record.
+        The formulas use the natural frequency if all restoring parameters are known, else that of the record. Unknown
+        restoring parameters and an unknown start come from the record's features and the smoothed record. Raises
+        Refusal if too few lifetimes exceed the noise.
         """
         features = checked_features(signal)
         osc, known = oscillator(problem), known_restoring(problem)
@@ -220,7 +222,7 @@ def _published_coefficient(damping: str, pairs: Pairs, omega: float) -> float:
     ln[(2μ v_i − 1)/(2μ p_{i+1} − 1)]/(2μ), which follows from u = θ̇², du/dθ = −2ω_n²θ − 2μu. The result is the median
     of μ over the first four half cycles, in 1/rad. Each half cycle is taken about its own midline, because the formula
     assumes zero mean. A half cycle whose maximum is not smaller than its minimum in size counts as μ = 0. Raises
-    Refusal if there is no such half cycle.
+    Refusal if no two successive cycles have a component.
     """
     longest, shorter, n = pairs.choose_lifetimes()
     if damping == "viscous":
