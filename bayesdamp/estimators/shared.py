@@ -246,10 +246,10 @@ def has_noise(signal: Signal, features: Features) -> bool:
 def noise_level(signal: Signal) -> float:
     """Return the standard deviation of the noise in the record's unit; the rounding error if there is no noise.
 
-    It is computed from the median absolute residual of a spline of degree 7 with a knot at every fourth sample. The
-    median is not affected by the sudden changes that Coulomb friction causes. With fewer than 40 samples, it is
-    computed from sixth differences of the samples. It is at least step/√12, the noise of quantisation with the
-    recording step.
+    It is computed from the median absolute residual of a spline of degree 7 with a knot at every fourth sample, for a
+    long record in parts of it (`NOISE_PARTS`). The median is not affected by the sudden changes that Coulomb friction
+    causes. With fewer than 40 samples, it is computed from sixth differences of the samples. It is at least
+    `signal.step`/√12, the noise of quantisation.
     """
     t, y = signal.t, signal.y
     if t.size < 40:
@@ -541,7 +541,8 @@ class Estimator(ABC, Generic[OptionsType]):
         Returns
         -------
         Estimate
-            Values of the damping coefficients and of the unknown restoring and start parameters, by name, in SI units.
+            Values of the damping coefficients and of the unknown restoring and start parameters, by name, in SI units;
+            standard errors if the method gives any; and an outcome that is not OK if the values are doubtful.
             `estimators.run` adds the estimator's name, the stage and the duration.
 
         Raises

@@ -169,7 +169,10 @@ class Genes:
         self.positive = np.arange(len(self.names)) < len(self.osc.terms)
 
     def decode(self, u: np.ndarray) -> dict[str, np.ndarray]:
-        """Convert variables of the search, (m, d), to the values (m,) of every parameter of m trajectories, by name."""
+        """Convert variables of the search, (m, d), to the values (m,) of every parameter of m trajectories, by name.
+
+        Stiffness and angle are not finite where `_balance` does not give them.
+        """
         x = dict(zip(self.names, (self.low + u * (self.high - self.low)).T))
         p = {name: np.full(u.shape[0], float(self.base.get(name, 0.0))) for name in self.osc.inputs}
         p |= {name: value for name, value in x.items() if name not in self.balanced}

@@ -239,7 +239,8 @@ class Simulator:
         """Simulate records to train and test the network, with the logarithm of the coefficient in centre ± half.
 
         About `records` are for training, and a tenth more (at least 64) for tests. Records whose trajectory is
-        unbounded are left out. Each of the others is used `COPIES` times, with different noise.
+        unbounded are left out. Each of the others is used `COPIES` times, with different noise. Raises Refusal if most
+        trajectories are unbounded.
 
         Returns
         -------

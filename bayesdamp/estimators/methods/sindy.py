@@ -98,7 +98,10 @@ class OscillationSpline:
         return BSpline(self.knots, self.coefficients, DEGREE)
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
-        """Smooth other values x (n,) at the same samples in the same way as the record; return them, (n,)."""
+        """Smooth other values x (n,) at the same samples, with the penalty of the record; return them, (n,).
+
+        The samples that were left out of the record's fit are left out here too.
+        """
         return self._designs[0] @ self._solve(self._designs[0].T @ (self._weight * x))
 
     def _solve(self, right: np.ndarray) -> np.ndarray:

@@ -140,9 +140,10 @@ class Topological(Estimator[TopologicalOptions]):
 def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the finite sublevel components of y (n,) at times t (n,), in time order: three arrays (k,).
 
-    They are the values of y at birth (a minimum), at death (a maximum), and the times of birth. A component of the
-    sublevel sets {y ≤ c} begins, as c rises, at a minimum, and ends when it joins one that began lower. period: in s,
-    like t. Components that are born within a tenth of a period of an end of the record are incomplete and left out.
+    They are the values of y at birth (a minimum), at death (a maximum), and the times of birth; k = 0 if there are
+    none. A component of the sublevel sets {y ≤ c} begins, as c rises, at a minimum, and ends when it joins one that
+    began lower. period: in s, like t. Components that are born within a tenth of a period of an end of the record are
+    incomplete and left out.
     """
     cells = optional_package("gudhi").CubicalComplex(top_dimensional_cells=y)
     cells.persistence(homology_coeff_field=2, min_persistence=0)
