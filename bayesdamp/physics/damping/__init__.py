@@ -96,13 +96,15 @@ class DampingTerm(ABC):
     arguments, after the parameters in `inferred`."""
     bounded: bool = True
     """Whether an analysis whose model lacks this term reports an upper limit of the fraction of the dissipated energy
-    that this term could cause."""
+    that this term could cause. It has no effect for viscous, Coulomb and quadratic damping, and for terms that a user
+    adds."""
     twin: str = ""
     """Name of another term whose energy loss per cycle depends on the amplitude in the same way, so that only the
     motion within a cycle distinguishes the two; "" if there is none."""
     reduces: tuple[tuple[str, float], ...] = ()
     """Pairs of a parameter's name and a value. With these values the term equals a simpler term, for example Coulomb
-    friction. The upper limit of such a term (`bounded`) is then for the part of its force beyond the simpler term."""
+    friction. Fits start at these values. The upper limit of such a term (`bounded`) is then for the part of its force
+    beyond the simpler term."""
 
     @property
     def placed(self) -> bool:
