@@ -63,7 +63,7 @@ def parse_options(name: str, options: Mapping[str, object] | None, shown: str | 
     Raises
     ------
     InputError
-        If an option is unknown or its value is wrong. The message names the nearest valid option or the valid values.
+        If the estimator or an option is unknown, or the value of an option is wrong.
     """
     shown = shown or name
     model = ESTIMATORS.get(name).options
@@ -110,13 +110,15 @@ def run(
     Returns
     -------
     list of Estimate
-        An estimate for each stage, in the order of `STAGES`. If a method cannot be applied to the record, its estimate
-        has no values, and its outcome is the reason. Other exceptions propagate.
+        An estimate for each stage, in the order of `STAGES`. If a method cannot be applied to the record, or a value is
+        not finite, the estimate has no values, and its outcome is the reason. Without an initial estimate there is no
+        refined one either. Exceptions other than Refusal propagate.
 
     Raises
     ------
     InputError
-        If the estimator, an option or a stage is unknown.
+        If the estimator, an option, a stage or a damping term is unknown, the value of an option is wrong, or no
+        oscillation is possible with the known restoring parameters.
     """
     for stage in stages:
         if stage not in STAGES:

@@ -59,7 +59,7 @@ class ScoredExpression:
     """An expression on the Pareto front: no other expression found by the search is both shorter and more accurate.
 
     expression: the SymPy expression of v. length: number of nodes of its tree as Operon found it. error: mean square
-    error on the data of the search.
+    error on the data of the search, in their squared unit.
     """
 
     expression: Any

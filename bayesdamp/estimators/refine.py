@@ -59,9 +59,9 @@ search also ends if each parameter changed by at most the second number (relativ
 class Minimum(NamedTuple):
     """The result of a search for the minimum of a sum of squares.
 
-    x: values of the k parameters at the minimum, (k,). cost: lowest sum of squares. evaluations: number of evaluations
-    of the residuals and their Jacobian. converged: whether a limit of convergence, not the step limit, ended the
-    search.
+    x: values of the k parameters at the minimum, (k,). cost: lowest sum of squares; ∞ if the residuals at the start are
+    not finite. evaluations: number of evaluations of the residuals and their Jacobian. converged: whether a limit of
+    convergence ended the search; False if it ended without success, for example after the largest number of steps.
     """
 
     x: np.ndarray
@@ -74,8 +74,9 @@ class Minimum(NamedTuple):
 class _TrajectoryFit:
     """The residuals (trajectory minus record) of one record as a function of the unknown parameters.
 
-    names: names of the k unknowns, in the order in which a vector x (k,) has their values. base: values of the other
-    parameters, by name. size: largest amplitude of the record, in its unit.
+    names: names of the k unknowns, in the order in which a vector x (k,) has their values. base: values, by name, of
+    all parameters except the damping coefficients; those of unknowns are replaced by x. size: largest amplitude of the
+    record, in its unit.
     """
 
     signal: Signal
@@ -99,7 +100,10 @@ class _TrajectoryFit:
         return {**self.base, **dict(zip(self.names, map(float, x)))}
 
     def linearise(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residuals (n,), in the unit of the record, and their Jacobian (n, k) by the unknowns x (k,)."""
+        """Return the residuals (n,), in the unit of the record, and their Jacobian (n, k) by the unknowns x (k,).
+
+        Both are NaN if the motion is unbounded.
+        """
         values, slopes = self.trajectories.with_slopes(self._parameters(x), self.names)
         return values - self.signal.y, slopes.T
 
@@ -121,8 +125,8 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
 
     A fit has lost the phase of the record if its rms residual is at least 0.3 of the record's standard deviation. Then
     the first two cycles are fitted, and this window is doubled until it covers the whole record. If this fit loses the
-    phase too, the same is done once more, from the coefficients of `decay_start`. The result is the fit with the
-    smallest sum of squares.
+    phase too, the same is done once more, from the coefficients of `decay_start` and other values from the record's
+    features. The result is the fit to the whole record with the smallest sum of squares.
 
     A recorded velocity or acceleration determines only the difference between theta0 and a rest angle that shifts the
     restoring force (`RestoringLaw.shift`). If both are unknown, the rest angle keeps its start value, and theta0 is
@@ -141,15 +145,15 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     -------
     Estimate
         The values with the smallest sum of squares, and their standard errors, which assume white residuals. A
-        parameter has no standard error if it is at its lower bound, or if the record does not determine it. The outcome
-        is OK, or a sentence for each of these problems: the search did not converge; a coefficient is at its lower
-        bound 0; the record does not determine a parameter; the residual is larger or more correlated than noise
-        (`misfit`).
+        parameter has no standard error if it is at its lower bound, or if the record does not determine it; nor have
+        theta0 and the rest angle if only their difference is determined. The outcome is OK, or a sentence for each of
+        these problems: the search did not converge; a coefficient is at its lower bound 0; the record does not
+        determine a parameter; the residual is larger or more correlated than noise (`misfit`).
 
     Raises
     ------
     Refusal
-        If the trajectory is unbounded for every start.
+        If the trajectory is unbounded for every start, or the record has no oscillation or too few samples.
     """
     features = checked_features(signal)
     osc = oscillator(problem)
@@ -267,8 +271,9 @@ def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Fe
 def misfit(residual: np.ndarray, signal: Signal, features: Features) -> str | None:
     """Return a sentence if the residual (n,) of a trajectory is larger or more correlated than noise; else None.
 
-    residual: trajectory minus record, in the unit of the record. If the residual is white noise, the probability of a
-    sentence (a false alarm) is below 10⁻⁶.
+    residual: trajectory minus record, in the unit of the record. A residual with an rms of at most `LEAST_RESIDUAL`
+    times the largest amplitude gives None. If the residual is white noise, the probability of a sentence (a false
+    alarm) is below 10⁻⁶.
     """
     n = residual.size
     rms = float(np.sqrt(np.mean(residual**2)))
@@ -313,7 +318,8 @@ def cramer_rao(
     problem
         The damping terms, and the known parameters of the system.
     parameters
-        The true value of every parameter of the oscillator, by name (`Oscillator.parameters`).
+        The true value of every parameter of the oscillator, by name (`Oscillator.parameters`); other names have no
+        effect.
     times
         Times of the samples, s, shape (n,), not decreasing; the motion starts at times[0].
     noise_sd

@@ -68,7 +68,7 @@ def candidates(
         Unit of the displacement. If it is not "rad", the library has no cos θ and sin θ.
     sharp
         If true, dry friction jumps with the velocity, as sign(θ̇). If false, it is smoothed, as tanh(θ̇/ε), with the
-        width ε of `epsilon_of`.
+        width ε of `epsilon_of`, unless this is 0.
     mixed
         Whether the library also includes θ̇² and θθ̇, as its last functions.
     """
@@ -189,11 +189,12 @@ def residual_squares(
 def predict(
     record: RecordToPredict, library: list[CandidateTerm], x: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """Predict the recorded quantity by each of m models, (n, m).
+    """Predict the recorded quantity at the record's times by each of m models, (n, m).
 
     Model i is θ̈ = −(known force) − Σ x[i, j] · (function j of the library), with x (m, p). start: displacement and
     velocity of each model at the first sample, (m, 2). Forces other than damping are read from a table over θ, computed
-    at θ̇ = 0. Where a motion exceeds twice the range of the record, every force keeps its value at this limit.
+    at θ̇ = 0. Where displacement or velocity exceeds twice the range of the record, every force keeps its value at this
+    limit.
     """
     t, theta, omega = record.t, record.theta, record.omega
     middle, half = (theta.max() + theta.min()) / 2, np.ptp(theta)
@@ -253,7 +254,7 @@ whitened errors, is at most this fraction of its inertia (∫φ θ̈ dt plus the
 
 @dataclass(frozen=True)
 class Stretch:
-    """The record before its first gap, with uniformly spaced samples.
+    """The record before its first interruption of the sampling, with n uniformly spaced samples.
 
     h: sampling interval in s. y (n,): the recorded quantity. theta, omega (n,): displacement and velocity, at which the
     candidate terms are evaluated. velocity (n, n): matrix that computes omega from the samples; zero for a recorded
@@ -295,7 +296,7 @@ def test_function_weights(n: int, h: float, width: float, order: int) -> sparse.
     The derivative of the given order is moved to φ by partial integration: row j is (−1)^order h φ_j^(order), and its
     product with y is ∫φ_j y^(order) dt. Each φ_j has unit integral, is entirely within the samples, and is `width` (s)
     wide, or wider if there were too few samples in this width. Each begins 1/`OVERLAP` of the width after the one
-    before.
+    before. m is 0 if none fits.
     """
     half = max(int(width / h) // 2, POWER)
     step = max(2 * half // OVERLAP, 1)
@@ -312,9 +313,9 @@ def kernel_half_width(h: float, frequency: float, size: float, noise: float, mos
     """Return the half width, in samples, of the Savitzky–Golay filter that gives the most accurate velocity.
 
     It has the smallest mean square error for an assumed motion. The velocity of this motion has the amplitude `size`
-    (rad/s or m/s) at `frequency` (rad/s), and a third harmonic of one hundredth of it, as dry friction causes. The
-    displacement has white noise of standard deviation `noise` (rad or m). h: sampling interval in s. most: largest half
-    width in samples.
+    (rad/s or m/s) at the angular frequency `frequency` (rad/s), and a third harmonic of one hundredth of it, as dry
+    friction causes. The displacement has white noise of standard deviation `noise` (rad or m). h: sampling interval in
+    s. most: largest half width in samples; the result is at least 4 even if this is less.
     """
     best, least = 4, np.inf
     for half in range(4, max(most, 4) + 1, max(1, most // 60)):
@@ -409,10 +410,10 @@ def whiten(rows: Rows, x: np.ndarray, sigma: float, wanted: np.ndarray) -> White
 class Solution:
     """A solution of the sparse regression: coefficients x (p,) of the candidate terms, and their standard errors (p,).
 
-    support (p,): whether each term is used. left: residual sum of squares. expected: its expected value for the noise
-    in inertia and columns. sound: whether the terms can be distinguished despite the noise; if not, the coefficients
-    are not corrected for bias. score: Bayesian information criterion for errors of known size, of which the smallest is
-    best; ∞ if it was not computed.
+    Both are 0 for terms that are not used. support (p,): whether each term is used. left: residual sum of squares of
+    the rows with independent errors. expected: its expected value for the noise in inertia and columns. sound: whether
+    the terms can be distinguished despite the noise; if not, the coefficients are not corrected for bias. score:
+    Bayesian information criterion for errors of known size, of which the smallest is best; ∞ if it was not computed.
     """
 
     support: np.ndarray

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 DEGREE = 7
 """Degree of the splines. The derivatives of an interpolating spline of this degree have relative errors near 1e-8."""
 LEAST_SAMPLES = 4
-"""Least number of samples before the first gap. A record with fewer is refused, because the start of the motion is
-determined from these samples."""
+"""Least number of samples before the first interruption of the sampling (`before_gap`). A record with fewer is refused,
+because the start of the motion is determined from these samples."""
 NOISE_SAMPLES, NOISE_PARTS = 32_768, 8
 """The noise is measured from at most `NOISE_SAMPLES` samples. In a longer record these samples are in `NOISE_PARTS`
 parts of equal length, spread evenly over the record."""
@@ -42,8 +42,8 @@ KNOTS_PER_PERIOD = 4.0
 """Number of knots of the smoothing spline in a period of the oscillation; with it the spline preserves the oscillation
 and its second harmonic."""
 EDGE = 1.5
-"""At each end of a record, the smoothed motion is not used over this length (in knot spacings), because the derivatives
-of the smoothing spline are inaccurate there."""
+"""At each end of a noisy record, the smoothed motion is not used over this length (in knot spacings), because the
+derivatives of the smoothing spline are inaccurate there."""
 LEAST_SAMPLES_PER_CYCLE = 6.0
 """Least number of samples in a period (conventional). A record with fewer is refused."""
 MEANS_PER_CYCLE = 40.0
@@ -56,15 +56,15 @@ Curve = Callable[[np.ndarray], np.ndarray]
 class SmoothedMotion:
     """Displacement, velocity and acceleration from one spline.
 
-    t (m,): selected times in s. theta, omega, alpha (m,): displacement, velocity and acceleration at t, in rad, rad/s
-    and rad/s² (or m for rad).
-    clean: true if the spline interpolates the record, which is then nearly free of noise; false if it smooths it.
-    project: function that smooths any function of the motion in the same way as the record; it maps values at all
-    samples (n,) to smoothed values at t (m,). An equation of motion still holds after both sides were smoothed so.
-    everywhere: theta, omega, alpha at all samples that are used, each (n,).
-    bandwidth: the highest angular frequency that the spline follows, in rad/s.
-    theta0, omega0: displacement and velocity at the start of the record.
-    integrated: number of constants of integration that had to be guessed for the displacement; 0 for a recorded angle.
+    It covers the n samples before the first interruption of the sampling (`before_gap`). t (m,): times in s of m
+    selected samples, which are not near the ends. theta, omega, alpha (m,): displacement, velocity and acceleration at
+    t, in rad, rad/s and rad/s² (or m for rad). clean: true if the spline interpolates the record, which is then nearly
+    free of noise; false if it smooths it. project: function that smooths any function of the motion in the same way as
+    the record; it maps values at all n samples (n,) to smoothed values at t (m,). A linear relation, such as the
+    equation of motion, still holds after all its parts were smoothed so. everywhere: theta, omega, alpha at all n
+    samples, each (n,). bandwidth: the highest angular frequency that the spline follows, in rad/s. theta0, omega0:
+    displacement and velocity of the spline at the first sample, even if others are known. integrated: number of
+    constants of integration that had to be guessed for the displacement; 0 for a recorded angle.
     """
 
     t: np.ndarray
@@ -88,8 +88,8 @@ def oscillator(problem: Problem) -> Oscillator:
 def ratios_per_unit(problem: Problem, features: Features) -> np.ndarray:
     """Return the equivalent viscous damping ratio of each of k damping terms with the coefficient 1, (k,).
 
-    Each is the ratio for a harmonic motion with the record's amplitude and frequency. It converts between a coefficient
-    and a damping ratio.
+    Each is the ratio for a harmonic motion with the amplitude at the record's first sample and the record's mean
+    frequency. It converts between a coefficient and a damping ratio.
     """
     return np.array(
         [t.ratio_per_unit(features.amplitude, features.frequency) for t in oscillator(problem).terms]
@@ -135,8 +135,10 @@ def epsilon_of(problem: Problem, features: Features) -> float:
 def further_values(problem: Problem, features: Features) -> dict[str, float]:
     """Return the numbers on which the damping forces depend besides their coefficients and the motion, by name.
 
-    These are ε, the width within which dry friction changes its sign, if a term depends on the sign of the velocity;
-    and the amplitude, peak velocity or rest position of the record, for terms that are defined relative to them.
+    These are `epsilon`, the width ε within which dry friction changes its sign, if a term depends on it; and those of
+    `rest`, `reference_velocity` and `reference_amplitude` that a term needs. `rest` is the record's midline. The two
+    scales follow from `reference_of`, which prefers specified values to measured ones, and raises InputError if no
+    oscillation is possible with the known restoring parameters.
     """
     osc, reference = oscillator(problem), reference_of(problem.system, features)
     epsilon = {"epsilon": epsilon_of(problem, features)} if osc.switches else {}
@@ -147,7 +149,8 @@ def further_values(problem: Problem, features: Features) -> dict[str, float]:
 def start_parameters(signal: Signal, problem: Problem, features: Features) -> dict[str, float]:
     """Return all parameters of a trajectory except the damping coefficients: known values, or values from the record.
 
-    Restoring parameters follow from the record's frequency and midline, theta0 and omega0 from the smoothed record.
+    They include those of `further_values`. Unknown restoring parameters follow from the record's frequency and midline,
+    unknown theta0 and omega0 (displacement and velocity at the start) from the smoothed record.
     """
     osc, known = oscillator(problem), problem.system.known
     p = dict(osc.law.start(features.frequency, features.rest, known_restoring(problem)))
@@ -161,8 +164,8 @@ def start_parameters(signal: Signal, problem: Problem, features: Features) -> di
 def rest_position(signal: Signal, problem: Problem, features: Features) -> float:
     """Return the position about which the motion oscillates, in rad or m.
 
-    It is the midline of a record of displacements. A velocity or acceleration has no midline: then it is the
-    equilibrium of the restoring law, or 0 if there is none.
+    It is the midline of a record of displacements. A velocity or acceleration does not show it: then it is the stable
+    equilibrium nearest to 0 of the restoring law with its known parameters, or 0 if there is none.
     """
     if DERIVATIVES[signal.quantity] == 0:
         return features.rest
@@ -176,10 +179,10 @@ def rest_position(signal: Signal, problem: Problem, features: Features) -> float
 def decay_start(problem: Problem, features: Features) -> dict[str, float]:
     """Estimate damping coefficients from the energy that the record loses between turning points.
 
-    The logarithmic decrement at amplitude A is π times the sum of the terms' equivalent damping ratios at A. The
-    coefficients follow by non-negative least squares, in which each half cycle is weighted by its amplitude. The
-    result, by name, is rough but robust. If fewer than two half cycles have an amplitude above three times the noise,
-    each coefficient is instead that of a damping ratio of 0.01.
+    The logarithmic decrement in half a cycle at amplitude A is π times the sum of the terms' equivalent damping ratios
+    at A. The coefficients follow by non-negative least squares, in which each half cycle is weighted by its amplitude;
+    they can be 0. The result, by name, is rough but robust. If fewer than two half cycles have an amplitude above three
+    times the noise, each coefficient is instead that of a damping ratio of 0.01.
     """
     osc = oscillator(problem)
     # The amplitude of a half cycle is half the distance of its turning points: no midline is needed.
@@ -211,9 +214,8 @@ def decay_start(problem: Problem, features: Features) -> dict[str, float]:
 def solve(a: np.ndarray, b: np.ndarray, rcond: float | None = None) -> np.ndarray:
     """Return the least squares solution x (c,) of a x = b, where a is (n, c) and b (n,).
 
-    The columns of a are scaled to unit length for the solution, and x is scaled back.
-
-    rcond: the fraction of the largest singular value below which singular values count as zero.
+    The columns of a are scaled to unit length for the solution, and x is scaled back. rcond: the fraction of the
+    largest singular value below which singular values count as zero; by default about the rounding error.
     """
     scale = np.maximum(np.linalg.norm(a, axis=0), 1e-300)
     return np.linalg.lstsq(a / scale, b, rcond=rcond)[0] / scale
@@ -244,10 +246,10 @@ def has_noise(signal: Signal, features: Features) -> bool:
 def noise_level(signal: Signal) -> float:
     """Return the standard deviation of the noise in the record's unit; the rounding error if there is no noise.
 
-    It is computed from the median absolute residual of a spline of degree 7 with a knot at every fourth sample. The
-    median is not affected by the sudden changes that Coulomb friction causes. With fewer than 40 samples, it is
-    computed from sixth differences of the samples. It is at least step/√12, the noise of quantisation with the
-    recording step.
+    It is computed from the median absolute residual of a spline of degree 7 with a knot at every fourth sample, for a
+    long record in parts of it (`NOISE_PARTS`). The median is not affected by the sudden changes that Coulomb friction
+    causes. With fewer than 40 samples, it is computed from sixth differences of the samples. It is at least
+    `signal.step`/√12, the noise of quantisation.
     """
     t, y = signal.t, signal.y
     if t.size < 40:
@@ -270,8 +272,9 @@ def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarr
     """Return times and samples (t, y) of a record, thinned to at most `most` samples.
 
     A longer record with noise above 1e-5 of its amplitude is averaged: each block of successive samples, at most
-    1/`MEANS_PER_CYCLE` of a cycle long, becomes its mean. Blocks that contain a gap are left out. If more than `most`
-    values remain, evenly spread ones are selected. Times are in s, samples in the unit of the record, (m,) each.
+    1/`MEANS_PER_CYCLE` of a cycle long, becomes its mean. Blocks that contain an interruption of the sampling are left
+    out. If more than `most` values remain, or the record has less noise, evenly spread values are selected. Times are
+    in s, samples in the unit of the record, (m,) each.
     """
     t, y = signal.t, signal.y
     size = float(np.abs(features.turning_amplitudes).max())
@@ -303,13 +306,13 @@ def motion(
 ) -> SmoothedMotion:
     """Compute displacement, velocity and acceleration from a record, whose times may be uneven.
 
-    If the noise is negligible, a spline of degree 7 interpolates the record: the noise in the acceleration of this
-    spline (about 6σ/Δt² for an angle with noise σ and sampling interval Δt) must be below a thousandth of the
-    acceleration. Otherwise a spline of degree 7 with `knots_per_period` knots in a period is fitted by least squares,
-    without samples that deviate from it by more than six robust standard deviations. The result leaves out the ends of
-    the record, where the spline is inaccurate. A recorded velocity or acceleration is integrated. The constants of
-    integration follow from a known start (theta0 and omega0), or from the midline of the turning points. Only the part
-    of the record before its first gap is used.
+    Only the part of the record before its first interruption of the sampling is used (`before_gap`). If the noise is
+    negligible, a spline of degree 7 interpolates it: the noise in the acceleration of this spline (about 6σ/Δt² for an
+    angle with noise σ and sampling interval Δt) must be below a thousandth of the acceleration. Otherwise a spline of
+    degree 7 with `knots_per_period` knots in a period (fewer if the samples are few) is fitted by least squares,
+    without samples that deviate from it by more than six robust standard deviations. The selected times of the result
+    leave out the ends of the record, where the spline is inaccurate. A recorded velocity or acceleration is integrated
+    (`integrate`). Raises Refusal if there are too few samples.
     """
     noise, signal = noise_level(signal), before_gap(signal, features.period)
     t, y = signal.t, signal.y
@@ -358,10 +361,10 @@ def motion(
 
 
 def before_gap(signal: Signal, period: float) -> Signal:
-    """Return the part of a record before its first gap, or the whole record if it has none.
+    """Return the part of a record before its first interruption of the sampling, or the whole record if it has none.
 
-    A gap is an interval between samples that is longer than three median intervals, and longer than a tenth of the
-    period (s). Raises Refusal if the part has fewer than `LEAST_SAMPLES` samples.
+    An interruption is an interval between samples that is longer than three median intervals, and longer than a tenth
+    of the period (s). Raises Refusal if the part has fewer than `LEAST_SAMPLES` samples.
     """
     steps = np.diff(signal.t)
     gaps = np.flatnonzero(steps > max(3 * float(np.median(steps)), 0.1 * period))
@@ -389,7 +392,7 @@ def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def _fit_spline(t: np.ndarray, y: np.ndarray, inner: np.ndarray) -> BSpline:
-    """Fit a spline of degree 7 (less if the samples are few) to y (n,) at times t (n,) by least squares.
+    """Fit a spline of degree 7 (5, 3 or 1 if the samples are few) to y (n,) at times t (n,) by least squares.
 
     inner: the knots between the ends, in the unit of t. Raises Refusal if no degree allows a fit.
     """
@@ -407,11 +410,14 @@ def integrate(
 ) -> tuple[tuple[Curve, Curve, Curve], int]:
     """Return the motion from the spline of a record: a velocity is integrated once, an acceleration twice.
 
+    The constants of integration follow from a known start (theta0 and omega0). Otherwise they are guessed, so that the
+    velocity oscillates about 0, and the displacement about `rest_position`. If omega0 is guessed, theta0 is guessed
+    too, even if it is known. spline: spline of the samples in `signal`.
+
     Returns
     -------
     (displacement, velocity, acceleration), int
-        The motion as functions of time in s (rad, rad/s and rad/s², or m), and the number of constants of integration
-        that were guessed because theta0 or omega0 is not known.
+        The motion as functions of time in s (rad, rad/s and rad/s², or m), and the number of guessed constants.
     """
     known, t, order = problem.system.known, signal.t, DERIVATIVES[signal.quantity]
     if order == 0:
@@ -478,7 +484,10 @@ def optional_package(name: str) -> Any:
 
 
 class Options(BaseModel):
-    """Options of an estimator. Subclasses have a field with a default for each option; unknown options are errors."""
+    """Options of an estimator. Subclasses have a field with a default for each option.
+
+    Unknown options are errors, and so are infinite and NaN values.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -532,7 +541,8 @@ class Estimator(ABC, Generic[OptionsType]):
         Returns
         -------
         Estimate
-            Values of the damping coefficients and of the unknown restoring and start parameters, by name, in SI units.
+            Values of the damping coefficients and of the unknown restoring and start parameters, by name, in SI units;
+            standard errors if the method gives any; and an outcome that is not OK if the values are doubtful.
             `estimators.run` adds the estimator's name, the stage and the duration.
 
         Raises

@@ -34,7 +34,8 @@ class EnvelopeOptions(Options):
     """Options of the envelope method.
 
     window: length, in periods, of the Savitzky–Golay filter that smooths the envelopes. above: smallest ratio of the
-    record's envelope to its noise; the record is used until the ratio first falls below this.
+    record's envelope to its noise; the record is used until the ratio first falls below this. Half a period at the ends
+    and at interruptions of the sampling is not used, because the envelope is wrong there.
     """
 
     window: float = Field(default=1.0, gt=0.1, le=4.0)
@@ -44,9 +45,9 @@ class EnvelopeOptions(Options):
 class Envelope(Estimator[EnvelopeOptions]):
     """Find the damping coefficients that minimise Σ (ln A_observed − ln A_simulated)², with the Hilbert envelopes A.
 
-    Unknown restoring parameters are computed from the record's frequency and midline. An unknown start of the motion
-    is computed from the smoothed record, and its amplitude is then fitted together with the damping. Record and
-    simulated motions with uneven times are interpolated linearly to uniform times.
+    Unknown restoring parameters are computed from the record's frequency and midline. An unknown start of the motion is
+    computed from the smoothed record, and its amplitude is then fitted together with the damping. The coefficients are
+    not negative. Record and simulated motions with uneven times are interpolated linearly to uniform times.
     """
 
     options = EnvelopeOptions
@@ -56,10 +57,11 @@ class Envelope(Estimator[EnvelopeOptions]):
     ) -> Estimate:
         """Fit the damping coefficients to the record's Hilbert envelope, and return the unknown parameters.
 
-        If the start of the motion is unknown, its amplitude is fitted too. Unknown restoring parameters are not fitted:
-        they are computed from the record's frequency and midline. There are no standard errors. Raises Refusal if the
-        record has fewer than `LEAST_CYCLES` cycles, if its envelope is above `options.above` times the noise (6 by
-        default) for less than a period, or if the trajectory is unbounded.
+        If theta0 or omega0 (the start of the motion) is unknown, a common factor on both is fitted too, even if one of
+        them is known. Unknown restoring parameters are not fitted: they are computed from the record's frequency and
+        midline. There are no standard errors. Raises Refusal if the record has fewer than `LEAST_CYCLES` cycles, if its
+        envelope is above `options.above` times the noise (6 by default) for less than a period, or if the trajectory is
+        unbounded.
         """
         features = checked_features(signal)
         if features.cycles < LEAST_CYCLES:
@@ -81,7 +83,12 @@ class Envelope(Estimator[EnvelopeOptions]):
 
 
 class _EnvelopeMatch:
-    """Compare the logarithm of the record's envelope with that of simulated motions, computed in the same way."""
+    """Compare the logarithm of the record's envelope with that of simulated motions, computed in the same way.
+
+    used: indices of the uniform times at which they are compared, (u,). observed_log: logarithm of the record's
+    envelope there, (u,). base: parameters of the motion except the damping coefficients, by name. evaluations: number
+    of simulated motions so far.
+    """
 
     def __init__(
         self, signal: Signal, problem: Problem, options: EnvelopeOptions, features: Features
@@ -144,8 +151,9 @@ class _EnvelopeMatch:
     def fit(self, coefficients: np.ndarray, scaled: bool) -> tuple[np.ndarray, float]:
         """Fit the damping coefficients by bounded least squares, starting from the given values.
 
-        The search varies the coefficients divided by their starting values and, if `scaled`, a factor on the initial
-        state of the motion. Return the k coefficients in natural units, (k,), and this factor (1.0 if not `scaled`).
+        The search varies the coefficients divided by their starting values, which stay ≥ 0, and, if `scaled`, a factor
+        on the initial state of the motion (see `parameters`). Return the k coefficients in natural units, (k,), and
+        this factor (1.0 if not `scaled`).
         """
         k = coefficients.size
         units = np.maximum(coefficients, coefficients.max() * 1e-3 if k == 1 else 1e-12)

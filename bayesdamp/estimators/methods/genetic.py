@@ -56,10 +56,11 @@ class GeneticOptions(Options):
     tournament: number of randomly chosen trajectories of which the best becomes a parent. blend: α of the BLX-α
     crossover. mutation: standard deviation of the Gaussian mutation, as a fraction of the range that the population
     spans, which is the search range at first. mutated: probability with which a variable mutates. elite: fraction of
-    the population that is kept unchanged (a tenth in the paper). generations: largest number of generations. patience:
-    number of generations after which the least misfit is compared with the population's mean misfit; the search has
-    converged when they differ by at most `GAIN`. readings: largest number of samples of all trajectories of a
-    generation together; a longer record is averaged over short blocks, or evenly spread samples are selected.
+    the population that is kept unchanged (a tenth in the paper); at least one trajectory is. generations: largest
+    number of generations. patience: number of generations after which the least misfit is compared with the
+    population's mean misfit; the search has converged when they differ by at most `GAIN`. readings: largest number of
+    samples of all trajectories of a generation together (but see `LEAST_READINGS`); a longer record is averaged over
+    short blocks, or evenly spread samples are selected.
     """
 
     population: int = Field(default=40, ge=8, le=10_000)
@@ -74,7 +75,11 @@ class GeneticOptions(Options):
 
 
 class Genetic(Estimator[GeneticOptions]):
-    """Search genetically for the parameters whose trajectory has the least rms difference (misfit) from the record."""
+    """Search genetically for the unknown parameters whose trajectory has the least rms difference from the record.
+
+    This difference is called the misfit. The unknown parameters are the damping coefficients, and those parameters of
+    the restoring law and of the start (theta0, omega0) that are not known.
+    """
 
     options = GeneticOptions
 
@@ -83,7 +88,8 @@ class Genetic(Estimator[GeneticOptions]):
     ) -> Estimate:
         """Return the unknown parameters with the least misfit in the last generation, without standard errors.
 
-        Raises Refusal if all trajectories diverge.
+        `details["course"]` has a list for each unknown parameter, by name: its value in the best trajectory of each
+        generation. Raises Refusal if all trajectories of the last generation diverge.
         """
         features = checked_features(signal)
         genes = Genes(signal, problem, features)
@@ -163,7 +169,10 @@ class Genes:
         self.positive = np.arange(len(self.names)) < len(self.osc.terms)
 
     def decode(self, u: np.ndarray) -> dict[str, np.ndarray]:
-        """Convert variables of the search, (m, d), to the values (m,) of every parameter of m trajectories, by name."""
+        """Convert variables of the search, (m, d), to the values (m,) of every parameter of m trajectories, by name.
+
+        Stiffness and angle are not finite where `_balance` does not give them.
+        """
         x = dict(zip(self.names, (self.low + u * (self.high - self.low)).T))
         p = {name: np.full(u.shape[0], float(self.base.get(name, 0.0))) for name in self.osc.inputs}
         p |= {name: value for name, value in x.items() if name not in self.balanced}
@@ -224,7 +233,7 @@ def coefficient_alone(term: DampingTerm, features: Features) -> float:
     With the equivalent damping ratio r(A) per unit of the coefficient c, the amplitude A falls as dA/dt = −c r(A) ω A.
     So c is the integral of dA/(ω A r(A)) over the fall of the amplitude, divided by the time from the first to the last
     turning point. The fall is from the largest turning amplitude to the last one. The last one counts as at least twice
-    the noise, and at most 1 − `LEAST_DECAY` of the largest.
+    the noise, at least a thousandth of the largest, and at most 1 − `LEAST_DECAY` of the largest.
     """
     sizes = features.turning_amplitudes
     scale = features.amplitude / max(float(sizes[0]), 1e-300)

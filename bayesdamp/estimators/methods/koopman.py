@@ -100,10 +100,11 @@ def observe(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
     """Compute the values of the functions of the dictionary along the record, at times in pairs that are one lag apart.
 
-    The state comes from the smoothed motion, interpolated to uniform times if necessary. For a noisy record all
-    observables pass the same compact filter; for a recorded angle, θ and 2θ̇ are computed by this filter from the
-    record itself. library: the functions of the dictionary. lag: in periods, 0 to choose it by the noise. Raises
-    Refusal if the record is too short.
+    Only the record before its first interruption of the sampling is used (`before_gap`). The state comes from the
+    smoothed motion, interpolated to uniform times if necessary. For a noisy record all observables pass the same
+    compact filter; for a recorded angle, θ and 2θ̇ are computed by this filter from the record itself. library: the
+    functions of the dictionary. lag: in periods, rounded to whole samples; 0 to choose it by the noise. Raises Refusal
+    if the record is too short.
 
     Returns
     -------
@@ -156,6 +157,11 @@ def decompose(
         The generator in 1/s, (r, r), in the basis of r singular vectors; the maps from observables to this basis,
         (p, r), and back, (r, p). The generator multiplies column vectors; the maps are for rows (values @ map). It is
         (log K − log K')/(2 lag), with the matrices K of one step forwards and K' of one step backwards.
+
+    Raises
+    ------
+    Refusal
+        If K or K' has no real logarithm.
     """
     both = np.vstack([before, after])
     scale = np.linalg.norm(both, axis=0)

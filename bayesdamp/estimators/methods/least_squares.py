@@ -47,7 +47,11 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: LeastSquaresOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Regress the acceleration on the damping and the unknown restoring forces; return all unknown parameters."""
+        """Regress the acceleration on the damping and the unknown restoring forces; return all unknown parameters.
+
+        An unknown start comes from the smoothed record. There are no standard errors. Raises Refusal if the record
+        determines only combinations of the parameters.
+        """
         features = checked_features(signal)
         smoothed = motion(signal, problem, features)
         osc, known = oscillator(problem), known_restoring(problem)
@@ -124,7 +128,7 @@ def _solve_total(
     The first columns of a are the damping shapes, which are the forces of the terms with the coefficient 1. Then come
     the restoring terms, and `drift` columns that have (nearly) no error. The other errors are those that white noise
     within the spline's bandwidth causes. smoothed: the motion from which a and b were computed. arguments: values on
-    which the shapes depend besides the motion, by name.
+    which the shapes depend besides the motion, by name. Raises Refusal if there is no solution.
     """
     step = 1e-4 * float(np.abs(smoothed.omega).max())
     up, down = (

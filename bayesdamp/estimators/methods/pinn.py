@@ -22,10 +22,10 @@ class PinnOptions(Options):
 
     start: first damping coefficients: those with an equivalent damping ratio of 0.05 for each term ("uninformed"), or
     those from the energy that the record loses ("direct"). width: number of units in each of the two hidden layers.
-    harmonics: number of harmonics of the record's frequency among the inputs. collocation: number of instants at which
-    the equation of motion is evaluated. physics_weight, start_weight: λ1 and λ2 of equation (17) of the paper that
-    `bayesdamp.estimators` cites: the weights of the equation of motion and of a known start, relative to the record.
-    rounds: largest number of training steps.
+    harmonics: number of harmonics of the record's frequency among the inputs, the fundamental included. collocation:
+    number of instants at which the equation of motion is evaluated. physics_weight, start_weight: λ1 and λ2 of equation
+    (17) of the paper that `bayesdamp.estimators` cites: the weights of the squared misfits of the equation of motion
+    and of a known start, relative to the record. rounds: largest number of training steps.
     """
 
     start: Literal["uninformed", "direct"] = "uninformed"
@@ -49,7 +49,11 @@ class Pinn(Estimator[PinnOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: PinnOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Return the coefficients with which a network for the motion fits record and equation of motion best."""
+        """Return the coefficients with which a network for the motion fits record and equation of motion best.
+
+        The unknown restoring parameters and an unknown start are those of the same network. There are no standard
+        errors.
+        """
         optional_package("torch")
         from bayesdamp.estimators.networks import collocation
 

@@ -5,12 +5,12 @@ The method is that of section 3.7 of the paper that `bayesdamp.estimators` cites
 An LSTM or GRU is trained on simulated records of the same oscillator at the record's own times. The logarithm of their
 damping coefficient is uniform in a wide range about the value that the record's mean decay suggests; their noise is
 similar to the record's; start and restoring parameters have their known values, or vary about those that the record
-shows. The input of the network is, for each half cycle, the logarithm of the amplitude and its difference from the half
-cycle before. Its output is the position of the coefficient's logarithm in the range, from −1 (lower end) to 1 (upper
-end). The coefficient that it gives for the record becomes the centre of a narrower range, whose width is a multiple of
-the network's error on simulated test records. The network is trained further in this range, and so on until the range
-is about ±10 %. (The alternative, a network for the motion from one sample to the next, does not contain the coefficient
-as a number.)
+shows. The input of the network is, for each stretch (usually a half cycle), the logarithm of the amplitude and its
+difference from the stretch before. Its output is the position of the coefficient's logarithm in the range, from −1
+(lower end) to 1 (upper end). The coefficient that it gives for the record becomes the centre of a narrower range, whose
+width is a multiple of the network's error on simulated test records. The network is trained further in this range, and
+so on until the range is about ±10 %. (The alternative, a network for the motion from one sample to the next, does not
+contain the coefficient as a number.)
 """
 
 from typing import Literal
@@ -105,8 +105,9 @@ class Rnn(Estimator[RnnOptions]):
     ) -> Estimate:
         """Train a network in narrower and narrower ranges of the damping coefficient; its output is the estimate.
 
-        Raises Refusal if the coefficient that the network gives in the last round is near an end of the range in which
-        it was trained, or outside.
+        Unknown restoring and start parameters come from the record's features and the smoothed record, without standard
+        errors. Raises Refusal if the coefficient that the network gives in the last round is near an end of the range
+        in which it was trained, or outside.
         """
         optional_package("torch")
         from bayesdamp.estimators.networks.recurrent import RecurrentNetwork
@@ -140,10 +141,10 @@ class Stretches:
     A stretch is usually half a cycle. It has several half cycles if there were more than `MOST_STRETCHES` stretches
     otherwise, and a quarter cycle if the record has fewer than `FEW` half cycles. The sinusoid y = a cos φ + b sin φ is
     fitted by least squares about the record's midline, and together with a constant if the stretch is at least half a
-    cycle. The same matrices fit any record at these times. count: number of stretches that are used; these have at
-    least `LEAST_SAMPLES` samples, over at least 0.6 of their range of phase. half_cycles: number of half cycles in a
-    stretch. spread: for each stretch the Cholesky factor (2, 2) of the covariance of (a, b) for white noise of standard
-    deviation 1.
+    cycle. The same matrices fit any record at the same times t (n,) in s. count: number of stretches that are used;
+    these have at least `LEAST_SAMPLES` samples, over at least 0.6 of their range of phase. half_cycles: number of half
+    cycles in a stretch. spread: for each used stretch the Cholesky factor (2, 2) of the covariance of (a, b) for white
+    noise of standard deviation 1. Raises Refusal if `count` is below `LEAST_STRETCHES`.
     """
 
     def __init__(self, signal: Signal, features: Features, t: np.ndarray) -> None:
@@ -212,9 +213,10 @@ class Simulator:
     def quadratures(self, log_coefficient: np.ndarray) -> np.ndarray:
         """Simulate m records without noise; return (a, b) of each of their `count` stretches, (m, count, 2).
 
-        In a stretch the record is a cos φ + b sin φ, with its phase φ; a and b are in units of the given record's
-        amplitude. log_coefficient: logarithms of the damping coefficient, (m,). Unknown restoring parameters and start
-        values vary at random.
+        In a stretch (`Stretches`; usually half a cycle) the record is a cos φ + b sin φ, with the phase φ of the given
+        record; a and b are in units of the given record's amplitude. They are NaN for an unbounded motion.
+        log_coefficient: logarithms of the damping coefficient, (m,). Unknown start values, and unknown restoring
+        parameters except angles, vary at random.
         """
         m, rng = log_coefficient.size, self.rng
         given = {name: np.full(m, float(self.base[name])) for name in self.osc.inputs if name in self.base}
@@ -237,7 +239,8 @@ class Simulator:
         """Simulate records to train and test the network, with the logarithm of the coefficient in centre ± half.
 
         About `records` are for training, and a tenth more (at least 64) for tests. Records whose trajectory is
-        unbounded are left out. Each of the others is used `COPIES` times, with different noise.
+        unbounded are left out. Each of the others is used `COPIES` times, with different noise. Raises Refusal if most
+        trajectories are unbounded.
 
         Returns
         -------
@@ -279,9 +282,9 @@ class Simulator:
 def _sequence(quadratures: np.ndarray) -> np.ndarray:
     """Return the log amplitude of each stretch and its difference from the stretch before, (m, count, 2).
 
-    A stretch is a part of a record, in which the record is a cos φ + b sin φ. quadratures: (a, b) of the `count`
-    stretches of each of m records, (m, count, 2), in units of the record's amplitude. `FLOOR` is added to the
-    amplitude √(a² + b²) before the logarithm. The difference of the first stretch is 0.
+    A stretch is usually half a cycle (`Stretches`); in it the record is a cos φ + b sin φ. quadratures: (a, b) of the
+    `count` stretches of each of m records, (m, count, 2), in units of the given record's amplitude. `FLOOR` is added to
+    the amplitude √(a² + b²) before the logarithm. The difference of the first stretch is 0.
     """
     size = np.log(np.hypot(quadratures[..., 0], quadratures[..., 1]) + FLOOR)
     return np.stack([size, np.diff(size, axis=1, prepend=size[:, :1])], axis=2)

@@ -67,7 +67,7 @@ class OscillationSpline:
 
     Arguments: the times (s) and samples of the record, (n,) each; the period (s). Attributes: coefficients, those of
     the B-splines; log_penalty, log₁₀ λ; freedom, trace of the smoothing matrix, which is the effective number of
-    parameters.
+    parameters. Raises Refusal if the samples are too few or too unevenly spaced.
     """
 
     def __init__(self, t: np.ndarray, y: np.ndarray, period: float) -> None:
@@ -98,14 +98,20 @@ class OscillationSpline:
         return BSpline(self.knots, self.coefficients, DEGREE)
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
-        """Smooth other values x (n,) at the same samples in the same way as the record; return them, (n,)."""
+        """Smooth other values x (n,) at the same samples, with the penalty of the record; return them, (n,).
+
+        The samples that were left out of the record's fit are left out here too.
+        """
         return self._designs[0] @ self._solve(self._designs[0].T @ (self._weight * x))
 
     def _solve(self, right: np.ndarray) -> np.ndarray:
         return cho_solve_banded((self._factor, True), right)
 
     def _choose(self, y: np.ndarray) -> None:
-        """Choose the penalty by generalised cross-validation, and fit the coefficients to y (n,)."""
+        """Choose the penalty by generalised cross-validation, and fit the coefficients to y (n,).
+
+        Sets `log_penalty`, `freedom` and `coefficients`. Raises Refusal if no penalty allows a fit.
+        """
         b, count = self._designs[0], float(self._weight.sum())
         gram = _band(sparse.csr_matrix(b.T @ sparse.diags(self._weight) @ b))
         right, probes = b.T @ (self._weight * y), b.T @ (self._weight[:, None] * self._probes)
@@ -202,10 +208,11 @@ class SindyOptions(Options):
 class Derivatives:
     """Displacement, velocity and acceleration that were computed from a record by differentiation.
 
-    t, y (n,): times in s, and samples. theta, omega, alpha (n,): the motion at all samples, in rad, rad/s, rad/s² (or m
-    for rad). rows (m,): indices of the samples that the regression uses. project: smooths values (n,) at all samples as
-    the record is smoothed, and returns them at the rows, (m,). integrated: number of constants of integration that were
-    guessed (0 for a recorded displacement). freedom: effective number of independent rows.
+    t, y (n,): times in s, and samples, before the first interruption of the sampling. theta, omega, alpha (n,): the
+    motion at these times, in rad, rad/s, rad/s² (or m for rad). rows (m,): indices of the samples that the regression
+    uses. project: smooths values (n,) at all n samples as the record is smoothed, and returns them at the rows, (m,).
+    integrated: number of constants of integration that were guessed (0 for a recorded displacement). freedom: effective
+    number of independent rows.
     """
 
     rows: np.ndarray
@@ -244,10 +251,10 @@ class Sindy(Estimator[SindyOptions]):
 
     For every set of damping terms, functions of θ are removed one at a time by thresholds. Each sparse solution is
     integrated to predict the record; the solution whose prediction has the smallest extended Bayesian information
-    criterion is selected
-    (prediction test: Mangan, Kutz, Brunton and Proctor, Proceedings of the Royal Society A 473, 2017, 20170009;
-    criterion: Chen and Chen, Biometrika 95, 2008, 759). The estimate comes from the best solution that has exactly the
-    damping terms of the model. If another solution is selected, `outcome` is a sentence that names the differences.
+    criterion is selected (prediction test: Mangan, Kutz, Brunton and Proctor, Proceedings of the Royal Society A 473,
+    2017, 20170009; criterion: Chen and Chen, Biometrika 95, 2008, 759). The estimate comes from the best solution that
+    has exactly the damping terms of the model. If the selected solution has other terms than the model, `outcome` is a
+    sentence that names the differences.
     """
 
     options = SindyOptions
@@ -257,7 +264,9 @@ class Sindy(Estimator[SindyOptions]):
     ) -> Estimate:
         """Return the coefficients of a sparse regression of the acceleration (Brunton, Proctor and Kutz 2016).
 
-        If the regression selects other terms than those of the model, `outcome` is a sentence that names them.
+        If the regression selects other terms than those of the model, `outcome` is a sentence that names them;
+        `details` has the names and coefficients of the selected terms. The estimate has only the model's terms, and no
+        standard errors.
         """
         optional_package("pysindy")
         features = checked_features(signal)

@@ -80,7 +80,12 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: SymbolicRegressionOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Estimate the coefficients from the chosen expression on the Pareto front; there are no standard errors."""
+        """Estimate the coefficients from the chosen expression on the Pareto front; there are no standard errors.
+
+        Unknown restoring parameters are fitted for this expression; an unknown start comes from the smoothed record.
+        `details["chosen"]` is the expression as text. Raises Refusal if the damping force is constant or not finite, or
+        if no expression describes it better than a constant.
+        """
         optional_package("pyoperon")
         sympy = optional_package("sympy")
         from bayesdamp.estimators.expressions import V, front, text_of, values_of, without_the_negligible
@@ -196,14 +201,14 @@ class Force:
         return (left - self._basis @ (self._basis.T @ left)) / np.sqrt(self._variance)
 
     def error(self, values: np.ndarray) -> float:
-        """Return the mean square `misfit` of a candidate force, as a fraction of the measured force's variance.
+        """Return the mean square of `misfit` for a candidate force: a fraction of the measured force's variance.
 
         values: the candidate force at the velocities `omega`, (n,).
         """
         return float(np.mean(self.misfit(values) ** 2))
 
     def restoring(self, values: np.ndarray) -> dict[str, float]:
-        """Fit the unknown restoring parameters for a given damping force, and return them by name.
+        """Fit the unknown restoring parameters for a given damping force, and return them by name; {} if all are known.
 
         values: the damping force at the velocities `omega`, (n,).
         """

@@ -102,7 +102,9 @@ class Topological(Estimator[TopologicalOptions]):
     ) -> Estimate:
         """Compute the coefficient from the decrease of the persistence lifetimes, without a standard error.
 
-        Unknown restoring parameters and an unknown start come from the record's features and the smoothed record.
+        The formulas use the natural frequency if all restoring parameters are known, else that of the record. Unknown
+        restoring parameters and an unknown start come from the record's features and the smoothed record. Raises
+        Refusal if too few lifetimes exceed the noise.
         """
         features = checked_features(signal)
         osc, known = oscillator(problem), known_restoring(problem)
@@ -138,9 +140,10 @@ class Topological(Estimator[TopologicalOptions]):
 def sublevel_pairs(t: np.ndarray, y: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the finite sublevel components of y (n,) at times t (n,), in time order: three arrays (k,).
 
-    They are the values of y at birth (a minimum), at death (a maximum), and the times of birth. A component of the
-    sublevel sets {y ≤ c} begins, as c rises, at a minimum, and ends when it joins one that began lower. period: in s,
-    like t. Components that are born within a tenth of a period of an end of the record are incomplete and left out.
+    They are the values of y at birth (a minimum), at death (a maximum), and the times of birth; k = 0 if there are
+    none. A component of the sublevel sets {y ≤ c} begins, as c rises, at a minimum, and ends when it joins one that
+    began lower. period: in s, like t. Components that are born within a tenth of a period of an end of the record are
+    incomplete and left out.
     """
     cells = optional_package("gudhi").CubicalComplex(top_dimensional_cells=y)
     cells.persistence(homology_coeff_field=2, min_persistence=0)
@@ -220,7 +223,7 @@ def _published_coefficient(damping: str, pairs: Pairs, omega: float) -> float:
     ln[(2μ v_i − 1)/(2μ p_{i+1} − 1)]/(2μ), which follows from u = θ̇², du/dθ = −2ω_n²θ − 2μu. The result is the median
     of μ over the first four half cycles, in 1/rad. Each half cycle is taken about its own midline, because the formula
     assumes zero mean. A half cycle whose maximum is not smaller than its minimum in size counts as μ = 0. Raises
-    Refusal if there is no such half cycle.
+    Refusal if no two successive cycles have a component.
     """
     longest, shorter, n = pairs.choose_lifetimes()
     if damping == "viscous":

@@ -44,7 +44,7 @@ from bayesdamp.types import DERIVATIVES, Estimate, Problem, Refusal, Signal
 WIDTHS = (0.75, 1.0, 1.5, 2.0)
 """Widths of the test functions, in periods, that are tried; that with the smallest predicted standard error is used."""
 ROUNDS = 3
-"""Number of times that the final regression is repeated; each time its weights follow from the coefficients of the fit
+"""Number of times that the final regression is solved; each time its weights follow from the coefficients of the fit
 before."""
 SUBDIVIDED = 15
 """Number of points in the sampling interval around a sample, over which a discontinuous term is averaged."""
@@ -79,8 +79,10 @@ class WeakSindy(Estimator[WeakSindyOptions]):
     ) -> Estimate:
         """Return the coefficients of a sparse regression of the weak form (Messenger and Bortz 2021).
 
-        Damping coefficients have standard errors. If the regression selects other terms than those of the model,
-        `outcome` is a sentence that names them.
+        The estimate has all damping terms of the model, and no others, with standard errors. If the regression selects
+        other terms, `outcome` is a sentence that names them; `details` has the names and coefficients of the selected
+        terms. Unknown restoring and start parameters have no standard errors. Raises Refusal if the record is too
+        short.
         """
         features = checked_features(signal)
         sigma, osc, known = noise_level(signal), oscillator(problem), known_restoring(problem)
@@ -147,9 +149,10 @@ class WeakSindy(Estimator[WeakSindyOptions]):
 
 
 def _prepare(signal: Signal, problem: Problem, features: Features, sigma: float) -> Stretch:
-    """Return the record before its first gap, at uniform times (interpolated), with displacement and velocity.
+    """Return the record before its first interruption of the sampling, with displacement and velocity.
 
-    sigma: standard deviation of the noise, in the unit of the record.
+    Uneven times are replaced by uniform ones, by interpolation. sigma: standard deviation of the noise, in the unit of
+    the record; it sets the smoothing of the velocity of a recorded angle.
     """
     part, order = before_gap(signal, features.period), DERIVATIVES[signal.quantity]
     h = float(np.diff(part.t).mean())
@@ -168,8 +171,8 @@ def _assemble(
 ) -> Rows | None:
     """Return the weak form of the equation of motion for test functions `width` s wide.
 
-    The result is None if no test function fits into the record. stretch: the part of the record that is used. library:
-    the candidate terms, one for each column of the result.
+    The result is None if the record is not longer than this width. stretch: the part of the record that is used.
+    library: the candidate terms, one for each column of the result.
     """
     law, known, n = oscillator(problem).law, known_restoring(problem), stretch.y.size
     if n * stretch.h <= width:
@@ -194,7 +197,7 @@ def _column(
 
     The derivatives propagate the noise of the samples. stretch: the record, with n samples. phi: weights
     (m, n) of the m test functions φ on these samples. width: their width in s. The derivatives are 0 for a recorded
-    velocity or acceleration, except where the integral is linear in the record.
+    velocity or acceleration, except for viscous damping of a velocity, which is linear in the record.
     """
     n, f, theta, omega = stretch.y.size, candidate.function, stretch.theta, stretch.omega
     if candidate.damping == "viscous" and stretch.order < 2:

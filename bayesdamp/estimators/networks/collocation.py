@@ -155,6 +155,8 @@ def estimate(
 ) -> Estimate:
     """Train a network together with the physical parameters; return these as the estimate, without standard errors.
 
+    An unknown start is that of the trained network. The outcome is a sentence if the training did not converge.
+
     Parameters
     ----------
     signal, problem, features

@@ -22,8 +22,8 @@ from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Estimate, Problem, Refusal, Signal
 
 MOST_SEGMENTS = 160
-"""Largest number of segments into which a record is cut (conventional). A segment is half a cycle, or longer if there
-would be more segments than this."""
+"""Largest number of segments into which a record is cut (conventional). A segment is about half a cycle, or longer if
+there would be more segments than this; there are at least two."""
 GRID = 41
 """Number of velocities, evenly spaced, at which the learnt damping force is reported (conventional)."""
 STEADY = 1e-3
@@ -137,10 +137,11 @@ class Shooting(ScaledRecord):
         return state[:, self.order] if self.order < 2 else self._rate(x, state)[:, 1]
 
     def evaluate(self, x: np.ndarray) -> Evaluated:
-        """Return the weighted misfit of the samples, the gaps between segments, and the misfit of a known start, (n,).
+        """Return the weighted residuals (n,): of the samples, of the jumps between segments, and of a known start.
 
-        The sum of squares is the mean square misfit of the samples plus the squared option `continuity_weight` times
-        the squares of the others. The second result is a function that computes the Jacobian by the unknowns, (n, k).
+        A jump is the state at the end of a segment minus the start of the next one. The sum of squares is the mean
+        square misfit of the samples plus the squared option `continuity_weight` times the squares of the others. The
+        second result is a function that computes the Jacobian by the unknowns x (k,), (n, k).
         """
         unknowns = torch.from_numpy(x)
         with torch.no_grad():
@@ -236,7 +237,9 @@ def estimate(
 ) -> Estimate:
     """Train a network for the damping force, and return its projection on the damping terms as the estimate.
 
-    Unknown restoring parameters and an unknown start are those of the trained model. There are no standard errors.
+    Unknown restoring parameters and an unknown start are those of the trained model. There are no standard errors. The
+    details are lists of velocities (`velocity`, rad/s), and at these the learnt force (`force`) and that of the damping
+    terms (`law`), both in rad/s². The outcome is a sentence if the training did not converge.
 
     Parameters
     ----------

@@ -140,7 +140,10 @@ def _affine(matrix: Tensor, bias: Tensor, inputs: Tensor) -> Tensor:
 
 
 class _Mathematics:
-    """Replace the modules `math` and `numpy`: an attribute is torch's function of the same name, or a constant."""
+    """Replace the modules `math` and `numpy`: an attribute is torch's function of the same name, or a constant.
+
+    Raises Refusal if torch has no such function.
+    """
 
     def __getattr__(self, name: str) -> Any:
         value = getattr(math, name, None) or getattr(np, name)
@@ -245,7 +248,8 @@ class Training:
     """The result of a training.
 
     x (k,), loss, watched (m,): the unknowns, the loss and the watched numbers of the last round. evaluations: number of
-    evaluations of the residuals. outcome: OK, or a sentence that it had not converged.
+    evaluations of the residuals. outcome: OK, or a sentence that it had not converged. It is OK too if the loss is not
+    finite, which the caller must check.
     """
 
     x: np.ndarray
@@ -285,7 +289,8 @@ def train(
     Returns
     -------
     Training
-        The last round. If the training did not converge within `rounds`, the outcome says so.
+        The last round. If the training did not converge within `rounds`, the outcome says so. It is OK if the loss is
+        not finite, or if no further step lowers it.
     """
     course: list[Round] = []
     watched: list[np.ndarray] = []
@@ -343,7 +348,10 @@ class ScaledRecord:
         return on_tensors(law.kernel)(theta, tuple(p[name] for name in law.parameters))
 
     def damping_shapes(self, omega: Tensor) -> Tensor:
-        """Return the damping force per unit of each coefficient, (n, terms), at velocities (n,) in rad/s."""
+        """Return the damping force per unit of each coefficient, (n, terms), at velocities (n,) in rad/s.
+
+        The displacement is 0, because the terms must not depend on it.
+        """
         width: Any = self._epsilon
         if width == 0.0:  # friction jumps with the sign of the velocity
             width = torch.where(omega == 0.0, 1.0, EXACT * omega.detach().abs())

@@ -25,8 +25,8 @@ NODES_PER_QUARTER = 48
 """Number of Gauss–Legendre nodes in each quarter of a cycle in the integral of the energy that is lost in a cycle
 (conventional)."""
 SHARP_WIDTH = 1e-9
-"""Width ε of the range of velocities in which friction changes its sign, relative to the peak velocity. It is used to
-compute the energy that friction dissipates in a cycle if its force is discontinuous at v = 0 (conventional)."""
+"""Width ε of the range of velocities in which friction changes its sign, relative to the peak velocity, in
+`DampingTerm.work`. It is so small that the friction practically jumps at v = 0 (conventional)."""
 EXACT, TINY = 1e-8, 1e-100
 """`EXACT` represents discontinuous friction (ε = 0): with the width ε = `EXACT` · |v|, tanh(v/ε) equals the sign of the
 velocity v to rounding. `TINY` is the velocity (rad/s) that replaces v = 0, for which this ε would be 0."""
@@ -96,17 +96,22 @@ class DampingTerm(ABC):
     arguments, after the parameters in `inferred`."""
     bounded: bool = True
     """Whether an analysis whose model lacks this term reports an upper limit of the fraction of the dissipated energy
-    that this term could cause."""
+    that this term could cause. It has no effect for viscous, Coulomb and quadratic damping, and for terms that a user
+    adds."""
     twin: str = ""
     """Name of another term whose energy loss per cycle depends on the amplitude in the same way, so that only the
     motion within a cycle distinguishes the two; "" if there is none."""
     reduces: tuple[tuple[str, float], ...] = ()
     """Pairs of a parameter's name and a value. With these values the term equals a simpler term, for example Coulomb
-    friction. The upper limit of such a term (`bounded`) is then for the part of its force beyond the simpler term."""
+    friction. Fits start at these values. The upper limit of such a term (`bounded`) is then for the part of its force
+    beyond the simpler term."""
 
     @property
     def placed(self) -> bool:
-        """Whether the force depends on the position θ."""
+        """Whether the force depends on the position θ.
+
+        This is assumed if `given` has "rest", or if the code of `kernel` reads its first argument.
+        """
         if "rest" in self.given:
             return True
         first = self.kernel.__code__.co_varnames[0]
@@ -127,8 +132,8 @@ class DampingTerm(ABC):
         """Return the force per unit of the coefficient at one displacement x (rad) and velocity v (rad/s).
 
         epsilon: width ε > 0 in rad/s of the range of velocities about 0 in which the force is smoothed. A term with
-        further parameters takes them as arguments after ε, in the order of `further`. The method may use only plain
-        Python, `math` and `np`, because its source is compiled.
+        further parameters takes them as arguments after ε, in the order of `further`. Each term must define this
+        method. It may use only plain Python, `math` and `np`, because its source is compiled.
         """
         raise NotImplementedError
 
@@ -137,7 +142,8 @@ class DampingTerm(ABC):
 
         x and v have the same shape, which is also the shape of the result. epsilon: width ε (rad/s) of the range of
         velocities about 0 in which the force is smoothed. With ε = 0, dry friction jumps with the sign of v and is 0 at
-        v = 0. further: values of the arguments named in `DampingTerm.further`.
+        v = 0. further: values of the arguments named in `DampingTerm.further`, in this order. epsilon and these values
+        are numbers, or arrays of the shape of v.
         """
         v = np.asarray(v, float)
         sharp = np.where(v == 0.0, 1.0, EXACT * np.abs(v))
@@ -149,14 +155,16 @@ class DampingTerm(ABC):
         """Return the equivalent viscous damping ratio of the term for a coefficient of 1: W / (2π ω² A²).
 
         W is the energy lost in a cycle of a harmonic motion with amplitude A (rad) and angular frequency ω (rad/s).
-        Other parameters of the term are at the medians of their priors. A term may override this method with a closed
-        form.
+        Other inferred parameters of the term are at the medians of their priors for this A and ω; the equilibrium is 0,
+        and the reference scales are those of this motion. A term may override this method with a closed form.
         """
         medians = {p.name: median(p.prior(amplitude, frequency)) for p in self.inferred}
         return self.work(amplitude, frequency, medians) / (2 * math.pi * (frequency * amplitude) ** 2)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
         """Return the energy lost in a cycle x = θ_e + A sin ωt, per unit of coefficient and inertia, in rad²/s².
+
+        Dry friction jumps with the sign of the velocity here.
 
         Parameters
         ----------
@@ -223,15 +231,15 @@ def parse_model(name: str, where: str = "") -> tuple[str, ...]:
 
 
 def others() -> list[str]:
-    """Return the names of all damping terms that ship with bayesdamp, except viscous, Coulomb and quadratic damping."""
+    """Return the names, sorted, of the damping terms that ship with bayesdamp except viscous, Coulomb and quadratic."""
     return [name for name in TERMS.names() if TERMS.ships(name) and name not in PAPER_TERMS]
 
 
 def words_of(term: str) -> str:
     """Return the name of a damping term as it is written in a sentence, such as "Coulomb (dry friction)".
 
-    It has no article, and the word "damping" can follow it. term: name of the term in the registry. The result is
-    `DampingTerm.words`, or `term` itself if the term has no `words` or is not registered.
+    The result is `DampingTerm.words` without an article (a, an, the) at its beginning, or `term` itself if the term has
+    no `words` or is not registered. The word "damping" can follow it. term: name of the term in the registry.
     """
     words = (TERMS.get(term).words if term in TERMS.names() else "") or term
     first, _, rest = words.partition(" ")
@@ -241,9 +249,9 @@ def words_of(term: str) -> str:
 def twins_of(term: str) -> list[str]:
     """Return the names of all terms whose energy loss depends on the amplitude in the same way as that of a term.
 
-    Only the motion within a cycle can distinguish such terms. They are declared by `DampingTerm.twin`: the result
-    contains the twin of the given term, and all terms that declare the given term as their twin. If there are none, it
-    is [], also for an unknown name. term: name of the given term.
+    Only the motion within a cycle can distinguish such terms. They are those declared by `DampingTerm.twin`: the twin
+    of the given term if it is registered, and all terms that declare the given term as their twin; [] if there are
+    none. term: name of the given term, which need not be registered.
     """
     names = TERMS.present()
     own = [TERMS.get(term).twin] if term in names else []

@@ -28,7 +28,7 @@ class Coulomb(DampingTerm):
     def kernel(x: float, v: float, epsilon: float) -> float:
         """Return the friction per unit of its coefficient μ_c at velocity v (rad/s or m/s), which is tanh(v/ε).
 
-        epsilon: width ε, in the unit of v, of the range of velocities in which the friction changes its sign. The
+        epsilon: width ε > 0, in the unit of v, of the range of velocities in which the friction changes its sign. The
         argument x (displacement) has no effect on this term.
         """
         return math.tanh(v / epsilon)

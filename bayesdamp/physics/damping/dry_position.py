@@ -59,9 +59,9 @@ class DryPosition(DampingTerm):
         """Return the friction per unit of its coefficient μ_p: max(1 + slope·u + curvature·u², 0) tanh(v/ε).
 
         Here u = (x − rest)/scale is the displacement from the equilibrium, relative to a reference amplitude. x, v:
-        displacement and velocity in rad and rad/s, or in m and m/s. epsilon: width ε, in the unit of v, of the range of
-        velocities in which the friction changes its sign. slope, curvature: numbers without unit. rest, scale: the
-        equilibrium and the reference amplitude, in the unit of x.
+        displacement and velocity in rad and rad/s, or in m and m/s. epsilon: width ε > 0, in the unit of v, of the
+        range of velocities in which the friction changes its sign. slope, curvature: numbers without unit. rest, scale:
+        the equilibrium and the reference amplitude, in the unit of x.
         """
         u = (x - rest) / scale
         return max(1.0 + slope * u + curvature * u * u, 0.0) * math.tanh(v / epsilon)

@@ -54,10 +54,10 @@ class Stribeck(DampingTerm):
     def kernel(x: float, v: float, epsilon: float, excess: float = 0.0, slow: float = 1.0) -> float:
         """Return the friction per unit of its coefficient μ_k at velocity v: (1 + s exp(−(v/v_s)²)) tanh(v/ε).
 
-        v: in rad/s or m/s. epsilon: width ε, in the unit of v, of the range of velocities in which the friction changes
-        its sign. excess: s, the excess of the static friction over the kinetic friction, relative to the kinetic
-        friction. slow: the Stribeck velocity v_s, in the unit of v. The argument x (displacement) has no effect on this
-        term.
+        v: in rad/s or m/s. epsilon: width ε > 0, in the unit of v, of the range of velocities in which the friction
+        changes its sign. excess: s, the excess of the static friction over the kinetic friction, relative to the
+        kinetic friction. slow: the Stribeck velocity v_s, in the unit of v. The argument x (displacement) has no effect
+        on this term.
         """
         return (1.0 + excess * math.exp(-(v * v) / (slow * slow))) * math.tanh(v / epsilon)
 

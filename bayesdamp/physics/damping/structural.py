@@ -32,8 +32,8 @@ class Structural(DampingTerm):
     def kernel(x: float, v: float, epsilon: float, rest: float = 0.0) -> float:
         """Return the damping force per unit of its coefficient κ at displacement x and velocity v: |x − x_e| tanh(v/ε).
 
-        x, v: in rad and rad/s, or in m and m/s. epsilon: width ε, in the unit of v, of the range of velocities in which
-        the force changes its sign. rest: the equilibrium x_e, in the unit of x.
+        x, v: in rad and rad/s, or in m and m/s. epsilon: width ε > 0, in the unit of v, of the range of velocities in
+        which the force changes its sign. rest: the equilibrium x_e, in the unit of x.
         """
         return abs(x - rest) * math.tanh(v / epsilon)
 

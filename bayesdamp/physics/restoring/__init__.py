@@ -28,10 +28,10 @@ SYMBOLS = {
 class LinearForm:
     """A restoring law in the form of a linear regression: F_rest(θ) = offset + columns @ coefficients, at n angles θ.
 
-    columns: matrix with the c regressors (known functions of the angle) as columns, (n, c). The c coefficients are
-    unknown and are fitted. offset: the part of the force that follows from known parameters, (n,); an array of zeros if
-    nothing is known. decode: function that converts fitted coefficients, (c,), to the values of the law's unknown
-    parameters by name.
+    columns: matrix with the c regressors (known functions of the angle) as columns, (n, c); c = 0 if no parameter is
+    unknown. The c coefficients are unknown and are fitted. offset: the part of the force that follows from known
+    parameters, (n,); zeros if there is none. decode: function that converts fitted coefficients, (c,), to the values of
+    the law's unknown parameters by name.
     """
 
     columns: np.ndarray
@@ -77,8 +77,8 @@ class RestoringLaw(ABC):
     def kernel(x: float, p: Sequence[float] | np.ndarray) -> float:
         """Return the restoring force per unit of inertia, in rad/s², at one angle x (rad).
 
-        p: values of the parameters, in the order of `parameters`. The method may use only plain Python, `math` and
-        `np`, because its source is compiled.
+        p: values of the parameters, in the order of `parameters`. Each law must define this method. It may use only
+        plain Python, `math` and `np`, because its source is compiled.
         """
         raise NotImplementedError
 
@@ -111,7 +111,8 @@ class RestoringLaw(ABC):
 
         The result contains the regressors, the part of the force that follows from known parameters, and a function
         that converts fitted coefficients to the unknown parameters (see `LinearForm`). It is needed because the
-        coefficients can be other quantities than the parameters. known: values of known parameters of the law, by name.
+        coefficients can be other quantities than the parameters. A law may ignore known values here if their parameters
+        cannot be separated from unknown ones. known: values of known parameters of the law, by name.
         """
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:

@@ -49,9 +49,9 @@ class HorizontalPendulum(RestoringLaw):
         """Convert the parameters to natural coordinates: ω² of small oscillations, γ, equilibrium θ_e, and θ₀ − θ_e.
 
         They are stored under the keys `stiffness`, `gravity`, `spring_angle` and `theta0`. p: the parameters, under the
-        same keys: stiffness k, gravity term γ, angle θ_s of the relaxed spring, and the start angle θ₀. θ_e is the
-        equilibrium that Newton's method reaches from θ₀ or, if it fails from there, from θ_s. Return None if it fails
-        from both.
+        same keys: stiffness k, gravity term γ, angle θ_s of the relaxed spring, and the start angle θ₀ (0 if missing).
+        θ_e is the equilibrium that Newton's method reaches from θ₀ or, if it fails from there or θ₀ is missing, from
+        θ_s. Return None if it fails from θ_s too.
         """
         k, gravity, spring = p["stiffness"], p["gravity"], p["spring_angle"]
 
@@ -76,8 +76,9 @@ class HorizontalPendulum(RestoringLaw):
         """Convert natural coordinates back to the law's parameters k, γ, θ_s and the start angle θ₀, by name.
 
         The force is F(θ) = k(θ − θ_s) − γ cos θ. p: the natural coordinates, under the keys `stiffness`, `gravity`,
-        `spring_angle` and `theta0`: ω² of small oscillations, γ, the equilibrium θ_e, and θ₀ − θ_e. The result has the
-        same keys. It follows from k = ω² − γ sin θ_e and F(θ_e) = 0. k and θ_s are NaN where k would be ≤ 0.
+        `spring_angle` and `theta0`: ω² of small oscillations, γ, the equilibrium θ_e, and θ₀ − θ_e (0 if missing). The
+        result has these four keys. It follows from k = ω² − γ sin θ_e and F(θ_e) = 0. k and θ_s are NaN where k would
+        be ≤ 0.
         """
         rest, gravity = p["spring_angle"], p["gravity"]
         k = p["stiffness"] - gravity * np.sin(rest)
