@@ -186,10 +186,10 @@ class DecayLaw:
 
         The time t(x) = ∫ dx/rate is integrated numerically, and inverted by interpolation. After the oscillation has
         come to rest, x is `LOG_AT_REST`; the derivatives are valid until then. If the rates hardly change x, they are
-        raised, because the integrals do not exist without damping.
+        raised, because the integrals do not exist without damping. If x0 is above `high`, the decay starts from `high`.
 
-        t: increasing times in s since the start, (n,). rates: the decay rate c_i (1/s) of each damping term at the
-        reference amplitude A_ref, not negative, (terms,).
+        t: increasing times in s since the start, the last above 0, (n,). rates: the decay rate c_i (1/s) of each
+        damping term at the reference amplitude A_ref, not negative, (terms,).
         """
         if rates.sum() * t[-1] < LEAST_FALL:
             rates = np.maximum(rates, LEAST_FALL / t[-1])
@@ -307,17 +307,18 @@ class AmplitudeSolver:
         stop: int | None = None,
         tolerance: float | None = None,
     ) -> Motion:
-        """Compute the decay x(t) = ln(A/A_ref), with derivatives by the parameters p and by the deviation g at knots.
+        """Compute the decay x(t) = ln(A/A_ref) without deviation (g = 0), with derivatives by p and by g at the knots.
 
         p, (k + 1,): the k parameters of the decay law, then x at the start. The parameters of a `DecayLaw` are the
         decay rates in 1/s of its k damping terms at the reference amplitude A_ref. A `PowerLaw` has k = 2 parameters.
-        In the result, the values are x at the times of the measured amplitudes. The derivatives are those of x: by p
-        and g for `tangents` = `ALL`, by p for `PARAMETERS`, and none for `NONE`. Values and derivatives are multiplied
-        by the matrix `white`. The states are x and dx/dt, (n, 2), without this factor.
+        In the result, the values are x at the times of the measured amplitudes. The columns of the derivatives are
+        those by p and then by g for `tangents` = `ALL`, by p for `PARAMETERS`, and none for `NONE`; they are 0 after
+        the oscillation has come to rest. Values and derivatives are multiplied by the matrix `white`. The states are x
+        and dx/dt, (n, 2), without this factor.
 
-        The deviation g(t) is relative: all rates are multiplied by 1 + g(t). Therefore x(t) = X(t + ∫g dt), where X is
-        the decay for g = 0. To first order, ∂x/∂g_k = -rate(x) ∫ b_k dt with the basis function b_k of knot k.
-        `active`, `stop` and `tolerance` have no effect.
+        The deviation g(t) would multiply all rates by 1 + g(t). Therefore x(t) = X(t + ∫g dt), where X is the decay for
+        g = 0. To first order, ∂x/∂g_k = -rate(x) ∫ b_k dt with the basis function b_k of knot k. `active`, `stop` and
+        `tolerance` have no effect.
         """
         rates, start = p[:-1], float(p[-1])
         x, by_rates = self.law.solve(self.t, start, rates)
@@ -350,8 +351,8 @@ def linear_basis(s: np.ndarray, count: int) -> np.ndarray:
 def basis_integrals(s: np.ndarray, count: int) -> np.ndarray:
     """Return the integrals from 0 to s, (n, count), of the basis functions of linear interpolation, for each s, (n,).
 
-    Basis function k is 1 at knot k, 0 at all other knots, and linear between knots. The `count` knots are equidistant
-    from 0 to 1. Values s outside of [0, 1] are replaced by the nearer end.
+    Basis function k is 1 at knot k, 0 at all other knots, and linear between knots. The `count` ≥ 2 knots are
+    equidistant from 0 to 1. Values s outside of [0, 1] are replaced by the nearer end.
     """
     at = np.clip(s, 0.0, 1.0) * (count - 1)
     u = at[:, None] - np.arange(count)
@@ -407,8 +408,8 @@ def log_loss(
     """Return a function that computes ln of the decay rate which a damping term causes at a coefficient of 1.
 
     The function takes x = ln(A/A_start), any shape, where A is the amplitude and A_start its value at the start. It
-    returns ln of the decay rate -d ln A/dt (1/s). It interpolates a table over `LOSS_GRID`, and extrapolates the rate
-    as a power of A outside.
+    returns ln of the decay rate -d ln A/dt (1/s). It interpolates a table over `LOSS_GRID`, in which very small rates
+    are raised to `MIN_RELATIVE_LOSS` times the largest, and extrapolates the rate as a power of A outside.
 
     Parameters
     ----------

@@ -39,8 +39,8 @@ def with_names(function: Callable[..., Any], mathematics: Any) -> Callable[..., 
     """Return a copy of a scalar function that takes its mathematical functions from another module.
 
     In the copy, the names `math`, `np`, `abs`, `max`, `min` and `pow` refer to this module, and `float` returns its
-    argument unchanged. The copy can, for example, accept arrays. mathematics: the module, with functions abs, maximum,
-    minimum and pow.
+    argument unchanged; other global names of the function's own module are not defined. The copy can, for example,
+    accept arrays. mathematics: the module, with functions abs, maximum, minimum and pow.
     """
     assert isinstance(function, FunctionType)
     names = {
@@ -61,8 +61,9 @@ def with_names(function: Callable[..., Any], mathematics: Any) -> Callable[..., 
 def on_arrays(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
     """Return a version of a scalar function that accepts arrays and broadcasts them.
 
-    If an argument is a tuple, the function receives a tuple, and each element may be an array. If the function does not
-    work on arrays, for example because it has an `if`, it is called once for each element.
+    If an argument is a tuple, the function receives a tuple, and each element may be an array. The function may use no
+    global names but `math` and `np`. If it does not work on arrays, for example because it has an `if`, it is called
+    once for each element.
     """
     array_function = with_names(function, _Math())
 

@@ -132,7 +132,8 @@ def cycle(osc: Oscillator, p: Parameters, amplitude: ArrayLike, rest: ArrayLike)
     osc
         The oscillator.
     p
-        Its parameters, by name: numbers or arrays.
+        Its parameters, and the equilibrium and reference scales that its damping terms need (`Oscillator.scales`), by
+        name: numbers or arrays. theta0 and omega0 are not needed; epsilon is 0 if it is missing.
     amplitude
         Half the distance between the turning points, rad or m.
     rest

@@ -38,7 +38,8 @@ class Oscillator:
     Raises
     ------
     InputError
-        If `damping` is a string that `parse_model` refuses, for example with an unknown or repeated term.
+        If `damping` is a string that `parse_model` refuses, for example with an unknown or repeated term. Names in a
+        sequence and the name of the law are not checked here: an unknown one raises InputError when it is used.
     """
 
     damping: tuple[str, ...]
@@ -214,14 +215,15 @@ def reference_of(system: System, features: FeatureValues) -> Reference:
     - the value that `system` states;
     - if all parameters of the restoring law are known: for the frequency, the natural frequency at the equilibrium θ_e;
       for the amplitude, |θ₀ − θ_e|, if theta0 is known too and the result is not 0;
-    - the value measured on the record (amplitude at its first sample; mean frequency), rounded to two digits.
+    - the value measured on the record (amplitude at its first sample, mean frequency), to two significant digits.
 
     features: measured features of the record.
 
     Raises
     ------
     InputError
-        If no oscillation about the record's midline is possible with the known parameters of the restoring law.
+        If a known parameter is not above 0 although the law requires this (`check_restoring`), or no oscillation about
+        the record's midline is possible with the known parameters of the law.
     """
     amplitude, frequency = system.amplitude, system.frequency
     check_restoring(system.restoring, system.known)
@@ -287,11 +289,12 @@ class Trajectories:
     quantity : str
         "angle", "velocity" or "acceleration".
     reference : mapping of str to float
-        Rough values of all parameters except the damping coefficients, by name. They set the scales of amplitude and
-        frequency from which the tolerances of the solver follow.
+        Rough values of theta0, omega0 and the parameters of the restoring law, by name; others have no effect. They set
+        the scales of amplitude and frequency from which the tolerances of the solver follow.
     tolerance : float, optional
-        Largest error of the samples in their unit, for parameters near the reference; 0 for the smallest possible
-        error. By default the error of each step is `kernel.solve.TOLERANCE`, relative to the amplitude.
+        Largest error of the samples in their unit (base units: rad or m, and s), for parameters near the reference; 0
+        for the smallest possible error. By default the error of each step is `kernel.solve.TOLERANCE`, relative to the
+        amplitude.
 
     Raises
     ------
@@ -338,8 +341,8 @@ class Trajectories:
         """Return the samples of the quantity, (n,), for one set of parameters; all NaN if the trajectory diverges.
 
         p: parameters by name. All parameters of the oscillator are necessary except epsilon (width of the velocity
-        within which dry friction changes its sign), which is 0 by default. The samples are also NaN if a damping term
-        needs the equilibrium and none is found.
+        within which dry friction changes its sign), which is 0 by default. The samples are also NaN if the solver needs
+        too many steps, or if a damping term needs the equilibrium and none is found.
         """
         motion = self._solve(p, NONE)
         return np.full(self._count, np.nan) if motion is None else motion.y[: self._count]
@@ -347,10 +350,10 @@ class Trajectories:
     def with_slopes(self, p: Mapping[str, float], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """Return the samples of the trajectory, (n,), and their derivatives by the k parameters in `names`, (k, n).
 
-        p: values of all parameters, by name. Derivatives by parameters of the restoring law include their effect on the
-        equilibrium `rest`. The derivative by epsilon is a central difference, and 0 at epsilon = 0. If the motion does
-        not depend on a name, the derivative by it is 0. All results are NaN if the trajectory diverges, or if a damping
-        term needs the equilibrium and none is found.
+        p: values of all parameters, by name; epsilon is 0 if it is missing. Derivatives by parameters of the restoring
+        law include their effect on the equilibrium `rest`. The derivative by epsilon is a central difference, and 0 at
+        epsilon = 0. If the motion does not depend on a name, the derivative by it is 0. All results are NaN if the
+        trajectory diverges, or if a damping term needs the equilibrium and none is found.
         """
         motion, epsilon = self._solve(p, PARAMETERS), _epsilon(p)
         if motion is None:
@@ -487,7 +490,8 @@ def simulate(
     Returns
     -------
     ndarray
-        The quantity at these times, shape (n,); all NaN if the trajectory diverges.
+        The quantity at these times, shape (n,); all NaN if the trajectory diverges, needs too many steps, or if a
+        damping term needs the equilibrium and none is found.
 
     Raises
     ------

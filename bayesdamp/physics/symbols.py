@@ -37,7 +37,8 @@ def own_words(term: str) -> str:
 def meaning_of(parameter: str) -> str:
     """Return a description of a parameter of a damping term that a user added, such as "coefficient of eddy damping".
 
-    For any other parameter return "parameter".
+    A parameter other than the coefficient gives "parameter of eddy damping". For a parameter of no such term return
+    "parameter".
     """
     for term in map(TERMS.get, TERMS.added()):
         if parameter == term.parameter:

@@ -238,9 +238,9 @@ def choose_columns(
     Raises
     ------
     InputError
-        If a column does not exist, the choice is not clear, or there are neither times nor a rate. Columns of
-        accelerations that contain gravity are left out of an automatic choice; the error is also raised if no other
-        column remains.
+        If a column or run does not exist, the selected column is not in the selected runs, the choice is not clear, or
+        there are neither times nor a rate. Columns of accelerations that contain gravity are left out of an automatic
+        choice; the error is also raised if no other column remains.
     """
     columns = content.columns
     wanted = [column for value in values for column in find_columns(columns, value)]

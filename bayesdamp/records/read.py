@@ -99,7 +99,7 @@ def load_isolated(
     Returns
     -------
     object
-        What `load` returns.
+        What `load` returns; it must be picklable.
 
     Raises
     ------
@@ -241,7 +241,7 @@ def reader_of(path: Path) -> Reader:
     """Return the reader for a file, which is recognised by the first bytes of its content (`Reader.claims`).
 
     The reader of text tables is tried last, because it accepts any text. Raises InputError if no reader accepts the
-    file, or if the file is missing, empty or too large; OSError if it cannot be opened.
+    file, or if it is missing, a folder or a device, empty or blank, or too large; OSError if it cannot be opened.
     """
     head = _read_head(path)
     readers = {name: READERS.get(name) for name in READERS.names() if name != FALLBACK}
@@ -374,7 +374,7 @@ def read_records(
     runs
         Which runs to read, such as `1,3-5`; all by default.
     channels
-        Further columns of recorded quantities, each as in `value`; each gives a record.
+        Further columns of recorded quantities, each as in `value`; each gives a record for each run.
     time_unit
         Unit of the times in the file (s, ms, us, ns, ps, min, h or d). By default it is the unit that the file states,
         or s if it states none.
@@ -382,12 +382,15 @@ def read_records(
     Returns
     -------
     list of RawRecord
-        The records, in the order of runs and channels.
+        The records. If `value` or `channels` are given: in their order, and for each of them in the order of the runs
+        in the file. If the columns are chosen automatically: in the order of the runs, and for each run in that of its
+        columns.
 
     Raises
     ------
     InputError
-        If the file or a column cannot be read or used; the message is one line that says what to do.
+        If the file or a column cannot be read or used, or an argument is invalid; the message is one line that says
+        what to do.
     """
     path = Path(path)
     if rate is not None and not (np.isfinite(rate) and SLOWEST_RATE <= rate <= FASTEST_RATE):

@@ -92,7 +92,7 @@ class RawRecord:
 
     @cached_property
     def oscillation(self) -> OscillationMeasure:
-        """Return coarse measures of the oscillation in y: its period, its size, and whether it decays."""
+        """Return coarse measures of the oscillation in y: its period in samples, its size, and whether it decays."""
         return measure_oscillation(self.y)
 
 
@@ -112,8 +112,9 @@ def unit_or_guess(raw: RawRecord, unit: str | None, quantity: str | None) -> tup
     """Return unit and quantity of a record, as `choose_unit`; guess the unit of an angle that is too large for radians.
 
     unit, quantity: given by the user; None if not given. The guess is made only if neither the user nor the file states
-    a unit, and half the range of the values exceeds π. It is "deg" if the name of the column is empty or may mean an
-    angle, and half the range is at most 360; otherwise it is "counts" (of a sensor).
+    a unit, the quantity is "angle" (the default), and half the range of the values exceeds π. It is "deg" if the name
+    of the column is empty or may mean an angle, and half the range is at most 360; otherwise it is "counts" (of a
+    sensor).
     """
     resolved, what = choose_unit(unit, quantity, raw.unit, raw.quantity)
     if unit is not None or raw.unit or what != "angle" or half_swing(raw) <= HALF_TURN:
@@ -178,7 +179,7 @@ and the command-line option with which the user changes it."""
 # The following limits are conventional.
 LONGEST_PERIOD, SHORT = 600.0, 1e-6
 """Longest and shortest plausible period of an oscillation in s. The user is warned if the sampling rate gives a period
-outside these limits."""
+outside these limits, or is below 1 Hz."""
 RATE_TOLERANCE = 0.01
 """The user is warned if the sampling rate that is used differs by more than this fraction from the rate that the file
 states."""
@@ -257,7 +258,8 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     unit, quantity
         Unit (of UNITS) and quantity in which it is read.
     given
-        Whether the user gave the unit. If true, the unit is not doubted.
+        Whether the user gave the unit. If true, the unit is not doubted, and it is used to judge whether the velocity
+        is plausible.
 
     Returns
     -------
@@ -347,8 +349,8 @@ def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
     """Return a doubt if the time unit that the file states gives an implausibly large velocity; otherwise None.
 
     t: times converted to s, (n,). unit: unit of the displacement, a name in UNITS. The limits are `LARGEST_VELOCITY`.
-    The result is also None if nothing oscillates, or if no longer unit of time (s, ms or us) would give a plausible
-    velocity and period.
+    The result is also None if nothing oscillates, or if none of the longer units of time (s, ms or us) would give a
+    plausible velocity and period.
     """
     base = UNITS[unit].base
     limit, step = LARGEST_VELOCITY.get(base, math.inf), float(t[-1] - t[0]) / (t.size - 1)

@@ -54,7 +54,8 @@ def simulate_signal(
         Number of spikes or, if it is below 1, the fraction of samples that are spikes. The height of a spike is 0.3 to
         1 times half of the range of the motion, up or down.
     gaps
-        Number of gaps. Each contains 1/50 of the samples, which are removed; the first and the last sample remain.
+        Number of gaps. Each consists of 1/50 of the samples (at least one), which are removed; the first and the last
+        sample remain.
     quantum
         Recording step to which the values are rounded, in the unit of the recorded quantity; 0 for none.
     quantity
@@ -75,6 +76,8 @@ def simulate_signal(
     ------
     InputError
         If the noise is unknown, the gaps take more than half of the record, or the motion does not stay finite.
+    ValueError
+        If a parameter is missing or the quantity is unknown.
     """
     length = max(int(GAP * samples), 1)
     if noise not in NOISES:

@@ -163,7 +163,8 @@ class AveragedSolver(Solver):
         The values are amplitude, phase and midline of each block (group of consecutive cycles) in turn, multiplied by
         the factors in `track`. The arguments are those of `Solver.solve`, but `stop` is the number of values to return
         (three for each block; None for all). The times and states in the result belong to the compressed oscillation,
-        which has M times the damping in 1/M of the time. None is also returned if an amplitude is zero.
+        which has M times the damping in 1/M of the time. None is also returned if an amplitude is zero, or if the
+        trajectory needs too many steps.
         """
         blocks = len(self.track.weights) if stop is None else -(-stop // NUMBERS)
         if blocks not in self._solvers:
@@ -199,7 +200,7 @@ class AveragedSolver(Solver):
     def with_defect(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> AveragedSolver | None:
-        """Return a copy of this solver that adds the defect at parameters p, (k,); None if the defect is undefined.
+        """Return a copy of this solver with the defect at parameters p, (k,), in place of its own; None if undefined.
 
         The defect is the result for the actual equation of motion minus that for the compressed oscillation, which has
         M times the damping in 1/M of the time (`defect_at`). active: which damping terms are on. g, h: relative

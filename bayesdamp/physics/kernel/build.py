@@ -227,8 +227,8 @@ class Kernel:
     """Compiled functions for oscillators with any sum of the damping terms `terms` and one restoring law of `laws`.
 
     terms, laws: names of the damping terms and restoring laws whose forces are compiled. march: function that
-    integrates the equation of motion. sums: function that computes weighted sums of the terms' forces over given
-    points.
+    integrates the equation of motion (`march.march`). sums: function that computes weighted sums of the terms' forces
+    over given points (`march.sums`).
     """
 
     terms: tuple[str, ...]
@@ -240,8 +240,9 @@ class Kernel:
 def kernel_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> Kernel:
     """Return the kernel, the compiled equation of motion, for the named damping terms and restoring laws.
 
-    Its functions are compiled at their first call. Raises Refusal if a term or law has no method `kernel`, or if the
-    source code of this method cannot be read.
+    Its functions are compiled at their first call. Raises Refusal if a term or law has no method `kernel`, or if this
+    method cannot be compiled: its source cannot be read, it is not a plain function, or it uses global names other than
+    `math` and `np`.
     """
     return _kernel_of(terms, laws, tuple(map(TERMS.get, terms)), tuple(map(LAWS.get, laws)))
 
@@ -265,7 +266,8 @@ def most_parameters(laws: tuple[str, ...]) -> int:
 def source_of(terms: tuple[str, ...], laws: tuple[str, ...]) -> str:
     """Return the Python source of the module of a kernel (compiled equation of motion).
 
-    terms, laws: names of the damping terms and restoring laws whose forces the source contains.
+    terms, laws: names of the damping terms and restoring laws whose forces the source contains. Raises Refusal as
+    `kernel_of`.
     """
     # Lines of three generated functions: `calls` for `shapes`, `sums` for `damping`, `slopes` for `damping_slopes`; the
     # module `tangents` documents these functions. `at` counts the further parameters of the terms so far.

@@ -48,10 +48,10 @@ class Slopes:
     times
         Times of the s nodes in s, (s,).
     slopes
-        For all k parameters of the kernel: the tangent, its first and second time derivative, and the factor of the
-        correction between the nodes (see `dense`), (s, k, 4).
+        For each of the k parameters of the kernel (with `ALL` also g and h at the knots): the tangent, its first and
+        second time derivative, and the factor of the correction between the nodes (see `dense`), (s, k, 4).
     columns
-        Indices among these k of the p parameters of the solver, (p,). The kernel can have more parameters.
+        Indices, among these k, of the p tangents that the solver returns, (p,). The kernel can have more parameters.
     t
         Times of the samples in s, (n, m). Each tangent is averaged over the m times of a row.
     order
@@ -85,12 +85,13 @@ class Motion:
     y : ndarray, shape (n,)
         Values of the recorded quantity at the samples. If `Solver.samples` is given: its means over the n windows.
     slopes : ndarray, shape (n, k), or Slopes
-        Derivatives of y by the k parameters, or an object from which `tangents` computes them.
+        Derivatives of y by the k parameters, or an object from which `tangents` computes them; k is 0 if none were
+        wanted.
     times : ndarray, shape (s,)
         Times of the nodes in s.
     states : ndarray, shape (s, 4)
         θ, θ̇, θ̈ at the nodes, and the factor of the correction by which values between the nodes are interpolated in
-        the step after each node (see `dense`).
+        the step after each node (see `dense`). An `AmplitudeSolver` gives x and dx/dt instead, (s, 2).
     """
 
     y: np.ndarray
@@ -157,11 +158,12 @@ class Solver:
     terms, restoring
         Names of the damping terms, any of which can be switched off in `solve`, and name of the restoring law.
     t
-        Times of the samples in s, (n,).
+        Times of the samples in s, not decreasing, (n,); not used if `samples` is given.
     quantity
         The recorded quantity, whose values `solve` computes: "angle" (the displacement), "velocity" or "acceleration".
     amplitude, frequency
-        Scales from which the tolerances follow, in rad or m and in rad/s.
+        Typical amplitude (rad or m) and angular frequency (rad/s). From them follow the tolerances, and the limits of
+        displacement and number of steps beyond which a trajectory is given up.
     epsilon
         Width ε of the range of velocities, rad/s or m/s, in which dry friction changes its sign. With 0 friction is
         discontinuous, and the body may stick.
@@ -218,8 +220,9 @@ class Solver:
     def names(self) -> tuple[str, ...]:
         """Return the names of the parameters that `solve` takes, in order.
 
-        They are the coefficients of the damping terms, their other parameters (`further`), the parameters of the
-        restoring law, and the angle and velocity at the start (theta0, omega0).
+        They are the coefficients of the damping terms, the other arguments of their forces (`further`, with equilibrium
+        and reference scales), the parameters of the restoring law, and the angle and velocity at the start (theta0,
+        omega0). ε is not among them.
         """
         coefficients = tuple(TERMS.get(name).parameter for name in self.terms)
         return (*coefficients, *self.further, *LAWS.get(self.restoring).parameters, "theta0", "omega0")
@@ -286,11 +289,12 @@ class Solver:
             Which terms are switched on, (m,) of bool.
         g, h
             Relative deviations of the damping and of the frequency at the knots, (knots,); 0 by default. The damping
-            force has the factor 1 + g, the restoring force the factor 1 + 2h.
+            force has the factor 1 + g, the restoring force the factor 1 + 2h. If both are None and the samples end
+            before the last knot, the knots are replaced by two: 0 and the time of the last sample.
         tangents
             Which derivatives to compute: `NONE`, by `PARAMETERS`, or by `ALL` (parameters, g and h).
         stop
-            Number of samples to compute, from the first on; all by default.
+            Number of samples (or windows, with `samples`) to compute, from the first on; all by default.
         tolerance
             Largest error of a step, relative to the amplitude; `TOLERANCE` by default.
         epsilon

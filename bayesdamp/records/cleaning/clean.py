@@ -128,8 +128,8 @@ def clean(
     name
         Name of the record in messages and results.
     unit
-        Unit of the displacement, a name in UNITS (a velocity is then in this unit per s, an acceleration per s²). It
-        and `quantity` replace those that the record states.
+        Unit of the displacement, a name in UNITS (a velocity is then in this unit per s, an acceleration per s²), or a
+        unit of the quantity itself, such as rpm. It and `quantity` replace those that the record states.
     quantity
         "angle", "velocity" or "acceleration".
     clock
@@ -148,7 +148,8 @@ def clean(
     Raises
     ------
     InputError
-        If the record has fewer than two periods of a free decay, or cannot be used for another reason.
+        If the record has fewer than two periods of a free decay; if it is constant, clipped, rectified or a tone burst;
+        if its times are unusable (`clock_times`); or if an argument is invalid.
     """
     scale, base = known_unit(unit, quantity, name)
     raw = decimate(unwrap(raw, unit, quantity))
@@ -233,8 +234,8 @@ def clean(
 def known_unit(unit: str, quantity: str, where: str) -> tuple[float, str]:
     """Return the factor that converts a value in `unit` to its base unit, and the name of the base unit.
 
-    For "deg" these are π/180 and "rad". The `quantity` is only checked. where: name of the record, for messages. Raises
-    InputError for an unknown unit or quantity.
+    For "deg" these are π/180 and "rad"; for "rpm", which gives rad/s, π/30 and "rad". The `quantity` is only checked.
+    where: name of the record, for messages. Raises InputError for an unknown unit or quantity.
     """
     if unit not in UNITS:
         raise InputError(f"unknown unit {unit!r}{nearest(unit, list(UNITS))}", where)
@@ -280,7 +281,8 @@ def decimate(raw: RawRecord) -> RawRecord:
     low-pass filtered first; a note in the provenance describes the filter. The filter lacks neighbours for the first
     and last samples, so these are left out. The result has times instead of a rate, and its `rows` are empty.
 
-    A record is returned unchanged if it is shorter, is not uniformly sampled, or needs all of its samples.
+    A record is returned unchanged if it is shorter, is not uniformly sampled (`MAX_STEPS_OFF`), or needs more than half
+    of its samples.
     """
     rows = raw.rows - raw.rows[0] if raw.rows.size else np.arange(raw.y.size)
     if raw.y.size <= MOST_SAMPLES or rows[-1] != raw.y.size - 1:  # rows are missing

@@ -60,8 +60,8 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> tuple[np.ndarray, tupl
     5. Otherwise: uniform clock. Its step is the slope of a robust line through the stamps against the row index.
        Refused if a stamp is too far from this line (MOST_STEPS_OFF).
 
-    The clock "uniform" uses the step of rule 1 if the stamps are rounded, else that of rule 5. If the stamps come in
-    bursts as in rule 3, the line is fitted only to the first stamp of each burst.
+    The clock "uniform" uses the step of rule 1 if the stamps are rounded to this step or finer, else that of rule 5. If
+    the stamps come in bursts as in rule 3, the line is fitted only to the first stamp of each burst.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ def clock_times(raw: RawRecord, clock: str, name: str) -> tuple[np.ndarray, tupl
     Raises
     ------
     InputError
-        If stamps decrease or are all equal; if they repeat and the clock is "as_logged"; if the choice for "auto" is
-        not clear; if there is neither a time stamp nor a sampling rate.
+        If the clock is unknown; if stamps decrease or are all equal; if they repeat and the clock is "as_logged"; if
+        the choice for "auto" is not clear; if there is neither a time stamp nor a sampling rate.
     """
     if clock not in ("auto", "as_logged", "uniform"):
         raise InputError(f"unknown clock {clock!r}; valid are auto, as_logged, uniform", name)

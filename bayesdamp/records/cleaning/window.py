@@ -89,7 +89,7 @@ class DecayWindow:
     notes
         Sentences on why this part was chosen.
     decays
-        All free decays in the record, including the used one; empty if the record is not a free decay.
+        All free decays in the record, including the used one, in time order; empty if the record is not a free decay.
     """
 
     first: int
@@ -192,8 +192,8 @@ def free_decay(
     Raises
     ------
     InputError
-        If nothing oscillates; if start and stop are sought and the decay has only a small fraction of the power of all
-        swings; or if the body is at rest at a given start.
+        If nothing oscillates, or the record is sampled too coarsely; if start and stop are sought and the decay has
+        only a small fraction of the power of all half cycles; or if the body is at rest at a given start.
     """
     decays = _find_decays(t, y, periods, step, name)
     if seek_start and seek_stop:

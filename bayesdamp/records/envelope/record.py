@@ -95,8 +95,9 @@ def make_record(
 ) -> EnvelopeRecord:
     """Make an envelope record from times and readings.
 
-    A reading with the same time as the reading before is left out. Amplitudes and powers of zero are left out too, and
-    small negative ones are replaced by their absolute values. The record's notes give the number of these readings.
+    A reading with the same time as the reading before is left out. Amplitudes and powers of zero (or too small, see
+    `LARGEST_LEVEL`) are left out too, and small negative ones are replaced by their absolute values. The record's notes
+    give the number of these readings.
 
     Parameters
     ----------
@@ -240,7 +241,7 @@ def read_envelope(
     Raises
     ------
     InputError
-        If the file cannot be read, or its readings cannot be an envelope.
+        If the file cannot be read, an argument is invalid, or the readings cannot be an envelope.
     """
     path = Path(path)
     raw = read_record(path, time=time, value=value, rate=rate)

@@ -31,7 +31,7 @@ GUARD_FRACTION = 0.02
 """If readings of a drive precede the decay, this fraction of the decay is left out at its start."""
 CHECKED_FRACTION = 0.05
 """A power law describes a decay only if its misfit is small over all blocks of the decay and also over the first blocks
-alone, which are this fraction of all."""
+alone, which are this fraction of all (at least `LEAST_POINTS`)."""
 LEAST_SHORTENING = 0.15
 """The fit of a power law may give an earlier start of the decay than the search with straight lines, and then also an
 earlier end. The earlier start is rejected if the part that is lost at the end is a decay too: if it lasts at least this
@@ -117,7 +117,7 @@ class NoiseFloor:
     power
         Mean power of the floor.
     decay
-        Mean power of the decay that is still present in the readings of the floor.
+        Mean power of the decay that is still present in the readings of the floor; 0 if semivariance is NaN.
     semivariance
         Half of the mean squared difference between powers that are `LAG_IN_DECAY_TIMES` decay times apart; NaN if there
         are too few readings.
@@ -287,8 +287,8 @@ def power_law_start(levels: Levels, begin: int, end: int) -> int:
 
     The start `begin` from the search with straight lines may be too late, because dry friction and drag curve the level
     in dB. This function searches the blocks before `begin`, by bisection, for the first block from which a power law
-    and a floor describe the levels, and adds a margin (`GUARD_FRACTION`). The result is `begin` itself if the fall of
-    the decay in dB would increase by less than `LEAST_DROP`.
+    and a floor describe the levels, and adds a margin (`GUARD_FRACTION`) unless this is the first block of the record.
+    The result is `begin` itself if the fall of the decay in dB would increase by less than `LEAST_DROP`.
 
     levels: levels of the record and their blocks. begin, end: indices of the first block of the decay, according to
     straight lines, and of the block after its last one.
@@ -496,8 +496,8 @@ def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: floa
     """Return the window from start to stop (both included), in s of the record's times.
 
     t, y: times in s and levels in dB, (n,). If start or stop is None, `find_window` gives its value. The noise floor
-    always comes from `find_window`; it is None if that finds no decay. Raises Refusal if too few readings are between
-    start and stop, or if one of them is None and no decay is found.
+    always comes from `find_window`; it is None if that finds no decay. Raises Refusal if fewer than `LEAST_POINTS`
+    readings are between start and stop, or if one of them is None and no decay is found.
     """
     try:
         window = find_window(t, y)
@@ -603,7 +603,7 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
 
     A power law and a floor are fitted to the levels from `begin`, the first block of the decay, on. The decay ends
     where it is `ABOVE_FLOOR` dB above the floor, or earlier if levels scatter like noise. The floor is None if the
-    record ends before the decay reaches it.
+    record ends before the decay reaches it, or if what looks like a floor may belong to the decay.
     """
     t, y, tb, yb, edges = levels.t, levels.y, levels.tb, levels.yb, levels.edges
     count = tb.size

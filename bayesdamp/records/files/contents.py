@@ -70,7 +70,10 @@ class Column:
 
     @property
     def label(self) -> str:
-        """Return the name with its unit in brackets, or the name alone if no unit is stated outside of it."""
+        """Return the name with its unit in brackets, or the name alone if no unit is stated outside of it.
+
+        A velocity or acceleration in a known unit has the unit of this quantity, such as deg/s for `deg`.
+        """
         unit = UNITS[self.unit].of(self.quantity) if self.unit in UNITS and self.quantity else self.unit
         return f"{self.name} ({unit})" if self.name and unit else self.name
 
@@ -90,9 +93,9 @@ class Contents:
     notes
         Sentences on what the reader did.
     first_line
-        Line number (from 1) of the first row of numbers in a text file.
+        Line number (from 1) of the first row of numbers in a text file; None for other files.
     lines
-        Line of each row, shape (n,), counted from 0 at `first_line`.
+        Line of each row, shape (n,), counted from 0 at `first_line`; None if this is None.
     channels
         Whether the format declares each column to be a sensor's channel.
     paired
@@ -306,7 +309,8 @@ def _unit_candidates(name: str) -> list[str]:
 def seconds_in(name: str) -> float | None:
     """Return the unit of time in the name of a column of times, in s: 0.001 for `Time [ms]`.
 
-    The result is None if the name contains no unit of time, or several different ones.
+    The result is None if the name contains no unit of time, or several different ones. `d`, `h` and `ps` count only if
+    the rest of the name means times.
     """
     units = [unit for unit in map(_normalise_time_unit, _unit_candidates(name)) if unit in SECONDS]
     if not units and (joined := _JOINED.search(name.strip())):
@@ -503,7 +507,7 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
     wanted
         A name, or a number from 1. Digits are a number unless a column has them as its name. The name may be written in
         upper or lower case, with or without the unit. In a file with several runs (measurements), a name without run
-        selects one column of each run.
+        selects one column of each run that has it.
 
     Raises
     ------

@@ -19,9 +19,10 @@ _NUMBERS = "fiub"
 class Walk:
     """Collector that walks through nested data: vectors become columns, scalars and texts become facts.
 
-    Each column or fact is named by its path in the data, with dots: `run.angle`. A matrix gives one column for each
-    index of its shorter dimension, from 1. If several elements of a list (a cell array, an array of structs) contain
-    vectors, each element is a run (one of several measurements), numbered from 1.
+    An array of one element is a fact too. Each column or fact is named by its path in the data, with dots: `run.angle`.
+    A matrix gives one column for each index of its shorter dimension, from 1. If several elements of a list (a cell
+    array, an array of structs) are arrays, mappings or lists that are not empty, each element is a run (one of several
+    measurements), numbered from 1, unless the list is itself in a run.
 
     Attributes
     ----------
@@ -43,8 +44,9 @@ class Walk:
         path
             Path of the item; "" for the whole file.
         item
-            A mapping, list, array, number or text. Other items and empty arrays are ignored. So are matrices with both
-            dimensions larger than WIDEST_MATRIX, and arrays of more than two dimensions.
+            A mapping, list, array, number or text. Other items, empty arrays, and keys that begin with "__" are
+            ignored. So are matrices with both dimensions larger than WIDEST_MATRIX, and arrays of more than two
+            dimensions.
         run
             Run (one of several measurements) to which the item belongs; "" for none.
         depth

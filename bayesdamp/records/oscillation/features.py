@@ -24,8 +24,8 @@ FEW_TURNS = 7
 return from an extremum by only half of the distance that was required before. Under heavy damping a half cycle may be
 less than half of the one before."""
 LEAST_SAMPLES = 9
-"""The window of samples around a turning point is widened until it has this many samples, which are enough to determine
-a sinusoid with changing amplitude, phase and midline."""
+"""The window of samples around a turning point is widened, up to threefold, until it has this many samples, which are
+enough to determine a sinusoid with changing amplitude, phase and midline."""
 GRID_POINTS = 81
 """Number of points on a fitted curve between which its extremum is searched (conventional)."""
 
@@ -333,7 +333,7 @@ multiple of the variance of the changes over half a period. The multiple is 2 fo
 oscillation with a damping ratio of 0.3, and 2/3 for two equal modes whose frequencies differ by a fifth."""
 HOLE_IN_LAG = 0.25
 """The test whether a record oscillates compares values at the times t and t + lag. A pair is not used if t + lag is in
-a gap of the samples that is longer than this fraction of the lag."""
+a gap of the samples that is longer than this fraction of the lag and than 2.5 sampling intervals."""
 GAP_PERIODS, GAP_INTERVALS, GAP_MARGIN = 0.5, 5.0, 0.25
 """The samples have a gap where two successive samples are further apart than `GAP_PERIODS` periods and than
 `GAP_INTERVALS` median sampling intervals. Turning points within `GAP_MARGIN` periods of a gap are not used
@@ -456,10 +456,10 @@ class Features(FeatureValues):
         Times in s and values (in the unit of the record) of the turning points (maxima and minima), each (k,). Only the
         longest run of regular turning points is used (`regular_runs`).
     turning_amplitudes
-        Distance of the turning values from the midline, (k,).
+        Distance of the turning values from the midline, in the unit of the record, (k,).
     swing_times, swing_sizes
-        Middle time in s and half of the range (maximum minus minimum) of each half cycle, each (m,). In addition to the
-        longest run, runs that are separated from it only by gaps in the samples are used.
+        Middle time in s and half of the range (maximum minus minimum, in the unit of the record) of each half cycle,
+        each (m,). In addition to the longest run, runs that are separated from it only by gaps in the samples are used.
     """
 
     turning_times: np.ndarray

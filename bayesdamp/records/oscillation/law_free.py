@@ -278,7 +278,7 @@ class LawFree:
     sizes
         Natural logarithms of the amplitudes of the displacement (rad or m) in the middle of the windows, (k,).
     backbone
-        Frequency as a polynomial in the squared amplitude of the displacement.
+        Angular frequency as a polynomial in the squared amplitude of the displacement (several degrees, averaged).
     line
         Natural logarithm of the amplitude of the displacement (rad or m) as a polynomial in time. The time is scaled to
         −1 in the middle of the first window and 1 in the middle of the last.
@@ -319,9 +319,10 @@ class LawFree:
         return _smooth(self.windows, self.sizes), _smooth(self.windows, self.windows.phases, (0.0,))
 
     def at(self, times: np.ndarray) -> LawFreeDamping:
-        """Return amplitude of the displacement, damping ratio and frequency, with standard errors, at times in s, (k,).
+        """Return amplitude and energy, and damping ratio and frequency (Hz) with standard errors, at times in s, (k,).
 
-        The times should be within `span`; outside, the curves are extrapolated.
+        Amplitude and energy are those of the displacement. The times should be within `span`; outside, the curves are
+        extrapolated.
         """
         first, last = self.span
         half = 0.5 * (last - first)
@@ -346,8 +347,9 @@ def law_free(signal: Signal) -> LawFree:
     """Return the smoothed amplitude and frequency of the displacement in a record.
 
     The amplitudes and phases of a recorded velocity or acceleration are converted to those of the displacement. Raises
-    Refusal if the record does not oscillate or has too few cycles, or if an acceleration hardly changes with the
-    amplitude, as for a pendulum beyond 110 degrees.
+    Refusal if the record does not oscillate or has too few cycles, if the amplitudes of the cycles differ too much for
+    a smooth curve, or if the conversion fails because the recorded quantity hardly changes with the amplitude, like the
+    acceleration of a pendulum beyond 110 degrees.
     """
     windows = sinusoids(signal)
     # Add a constant error to those of the amplitudes, the most likely of several: noise in a narrow band around the

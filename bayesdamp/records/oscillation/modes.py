@@ -63,8 +63,8 @@ STEADY_RATE_RATIO = 0.1
 """One of two oscillations counts as sustained by a drive only if its decay rate is below this fraction of the other
 decay rate."""
 HOLE_IN_PERIOD = 0.2
-"""The amplitude is not measured in periods that contain a gap in the samples longer than this fraction of the period,
-because a peak may be missing."""
+"""The amplitude is not measured in periods that contain a gap in the samples longer than this fraction of the period
+and than 2.5 sampling intervals, because a peak may be missing."""
 MIN_CYCLES = 3.0
 """A record counts as two oscillations only if the slower one has at least this many cycles. It counts as one
 oscillation of constant amplitude only if this one has more cycles than this."""

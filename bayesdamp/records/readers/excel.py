@@ -36,8 +36,9 @@ class ExcelReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return the columns of the tables in all sheets.
 
-        If several sheets have tables, the names of columns begin with the name of their sheet. Raises InputError for a
-        workbook with a password, for an Excel 97-2003 workbook (.xls), and if no sheet has rows of numbers.
+        Each sheet is a group; sheets without rows of numbers are skipped. If several sheets have tables, the names of
+        columns begin with the name of their sheet. Raises InputError for a workbook with a password, for an Excel
+        97-2003 workbook (.xls), for one that is too large, and if no sheet has rows of numbers.
         """
         with path.open("rb") as file:
             old = file.read(len(_OLE)) == _OLE

@@ -31,7 +31,11 @@ class JsonReader(Reader):
         return (named and bare[:1] in (b"{", b"[")) or bare[:2] in (b'{"', b"[{")
 
     def read(self, path: Path) -> Contents:
-        """Return the lists of numbers as columns named by their paths. Raises InputError if the file is too large."""
+        """Return the lists of numbers as columns named by their paths.
+
+        A list of samples (objects) gives a column for each key; single numbers and texts become facts. Raises
+        InputError if the file is too large or contains no list of numbers, and ValueError if it is not JSON.
+        """
         text = read_text(path, LARGEST_JSON)
         try:
             data = json.loads(text)

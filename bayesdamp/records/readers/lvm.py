@@ -58,7 +58,11 @@ class LvmReader(Reader):
         return head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(_MARK.encode())
 
     def read(self, path: Path) -> Contents:
-        """Return the channels of all segments. Raises InputError if the file is too large or has no rows."""
+        """Return the times and channels of all segments.
+
+        If there are several segments, each is a run, and the names of its columns begin with its number. Raises
+        InputError if the file is too large or has no rows of numbers.
+        """
         lines = read_text(path).splitlines()
         separators = (line[len("Separator") :][:1] for line in lines if line.startswith("Separator"))
         separator = next(separators, "\t")

@@ -30,8 +30,9 @@ class MatlabReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return numeric variables, and fields of structs, as columns named by their paths.
 
-        Raises InputError if there are none, for example in a file of MATLAB objects. Raises it also if the arrays
-        outside of structs and cells need more than LARGEST_FILE bytes as 64-bit numbers.
+        Single numbers and texts become facts. Raises InputError if there are no columns, for example in a file of
+        MATLAB objects. Raises it also if the arrays outside of structs and cells need more than LARGEST_FILE bytes as
+        64-bit numbers.
         """
         from scipy.io import loadmat, whosmat  # imports slowly, and few records need it
         from scipy.io.matlab import MatlabFunction, MatlabOpaque

@@ -31,8 +31,8 @@ class NumpyReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return arrays, and fields of structured arrays, as columns named by their paths.
 
-        In an .npz archive, arrays of Python objects are skipped. Raises InputError if an .npy file is such an array, or
-        if there is no column.
+        Arrays of one element become facts. In an .npz archive, arrays of Python objects are skipped. Raises InputError
+        if an .npy file is such an array, if an archive is encrypted or too large, or if there is no column.
         """
         walk = Walk()
         with path.open("rb") as file:

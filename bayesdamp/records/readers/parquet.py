@@ -24,7 +24,8 @@ class ParquetReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return the columns that contain numbers or times; other columns are left out.
 
-        Raises InputError if the file is encrypted or unpacks to more than LARGEST_FILE bytes.
+        Times become seconds (`to_seconds`). Raises InputError if the file is encrypted or unpacks to more than
+        LARGEST_FILE bytes.
         """
         import pyarrow
         import pyarrow.parquet as parquet

@@ -23,8 +23,8 @@ class TdmsReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return the channels of all groups as columns; the columns of waveforms have a sampling rate.
 
-        If the end of the file is missing, the contents have a warning. Raises InputError if the channels need more than
-        LARGEST_FILE bytes.
+        Channels that contain neither numbers nor times are left out. If the end of the file is missing, the contents
+        have a warning. Raises InputError if the channels need more than LARGEST_FILE bytes.
         """
         from nptdms import TdmsFile
 

@@ -88,7 +88,7 @@ class TextReader(Reader):
         return b"\0" not in head and controls <= 0.01 * len(head)
 
     def read(self, path: Path) -> Contents:
-        """Return the table's columns. Raises InputError if the text is too large or has no rows of numbers."""
+        """Return the table's columns. Raises InputError if the text is too large, or `parse_table` refuses it."""
         return parse_table(read_text(path).splitlines())
 
 
@@ -140,7 +140,7 @@ def parse_number(cell: str, decimal: str) -> float | None:
     cell
         Text without blanks at its ends.
     decimal
-        Decimal mark, "." or ","; the other character may separate thousands, as in 1,234.5.
+        Decimal mark, "." or ",". The other character may separate thousands if decimals follow: 1,234.5, but not 1,234.
 
     Returns
     -------
@@ -537,7 +537,7 @@ def _uneven_warning(rows: list[list[str]], lines: np.ndarray, columns: int) -> t
 
 
 def _numbers_only(body: list[str], layout: Layout) -> np.ndarray | None:
-    """Return the table as an array (rows, columns) if each cell is a number; else None.
+    """Return the table as an array (rows, columns) if NumPy can convert all its cells at once; else None.
 
     body: lines from the first row of numbers on. Blank lines are allowed only at the end.
     """

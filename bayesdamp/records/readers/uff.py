@@ -38,7 +38,8 @@ class UffReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return the time records in all data sets 58 as columns.
 
-        Raises InputError if there are none, if the file is cut off, or if a sampling interval is not positive.
+        A record with equal sampling intervals gets a sampling rate, any other a column of times. Raises InputError if
+        there are none, if the file is cut off, or if a sampling interval is not positive.
         """
         import pyuff
 
