@@ -144,11 +144,11 @@ def by_signal(
     run
         The run.
     part
-        Function that returns the content of a signal.
+        Function that returns the content of a signal, from the run and the signal's name.
     signals
-        The signals to show.
+        Names of the signals to show.
     anchor
-        Prefix of the anchors to which other sections link; empty for no anchors.
+        Prefix of the anchors to which other sections link; the signal's name follows it. Empty for no anchors.
     """
     parts: list[Markup] = []
     for i, signal in enumerate(signals):
