@@ -191,8 +191,9 @@ def time_span(start: float, stop: float) -> str:
 def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
     """Return a value with its interval as text, such as `0.65 % (0.64 to 0.66)`; a dash if the value is not finite.
 
-    unit: text after the value. scale: factor by which the three numbers are multiplied. If an end of the interval is
-    not finite, the text is the value and "interval unbounded".
+    unit: text after the value. scale: factor by which the three numbers are multiplied. They are rounded to the second
+    significant digit of half the interval's width. If an end of the interval is not finite, the text is the value and
+    "interval unbounded".
     """
     if not math.isfinite(value):
         return NONE
@@ -275,7 +276,7 @@ class Table:
         return f'<div class="table">{caption}<div class="scroll">{grid}</div>{notes}</div>'
 
     def text(self) -> str:
-        """Return the table as plain text: caption, header, lines and notes."""
+        """Return the table as plain text: caption, header, lines and notes; without lines, only caption and notes."""
         grid = [self.headers, *self.lines] if self.lines else []
         text, widths = set(self.left), [max(map(len, column)) for column in zip(*grid, strict=True)]
         lines = []
