@@ -267,7 +267,7 @@ class Store:
         """Store the result of a task. It replaces an earlier result of the same task.
 
         Other processes see the old file or the new one, never a part of it. Raises OSError if the file cannot be
-        written.
+        written, and InputError if there is a link or a folder in its place.
         """
         head = {"name": result.name, "key": result.key, "outcome": result.outcome}
         head |= {"seconds": float(result.seconds), "meta": result.meta}
@@ -283,7 +283,10 @@ class Store:
         return sorted(name for name in names if self.only is None or name in self.only)
 
     def clear(self) -> None:
-        """Remove all stored results, but no other files in their folder. Call this only inside `with store.lock():`."""
+        """Remove all stored results, also hidden ones, but no other files in their folder.
+
+        Call this only inside `with store.lock():`.
+        """
         for path in list(self._results.rglob("*.npz")):
             # A stored result begins with its own name, even if the file is truncated.
             name = path.relative_to(self._results).as_posix().removesuffix(".npz")
