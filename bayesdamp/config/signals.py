@@ -85,8 +85,8 @@ def check_laws(names: tuple[str, ...], key: str) -> tuple[str, ...]:
 def check_base(raw: object, laws: tuple[str, ...] = ()) -> dict[str, Any]:
     """Check the table [system] of a study, and return it as it is.
 
-    If the table names a restoring law, its other keys must be parameters of this law or of `laws`, the laws that the
-    study compares; otherwise they may be parameters of any law. Raises StudyError if it is wrong.
+    If the table names a restoring law, its parameters of restoring laws must belong to this law or to `laws`, the laws
+    that the study compares; otherwise to any law. Raises StudyError if the table is wrong.
     """
     base = check_table(raw, "system")
     names = [base["restoring"], *laws] if "restoring" in base else LAWS.present()
