@@ -97,8 +97,8 @@ def _read_free_decay(source: Recording, name: str, stamp: tuple[int, ...]) -> Cu
 class StudyRecord:
     """One record of a study, with its stored result: a measured signal, or one repeat of a simulated signal.
 
-    Repeats of a signal differ only in their random noise. repeat: number of the repeat, from 0. name: `SIGNAL/REPEAT`,
-    which is part of the names of all tasks on this record.
+    Repeats of a signal differ only in their random numbers (noise, outliers and gaps). repeat: number of the repeat,
+    from 0. name: `SIGNAL/REPEAT`, which is part of the names of all tasks on this record.
     """
 
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
@@ -140,7 +140,7 @@ class StudyRecord:
 
     @cached_property
     def signal(self) -> Signal:
-        """The signal: the samples of this record.
+        """The samples of this record in base units, from its stored result. Raises KeyError if they are not stored.
 
         The last few signals are cached, because each object also keeps its features, so that they are computed once.
         """
