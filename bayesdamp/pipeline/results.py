@@ -112,7 +112,7 @@ class Run(ResultView):
         """The table evidence.csv, with a row for each record, model and method.
 
         A row contains the log evidence with its standard error in nats, the log Bayes factor relative to the best model
-        by the same method, and the posterior probability of the model (nan if the method has not the evidence of all
+        by the same method, and the posterior probability of the model (nan if the method lacks the evidence of some
         models).
         """
         return self._read("evidence.csv")
