@@ -2,7 +2,8 @@
 
 This is the public interface. Each name is loaded at its first use; docs/python.md has examples:
 
-- the answer: `compare(...)` compares damping models on a record.
+- the answer: `compare(...)` compares damping models on a record; `first_words(signal)` measures frequency and damping
+  without assuming a damping law.
 - records: `read(path)` returns a `Record`, whose `signal()` is the free decay in it; `signal(t, y)` makes a signal from
   arrays; `simulate(...)` simulates a record.
 - one model on one record: `Model(...)` with priors (`HalfNormal`, `LogNormal`, `LogUniform`, `Normal`, `Uniform`);
@@ -12,7 +13,7 @@ This is the public interface. Each name is loaded at its first use; docs/python.
 - studies: `load_study(path)` reads a study file, `run_study(study)` computes its results.
 - `load(path)`: loads a result that `save` wrote. `InputError`, `Refusal`: the exceptions.
 - lower level, for parts of an analysis: `read_record`, `clean`, `features`, `Oscillator`, `trajectory(oscillator,
-  parameters, times)`.
+  parameters, times)`; `DampingTerm` is the base class of your own damping terms.
 """
 
 import os

@@ -21,15 +21,16 @@ KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "quantity": ((str,), "a quantity's name"),
     "rate": ((Real,), "a number, in Hz"),
 }
-"""For names of arguments: the allowed types, and a description of them for error messages. They apply to every public
-function that has an argument of this name. The default value of an argument is always allowed. Modules add the classes
-that they define."""
+"""For names of arguments: the allowed types, and a description of them for error messages. They apply to every function
+that `checked_call` wraps and that has an argument of this name. The default value of an argument is always allowed.
+Modules of `interface` add entries for the classes that they define."""
 
 
 class CheckedMethods:
     """Base of public classes whose methods check their arguments.
 
-    `checked_call` wraps each public method and class method that a subclass defines.
+    `checked_call` wraps each method and class method that a subclass itself defines, except those whose names begin
+    with _.
     """
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -47,9 +48,9 @@ def checked_call(function: Callable[P, R], name: str) -> Callable[P, R]:
     """Return a function that checks its arguments and then calls `function` with them.
 
     It raises InputError for arguments that do not match the signature (an unknown keyword, a missing or superfluous
-    argument), or if an argument whose name is in `KINDS` has a wrong type. If `function` itself raises InputError, the
-    message is changed: it names Python keywords (`unit=`) instead of options of the command line (`--unit`). name:
-    public name of the function, for messages.
+    argument), or if an argument whose name is in `KINDS` has a wrong type. If `function` raises an InputError that
+    names `arguments`, these are written in the message as Python keywords (`unit=`) instead of options of the command
+    line (`--unit`). name: public name of the function, for messages.
     """
     signature = inspect.signature(function)
 

@@ -43,17 +43,18 @@ def fixed_decimals(value: float, places: int) -> str:
 
 
 MOST_DECIMALS, SMALL_NUMBER, LARGE_NUMBER = 8, 1e-3, 1e6
-"""Limits of the function `digits`. It may write a number with a power of ten if the absolute value is at least
-`LARGE_NUMBER`, or if it is below `SMALL_NUMBER` and needs more than `MOST_DECIMALS` decimals. It writes other numbers
-with decimals only."""
+"""Limits of the function `digits` if it gets an uncertainty. It may write a number with a power of ten if the absolute
+value is at least `LARGE_NUMBER`, or if it is below `SMALL_NUMBER` and needs more than `MOST_DECIMALS` decimals. It
+writes other numbers with decimals only."""
 
 
 def digits(value: float, width: float = math.nan, n: int = 4) -> str:
     """Return a value as text, rounded to the second significant digit of its uncertainty `width`.
 
-    It is rounded to a whole number if the width is 10 or more. If the width is missing (NaN) or not positive, or the
-    value is 0, the text has at most `n` significant digits, is as short as possible, and has no power of ten up to 1e9.
-    A NaN value gives a dash, infinity gives ∞ or −∞.
+    If the width is 10 or more, a value below `LARGE_NUMBER` is rounded to a whole number. If the width is missing (NaN)
+    or not positive, or the value is 0, the text has at most `n` significant digits, is as short as possible, and has a
+    power of ten only below 1e-4 and from 1e9 on. A NaN value gives a dash, infinity gives ∞ or −∞. The width must not
+    be infinite.
     """
     if not math.isfinite(value):
         return number(value)
@@ -87,7 +88,8 @@ def nats(value: float | None, error: float = math.nan) -> str:
     """Return a log probability (nats) as text with at most two decimals, and ± error if the error is finite.
 
     If its absolute value is 100 or more, it has one decimal, and from 1000 on none, because no decision needs more. If
-    the error is below 0.5, it always has two decimals. A missing or NaN value gives a dash, an infinite one ∞ or −∞.
+    the error is below 0.5, it always has two decimals; an error below 0.005 is written as "< 0.01". A missing or NaN
+    value gives a dash, an infinite one ∞ or −∞.
     """
     if value is None or not math.isfinite(value):
         return number(value)
@@ -173,7 +175,10 @@ def _typeset(text: str) -> str:
 
 
 def percentage(fraction: float) -> str:
-    """Return a fraction in per cent as text, without the sign %: two significant digits, or an integer from 10 % on."""
+    """Return a fraction in per cent as text, without the sign %.
+
+    It has up to two significant digits below 10 %, and is an integer from 10 % on. NaN gives a dash.
+    """
     return f"{100 * fraction:.0f}" if 100 * fraction >= 9.95 else digits(100 * fraction, n=2)
 
 
@@ -186,8 +191,9 @@ def time_span(start: float, stop: float) -> str:
 def with_interval(value: float, low: float, high: float, unit: str = "", scale: float = 1.0) -> str:
     """Return a value with its interval as text, such as `0.65 % (0.64 to 0.66)`; a dash if the value is not finite.
 
-    unit: text after the value. scale: factor by which the three numbers are multiplied. If an end of the interval is
-    not finite, the text is the value and "interval unbounded".
+    unit: text after the value. scale: factor by which the three numbers are multiplied. They are rounded to the second
+    significant digit of half the interval's width. If an end of the interval is not finite, the text is the value and
+    "interval unbounded".
     """
     if not math.isfinite(value):
         return NONE
@@ -253,7 +259,7 @@ class Table:
     def __html__(self) -> str:
         """Return the table as HTML; a table without lines is shown as its caption and notes.
 
-        Text is escaped, and indices of symbols such as μc become subscripts.
+        Text that is not `Markup` is escaped. In caption and cells, indices of symbols such as μc become subscripts.
         """
         text = set(self.left)
         head = "".join(f"<th{_look(i in text)}>{symbols(h)}</th>" for i, h in enumerate(self.headers))
@@ -270,7 +276,7 @@ class Table:
         return f'<div class="table">{caption}<div class="scroll">{grid}</div>{notes}</div>'
 
     def text(self) -> str:
-        """Return the table as plain text: caption, header, lines and notes."""
+        """Return the table as plain text: caption, header, lines and notes; without lines, only caption and notes."""
         grid = [self.headers, *self.lines] if self.lines else []
         text, widths = set(self.left), [max(map(len, column)) for column in zip(*grid, strict=True)]
         lines = []
@@ -307,7 +313,7 @@ def _look(is_text: bool, cell: str = "") -> str:
 def symbols(text: str) -> Markup:
     """Return text as HTML, in which the indices of μc, μq, μk, μp, θs, θe, F_damp and F_rest are subscripts.
 
-    All other characters are escaped.
+    The text is escaped, unless it is `Markup` already.
     """
     shown = str(escape(text))
     for letters in ("μc", "μq", "μk", "μp", "θs", "θe"):

@@ -58,7 +58,8 @@ def interruptible(function: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a function that Numba compiled, so that a signal during a call raises KeyboardInterrupt.
 
     Python handles the signal while Numba converts the result of the function. Numba then replaces the KeyboardInterrupt
-    by a SystemError, which would not stop a run. The wrapper raises the original exception again.
+    by a SystemError, which would not stop a run. Instead of any SystemError, the wrapper raises the exception that
+    caused it.
     """
 
     @wraps(function)
@@ -82,14 +83,15 @@ MAX_THREADS = 8
 
 
 def cores() -> int:
-    """Return the number of cores that this process may use."""
+    """Return the number of (logical) processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """Apply `function` to each item in parallel threads; return the results in the order of the items.
 
-    If calls fail, the exception of the first failed item, in this order, is raised.
+    There are at most `MAX_THREADS` threads. With a single core or item, the calls are made one after another in this
+    thread. If calls fail, the exception of the first failed item, in the order of the items, is raised.
     """
     work = list(items)
     threads = min(cores(), MAX_THREADS, len(work))
@@ -131,12 +133,13 @@ class Processes(Executor):
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Schedule the call `fn(*args, **kwargs)` in a process of the pool, and return the future of its result.
 
-        Raises BrokenExecutor if a process was killed, until `restart` is called.
+        If a process was killed, this method raises BrokenExecutor until `restart` is called. The futures of all calls
+        that had not ended raise it too.
         """
         return self._pool.submit(fn, *args, **kwargs)
 
     def restart(self) -> None:
-        """Replace all processes by new ones."""
+        """Replace all processes by new ones; running tasks are aborted."""
         self.end()
         self._start()
 
@@ -149,10 +152,11 @@ class Processes(Executor):
 
 @contextmanager
 def processes(workers: int) -> Iterator[Processes]:
-    """Start a pool of processes for a context, and end it afterwards.
+    """Start a pool of processes for a context, yield it, and end it afterwards.
 
-    Processes are spawned, not forked, because a library may have started threads. Each uses one thread, because they
-    share the cores. At the end the environment variables of this process are as before.
+    Processes are spawned, not forked, because a library may have started threads. Each uses one OpenMP thread, because
+    they share the cores. At the end the environment variables of this process are as before. Within the context, the
+    signals `END_SIGNALS` raise KeyboardInterrupt (`kill_as_interrupt`).
     """
     before = dict(os.environ)
     os.environ["OMP_NUM_THREADS"] = "1"

@@ -11,10 +11,10 @@ MOST_BYTES = 2**24
 
 
 def read_plain(path: Path, right: str) -> str:
-    """Read a text file in UTF-8 and return its text.
+    """Read a text file in UTF-8 and return its text, without a byte order mark.
 
     right: what the user should give instead of a wrong path, such as "a CSV file"; error messages say this. Raises
-    InputError if the path is not a regular file in UTF-8 of at most `MOST_BYTES`.
+    InputError if the path is not a regular file in UTF-8 of at most `MOST_BYTES`; the message does not name the path.
     """
     try:
         status = path.stat()
@@ -33,7 +33,7 @@ def read_plain(path: Path, right: str) -> str:
 
 
 def at_home(path: Path) -> Path:
-    """Return a path in which `~` is replaced by the home folder; unchanged if there is no such home folder."""
+    """Return a path with a leading `~` or `~user` replaced by the home folder; unchanged if this is not known."""
     try:
         return path.expanduser()
     except RuntimeError:

@@ -1,6 +1,6 @@
 """Find plug-ins by name: in the package, in a user's modules, or among entry points of installed packages.
 
-A plug-in is imported when its name is first requested.
+A shipped or installed plug-in is imported when it is first requested by its name; a user's module is run at once.
 """
 
 from __future__ import annotations
@@ -62,9 +62,10 @@ class PluginModule:
 class Registry(Generic[T]):
     """The plug-ins of one kind, such as damping terms, by name.
 
-    package: the package with the shipped plug-ins; each of its modules contains one, assigned to the name `PLUGIN`.
-    kind: what the plug-ins are called in messages. home: package of the base class of these plug-ins; a user's plug-in
-    is of this kind if its class is derived from a class in this package.
+    package: the package with the shipped plug-ins; each of its modules contains one, assigned to the name `PLUGIN`,
+    except modules whose names begin with _. kind: what the plug-ins are called in messages. home: package of the base
+    class of these plug-ins, by default `package`; a user's plug-in is of this kind if its class is derived from a class
+    in one of the two packages.
     """
 
     def __init__(self, package: str, kind: str, home: str | None = None) -> None:
@@ -103,9 +104,10 @@ class Registry(Generic[T]):
 
     @cached_property
     def _entries(self) -> dict[str, importlib.metadata.EntryPoint]:
-        """Return the entry points of installed packages, by name; they cannot replace shipped plug-ins.
+        """Return the entry points of installed packages, by name.
 
-        Their group is `bayesdamp.` and the last name of the registry's package, such as `bayesdamp.damping`.
+        Entry points with the name of a shipped plug-in are left out. Their group is `bayesdamp.` and the last name of
+        the registry's package (apart from `methods`), such as `bayesdamp.damping`.
         """
         group = f"bayesdamp.{self.package.removesuffix('.methods').rpartition('.')[2]}"
         entries = _entry_points(tuple(sys.path)).select(group=group)
@@ -116,7 +118,7 @@ class Registry(Generic[T]):
         return name in self._modules and name not in self._added
 
     def add(self, name: str, plugin: T, source: str | None = None) -> None:
-        """Add a user's plug-in.
+        """Add a user's plug-in; it replaces an added one with the same name.
 
         source: its source code. By default this is the source of the module of its class, or the name of the class if
         it has no file. Raises InputError if a plug-in with this name ships with bayesdamp.
@@ -143,7 +145,8 @@ class Registry(Generic[T]):
     def get(self, name: str, where: str = "") -> T:
         """Return the plug-in with a name; import it, or add it from an installed package, if necessary.
 
-        Raises InputError, with a similar valid name, if there is none; its message begins with `where`.
+        Raises InputError, with a similar valid name, if there is none; its message begins with `where`. Also raises
+        InputError if the installed package cannot be loaded or gives the plug-in another name.
         """
         if name in self._added:
             return self._added[name]
@@ -196,10 +199,10 @@ def read_modules(files: Iterable[str | Path], folder: Path | None = None) -> tup
 
 
 def use_modules(modules: Sequence[PluginModule]) -> None:
-    """Register the plug-ins of these modules in this process, and remove those of all other modules.
+    """Register the plug-ins of these modules in this process, and remove those of all other user modules.
 
-    Raises InputError if a module cannot be run or does not contain valid plug-ins; then none of the modules is
-    registered.
+    Plug-ins of installed packages, and those added by `Registry.add`, stay. Raises InputError if a module cannot be run
+    or does not contain valid plug-ins; then none of the modules is registered.
     """
     if list(modules) == _USED:
         return

@@ -156,7 +156,7 @@ class Normal(_Prior):
 
     @staticmethod
     def derivative(z: Any, mean: Scalar, sd: Scalar) -> Any:
-        """Return sd, the derivative of the parameter by its standard normal score z."""
+        """Return sd, the derivative of the parameter by its standard normal score; `z` and `mean` have no effect."""
         return sd
 
     def score(self, x: ArrayLike) -> np.ndarray:
@@ -224,7 +224,8 @@ class SharedHalfNormal(_Reflected):
 
     The prior applies to the equivalent damping ratio of the coefficient. Its scale is one of `SHARED_SCALES`, all
     equally probable, so that the evidence does not depend on how small the damping is. Because of the common scale, the
-    joint prior density of the terms is not a product; it is given by `shared_log_density`.
+    joint prior density of the terms is not a product; it is given by `shared_log_density`. The method `slope` is not
+    defined (see `joint_slope`).
 
     Parameters
     ----------

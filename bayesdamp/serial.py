@@ -52,7 +52,12 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
     Returns
     -------
     object
-        The converted value. Raises TypeError if a part cannot be converted.
+        The converted value.
+
+    Raises
+    ------
+    TypeError
+        If a part of the value cannot be converted.
     """
     below = f"{path}/" if path else ""
     if isinstance(value, Storable):
@@ -85,8 +90,9 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
     """Convert JSON and arrays from `split` back to a value of the type `kind`.
 
     value: the JSON. arrays: arrays by path, as `split` stored them. path: path of the value in `arrays`. None becomes
-    NaN where a float is expected. Raises KeyError, TypeError or ValueError if the structure of the value does not match
-    the type. The types of single numbers and texts are not checked.
+    NaN where a float is expected, and fields that are missing get their defaults. Raises AttributeError, KeyError,
+    TypeError or ValueError if the structure of the value does not match the type. The types of single numbers and texts
+    are not checked.
     """
     arrays, below = arrays or {}, f"{path}/" if path else ""
     if path in arrays:

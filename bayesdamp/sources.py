@@ -32,7 +32,7 @@ _ONLY_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.M
 
 @cache
 def code_digest(*modules: str) -> str:
-    """Return the SHA-256 of the sources of modules and of all modules of the package that they import, at any depth.
+    """Return the SHA-256 of the sources of modules and of the modules that they import, as in `import_closure`.
 
     It does not contain plug-ins, because these are found by name and not imported; a caller must add their sources.
     """
@@ -52,7 +52,8 @@ def import_closure(modules: Iterable[str]) -> set[str]:
     """Return the names of `modules` and of all modules of this package that they import, at any depth.
 
     The packages that contain these modules are included, but not `bayesdamp` itself. Imports of `LEAF_MODULES` are not
-    followed. A module of `UNRELATED_MODULES` is left out, unless it is one of `modules`.
+    followed. A module of `UNRELATED_MODULES` is left out, unless it is one of `modules`; its imports are never
+    followed.
     """
     waiting = list(modules)
     names = {name for name in waiting if _is_outside(name)}

@@ -92,7 +92,8 @@ class Provenance:
     time_unit: source of the unit of the times: "given" (the user), "file", or "" if none is stated. first_line: line
     number (from 1) of the first row of numbers. unit: unit of the record, a name in UNITS. start, stop: ends of the
     used part of the record, in s on its time axis; stop is None if the record was not cleaned. offset: constant that
-    was subtracted from all values (in the unit of y). decays: all free decays in the record, including the used one.
+    was subtracted from all values, in the base unit (as `Signal.y`). decays: all free decays in the record, including
+    the used one.
     """
 
     warnings: tuple[str, ...] = ()
@@ -234,12 +235,12 @@ class Estimate:
 
 @dataclass(frozen=True)
 class FitCheck:
-    """The checks of how well a model fits a record, at the mode of its posterior.
+    """The checks of how well a model fits a record, at the mode of its posterior; nan or "" if they were not made.
 
     Attributes
     ----------
     rms
-        Rms of the residuals, in the unit of the record.
+        Rms of the residuals, in the base unit of the record (such as rad, or rad/s for a velocity).
     residual_autocorrelation
         Autocorrelation of the residuals at lag one.
     predictive_p
@@ -248,7 +249,7 @@ class FitCheck:
         Largest difference of a damping coefficient between a half and the whole record, in standard deviations that
         such a difference has by chance.
     verdict
-        Text that says whether the model fits, and if not, why.
+        Text that says whether the model fits, and if not, why; it begins with the words of a `FitStatus`.
     """
 
     rms: float = float("nan")
@@ -260,7 +261,7 @@ class FitCheck:
 
 @dataclass(frozen=True)
 class Ratio:
-    """The posterior of the equivalent viscous damping ratio at one amplitude.
+    """The posterior of the equivalent viscous damping ratio (a fraction) at one amplitude.
 
     amplitude: in rad or m. value: median. low, high: ends of the 95 % interval. sd_noise, sd_law: contributions to the
     standard deviation, by the noise and by deviations of the motion from the damping and restoring laws.
@@ -354,14 +355,14 @@ class Friction:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Draws from a posterior: draws[chain, draw, parameter] in natural units.
+    """Draws from a posterior: draws[chain, draw, parameter], parameter values in their units (not transformed scores).
 
     sampler: name of the sampler. names: names of the parameters. log_likelihood: log likelihood of each draw in nats,
     (chain, draw). stats: statistics of the sampler by name, such as the acceptance rate. summaries: for each parameter,
     statistics of its draws by name. divergences: number of divergent transitions; None for samplers without them.
     evaluations: number of likelihood evaluations. ensembles: number of groups of chains, if the chains of a group
-    depend on each other. diagnostics: further diagnostics of the sampler. seconds: computing time. outcome: `ok`, or
-    why the draws are unreliable or missing.
+    depend on each other; None if all chains are independent. diagnostics: further diagnostics of the sampler. seconds:
+    computing time. outcome: `ok`, or why the draws are unreliable or missing.
     """
 
     sampler: str
@@ -414,8 +415,8 @@ def candidate_parts(name: str) -> tuple[str, str]:
 def sum_probabilities(probabilities: Mapping[str, float], part: int = 0) -> dict[str, float]:
     """Return the total probability of each sum of damping terms over all restoring laws, the largest first.
 
-    probabilities: probabilities of candidates by name (sum of damping terms and restoring law). part: 0 as above; 1 for
-    the total of each restoring law over all damping sums.
+    probabilities: probabilities of candidates by name (sum of damping terms and restoring law). part: 0 for the totals
+    of damping sums; 1 for the total of each restoring law over all damping sums.
     """
     sums: dict[str, float] = {}
     for name, p in probabilities.items():

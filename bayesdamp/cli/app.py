@@ -140,8 +140,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0: success; 1: internal error, or a failed check of `doctor`; 2: wrong input; 3: finished, but tasks have failed
-        or files could not be read; 130: interrupted; 141: the reader of the output has closed it.
+        0: success; 1: internal error, or a failed check of `doctor`; 2: wrong input, or a fault of the machine such as
+        a full disk; 3: finished, but tasks have failed or files could not be read; 130: interrupted; 141: the reader of
+        the output has closed it.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     prepare_streams()

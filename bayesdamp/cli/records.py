@@ -34,7 +34,8 @@ class ReadingOptions:
     """The command-line options for reading files; the annotation of each field contains the option's help text.
 
     An option that is not given is None, or "auto" for clock, start and stop. start, stop: start and end of the free
-    decay in s. An invalid value raises InputError.
+    decay in s. An invalid unit, quantity, clock, start or stop raises InputError; the other options are only checked
+    when a file is read.
     """
 
     angle: Annotated[
@@ -86,7 +87,10 @@ class ReadingOptions:
     ] = None
 
     def __post_init__(self) -> None:
-        """Convert the values and check them. Raises InputError if a value is invalid."""
+        """Convert unit, quantity, start and stop, and check these and the clock.
+
+        Raises InputError if one of them is invalid.
+        """
         for field, value in zip(("unit", "quantity"), unit_by_name(self.unit, self.quantity), strict=True):
             object.__setattr__(self, field, value)
         for name, valid in _VALID.items():
@@ -154,7 +158,7 @@ class FileRecord:
 
 
 def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> list[FileRecord]:
-    """Read all records in a file, and check them for what looks wrong.
+    """Read all records in a file that the options select, and check them for what looks wrong.
 
     Parameters
     ----------
@@ -169,7 +173,7 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
     Raises
     ------
     InputError
-        If the file cannot be read.
+        If the file cannot be read, or does not contain what the options select.
     """
     raws = read_records(
         path,
@@ -247,7 +251,7 @@ def select_records(paths: Sequence[Path], options: ReadingOptions, *, every: boo
     Raises
     ------
     InputError
-        If the files do not contain the required records.
+        The first error of a file, if no file is usable, or if `every` is true and a file is not usable.
     """
     several = len(paths) > 1
     chosen, failed = read_each(paths, lambda path: _choose(path, options, several))

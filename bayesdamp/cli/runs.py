@@ -28,7 +28,7 @@ FEW_RECORDS = 5
 def read_study(file: Path, plugins: Sequence[Path] | None = None) -> Study:
     """Read a study, and check the options of its estimators.
 
-    Raises InputError if something in the study is wrong.
+    Raises InputError if something in the study is wrong, or if there is no such file.
 
     Parameters
     ----------

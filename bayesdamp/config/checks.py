@@ -75,7 +75,7 @@ def read_section(model: type[Model], raw: object, key: str) -> Model:
 
 
 def check_number(raw: object, key: str, *, positive: bool = False, minimum: float | None = None) -> float:
-    """Return a raw value as a finite float. Raises StudyError if it is not a number, or out of range.
+    """Return a raw value as a finite float. Raises StudyError if it is not a finite number, or out of range.
 
     A bool is not a number. key: full key of the value, for the message. positive: whether it must be above 0. minimum:
     smallest allowed value.
@@ -143,7 +143,10 @@ def check_distinct(names: Iterable[str], key: str, what: str) -> None:
 
 @contextmanager
 def in_keys() -> Iterator[None]:
-    """Make each InputError that is raised in this context name keys of a study file instead of command-line options."""
+    """Make InputErrors that are raised in this context name keys of a study file instead of command-line options.
+
+    Errors without `arguments` name no options and are not changed.
+    """
     try:
         yield
     except InputError as error:

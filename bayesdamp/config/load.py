@@ -175,12 +175,13 @@ def _read_question(path: Path) -> tuple[dict[str, Any], Path, dict[str, str]]:
 
 
 def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
-    """Read and check a study file. Paths in it are relative to its folder.
+    """Read and check a study file, and register its plug-ins. Paths in it are relative to its folder.
 
     Parameters
     ----------
     path
-        A TOML file, or the run.json of a run, which repeats the study of that run; its input files must be unchanged.
+        A TOML file, or (with the suffix .json) the run.json of a run, which repeats the study of that run; its input
+        files and plug-ins must be unchanged.
     plugins
         Modules of plug-ins besides those that the file names.
 
@@ -192,7 +193,8 @@ def load_study(path: str | Path, plugins: Sequence[PluginModule] = ()) -> Study:
     Raises
     ------
     InputError
-        The study is wrong. The message names the file, the key, the error and the valid values.
+        The file cannot be read, or the study is wrong. The message names the file, the key, the error and the valid
+        values.
     """
     path = Path(path)
     try:
@@ -317,10 +319,10 @@ def _read_signals(raw: dict[str, Any], folder: Path, laws: tuple[str, ...]) -> t
 def _read_estimators(raw: object) -> Estimators:
     """Return the estimators that the table [estimators] names in `use`, with their options.
 
-    Raises StudyError if the table is wrong. Without `use`, or if the table is empty, these are all estimators
-    (`names_for_all`). Options of an estimator are in a table with its name. A variant is an estimator with other
-    options, under a new name: a table with this name, in which `variant_of` gives the estimator and all other keys are
-    options.
+    Raises StudyError if the table is wrong. Without `use`, or if the table is empty, these are the eleven methods of
+    the paper (`names_for_all`). Options of an estimator are in a table with its name. A variant is an estimator with
+    other options, under a new name: a table with this name, in which `variant_of` gives the estimator and all other
+    keys are options.
     """
     given = check_table(raw, "estimators")
     own = list(EstimatorsTable.model_fields)
@@ -352,7 +354,8 @@ def _read_estimators(raw: object) -> Estimators:
 def _read_published(path: Path) -> tuple[dict[str, str], ...]:
     """Return the rows of a CSV file of published results; each row is a dict from the name of a column to its text.
 
-    Raises StudyError if the file cannot be read, or has not all columns in `_PUBLISHED`.
+    Empty rows, and columns that are not in `_PUBLISHED`, are left out. Raises StudyError if the file cannot be read, or
+    has not all columns in `_PUBLISHED`.
     """
     try:
         reader = csv.DictReader(io.StringIO(read_plain(path, "a CSV file"), newline=""))
@@ -435,8 +438,9 @@ def comparison(
     records
         Files and how to read them (`RecordOptions`).
     plugins
-        The user's modules. Each damping term in them is compared alone and together with viscous, Coulomb and quadratic
-        damping; each restoring law in them is added to the laws that are compared.
+        The user's modules. Unless `damping` is given, each damping term in them is compared alone, and in a sum with
+        each of viscous, Coulomb and quadratic damping. Unless `restoring` is given, each restoring law in them is added
+        to the laws that are compared.
     settings
         Further arguments of `comparison_tables`.
 
@@ -476,8 +480,12 @@ def comparison_tables(
     ----------
     records
         Files and how to read them (`RecordOptions`).
-    restoring, damping
-        Names of restoring laws, and damping sums such as "viscous+cubic", to compare; all if empty.
+    restoring
+        Names of the restoring laws to compare; if empty, those that suit the record's unit (`laws_for`). They have no
+        effect on envelopes.
+    damping
+        Damping sums to compare, such as "viscous+cubic"; if empty, the seven sums of viscous, Coulomb and quadratic
+        damping, and those with the user's terms (see `comparison`).
     repeats
         If true, all records are tests of one specimen (tested object). If false, oscillations with the same key
         `specimen` are tests of one specimen, and the others have none.
@@ -544,7 +552,10 @@ def comparison_tables(
 
 
 def _as_name(label: str) -> str:
-    """Convert a label to a valid name (`as_name`). If it has more than 48 characters, its middle is left out."""
+    """Convert a label to a valid name (`as_name`); "" if the label is empty.
+
+    If the name has more than 48 characters, its middle is left out. If it would begin with -, a _ is added before it.
+    """
     name = as_name(label)
     name = name if len(name) <= 48 else f"{name[:24]}-{name[-23:]}"
     return name if not name or re.match(r"\w", name) else f"_{name}"

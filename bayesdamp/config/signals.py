@@ -85,8 +85,8 @@ def check_laws(names: tuple[str, ...], key: str) -> tuple[str, ...]:
 def check_base(raw: object, laws: tuple[str, ...] = ()) -> dict[str, Any]:
     """Check the table [system] of a study, and return it as it is.
 
-    If the table names a restoring law, its other keys must be parameters of this law or of `laws`, the laws that the
-    study compares; otherwise they may be parameters of any law. Raises StudyError if it is wrong.
+    If the table names a restoring law, its parameters of restoring laws must belong to this law or to `laws`, the laws
+    that the study compares; otherwise to any law. Raises StudyError if the table is wrong.
     """
     base = check_table(raw, "system")
     names = [base["restoring"], *laws] if "restoring" in base else LAWS.present()
@@ -260,7 +260,8 @@ def term_keys(law: tuple[str, ...]) -> dict[str, str]:
 def damping_order() -> list[str]:
     """Return all damping terms, shipped and from plug-ins, in the order in which they are named in damping sums.
 
-    These are viscous, coulomb and quadratic (`PAPER_TERMS`), then the others in alphabetical order.
+    These are viscous, coulomb and quadratic (`PAPER_TERMS`), then the others in alphabetical order. Plug-ins of
+    installed packages are included.
     """
     return [*PAPER_TERMS, *(name for name in TERMS.names() if name not in PAPER_TERMS)]
 
@@ -371,7 +372,8 @@ def resolve_signal(
 def _read_envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, key: str) -> SignalSpec:
     """Return the specification of a signal that is an envelope (recorded amplitudes), which has no restoring law.
 
-    `entry` is the table [[signal]]; `given` contains only the keys that the file states. Raises StudyError.
+    `entry` is the table [[signal]]; `given` contains only the keys that the file states. Raises StudyError if a key
+    does not apply to an envelope, if its file is missing, or if `compare` is wrong.
     """
     fields = SignalTable.model_fields
     stray = next((n for n in given if n in _NOT_OF_ENVELOPES and given[n] != fields[n].default), None)

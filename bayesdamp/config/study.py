@@ -166,9 +166,9 @@ class SimulateTable(StudySection):
 
     duration: length of the record in s. samples: number of samples before gaps are removed. repeats: number of records,
     which differ only in their random numbers (noise, outliers and gaps). noise: name of the noise model. outliers:
-    number of spikes, or their fraction of the samples if it is below 1. gaps: number of missing stretches. quantum:
-    step to which values are rounded, in the record's unit; 0 for none. quantity: the simulated quantity. unit: unit of
-    the displacement.
+    number of spikes, or their fraction of the samples if it is below 1. gaps: number of time spans from which the
+    samples (each time 1/50 of them) are removed. quantum: step to which values are rounded, in the record's unit; 0 for
+    none. quantity: the simulated quantity. unit: unit of the displacement.
     """
 
     duration: float = Field(
@@ -211,9 +211,9 @@ class EstimatorsTable(StudySection):
     """[estimators]: which estimators of damping coefficients run.
 
     The tables with options of single estimators are not included. use: names of estimators and of their variants; "all"
-    becomes the names of all estimators. stages: "initial" (the estimate of the method itself), "refined" (a
-    least-squares fit of the motion that starts from this estimate). repeats: for a name, the largest number of repeats
-    of a signal on which this estimator runs.
+    becomes the names of the eleven methods of the paper (`names_for_all`), without the user's own estimators. stages:
+    "initial" (the estimate of the method itself), "refined" (a least-squares fit of the motion that starts from this
+    estimate). repeats: for a name, the largest number of repeats of a signal on which this estimator runs.
     """
 
     use: Annotated[Names, BeforeValidator(lambda use: names_for_all() if use == "all" else use)] = Field(
@@ -417,7 +417,7 @@ class SignalSpec:
     def parts(self, candidate: str) -> tuple[str, str]:
         """Return the damping sum (such as viscous+coulomb) and the restoring law of a candidate, from its name.
 
-        If the name contains no law, the law is the first one of the signal.
+        If the name contains no law, the law is the first one of the signal, which must not be an envelope.
         """
         damping, law = candidate_parts(candidate)
         return damping, law or self.restoring[0]
@@ -428,7 +428,7 @@ class SignalSpec:
 
 
 class Estimators(EstimatorsTable):
-    """The estimators of a study.
+    """The estimators of a study; "all" in `use` is already replaced by names.
 
     options: options of each estimator or variant, by its name. A variant is an estimator with other options, to which
     the study gives a name. variants: for each variant the name of its estimator.
@@ -551,7 +551,10 @@ class Study:
         return {**settings, "signals": [s.resolved() for s in self.signals]}
 
     def estimator_options(self, name: str) -> BaseModel:
-        """Return the options of an estimator with their defaults. Raises InputError if an option is wrong."""
+        """Return the options of an estimator with their defaults. Raises InputError if an option is wrong.
+
+        name: an estimator, or a variant that the study defines.
+        """
         try:
             return parse_options(self.estimators.method(name), self.estimators.options.get(name), name)
         except InputError as error:

@@ -61,11 +61,12 @@ def answer_key(record: StudyRecord, kind: str = ANSWER) -> str:
 def compute_answer(record: StudyRecord, kind: str) -> Product:
     """Compute the answer on a record: compare its damping models, and form the verdict.
 
-    The content of the result is an `AnswerContent`. If no model can be fitted, the outcome is the verdict's sentence,
-    which gives the reason; otherwise it is OK.
+    The content of the result is an `AnswerContent`; its arrays are those of the figure (`findings.picture`), of the
+    sampled posteriors and of the fits. If no model can be fitted, the outcome is the verdict's sentence, which gives
+    the reason; otherwise it is OK.
 
     kind: `ANSWER`, by linear approximations; or `SAMPLED_ANSWER`, which starts from the comparison of `ANSWER` if this
-    process has computed it just before.
+    process has computed it just before, and computes it first otherwise.
 
     Raises Refusal in three cases: the outcome of the record is not OK (for example, it shows no oscillation), the
     record has no noise, or a damping term has no kernel (its force as a function that can be compiled for the ODE
@@ -130,7 +131,7 @@ def stored_fit(record: StudyRecord, damping: str, restoring: str) -> FitState:
     """Return the fit of one model, allowing deviations from its laws, that the task `ANSWER` on a record has stored.
 
     damping, restoring: the sum of damping terms and the restoring law of the model. Raises Refusal if the task stored
-    no values, or not this fit.
+    no values, or not this fit, and KeyError if the task has no stored result.
     """
     result = record.store.read(f"{ANSWER}/{record.name}")
     content = AnswerContent.maybe(result)

@@ -32,8 +32,9 @@ def choose_candidates(record: StudyRecord) -> tuple[Sequence[str], Sequence[str]
     The log evidences in the answer on the record decide, with two settings of the study:
 
     - A candidate is evaluated if its log evidence is less than `models.prune` (in nats) below the largest one
-      (see `rank_candidates`).
-    - The `posterior.best` candidates with the largest log evidences are also sampled.
+      (see `rank_candidates`). If `prune` is None, all are.
+    - The `posterior.best` candidates with the largest log evidences are also sampled. If `best` is None, all that are
+      evaluated are sampled.
 
     If the study sets neither limit, or if the record has no answer, all candidates are evaluated and sampled. If a
     limit is set and the outcome of the record is not OK, none is.
@@ -114,7 +115,8 @@ def count_parallel_jobs(jobs: list[Job], depth: Depth) -> int:
 def jobs_of(study: Study) -> list[Job]:
     """Return all jobs of a study; the jobs that read records come first, and those on single models last.
 
-    A run may leave out some of the jobs on single models.
+    An envelope has a single job, its answer, which also reads it. A run may leave out some of the jobs on single
+    models.
     """
     # First repeat 0 of all signals, then repeat 1, and so on: an interrupted run then has results for every signal.
     most = max(s.repeats for s in study.signals)

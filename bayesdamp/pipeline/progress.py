@@ -46,7 +46,10 @@ def _with_count(number: int, what: str) -> str:
 
 
 class Progress:
-    """Show the steps of a run to the user: as a bar on a terminal, otherwise as one line for each step."""
+    """Show the steps of a run to the user: as a bar on a terminal, otherwise as one line for each step.
+
+    Outside a terminal, the step that reads the records has no line.
+    """
 
     def __init__(self, bar: Bar) -> None:
         self._bar, self._task = bar, bar.add_task("", total=None)

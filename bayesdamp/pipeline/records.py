@@ -74,8 +74,8 @@ def read_raw(source: Recording) -> RawRecord:
 def read_free_decay(source: Recording, name: str) -> CutSignal:
     """Read a measured record, and return the free decay in it as a signal named `name`, in the base unit (such as rad).
 
-    Raises InputError, which names the file, if it cannot be read or contains no free decay. The last few records are
-    cached until their files change, because a run reads each record twice.
+    Raises InputError, which names the file, if the file contains no free decay, or for the reasons that `read_raw`
+    states. The last few records are cached until their files change, because a run reads each record twice.
     """
     stamp: tuple[int, ...] = ()
     with suppress(OSError):
@@ -97,8 +97,8 @@ def _read_free_decay(source: Recording, name: str, stamp: tuple[int, ...]) -> Cu
 class StudyRecord:
     """One record of a study, with its stored result: a measured signal, or one repeat of a simulated signal.
 
-    Repeats of a signal differ only in their random noise. repeat: number of the repeat, from 0. name: `SIGNAL/REPEAT`,
-    which is part of the names of all tasks on this record.
+    Repeats of a signal differ only in their random numbers (noise, outliers and gaps). repeat: number of the repeat,
+    from 0. name: `SIGNAL/REPEAT`, which is part of the names of all tasks on this record.
     """
 
     def __init__(self, study: Study, spec: SignalSpec, repeat: int, store: Store) -> None:
@@ -127,7 +127,10 @@ class StudyRecord:
         return self.store.key(f"signal/{self.name}", (self.study, self.spec), compute)
 
     def find(self, kind: str, *, arrays: bool = True) -> TaskResult | None:
-        """Return the stored result of the task of this kind, such as "answer", on the record; None if there is none."""
+        """Return the stored result of the task of this kind, such as "answer", on the record.
+
+        None if it is missing, damaged or hidden by the store. arrays: whether to read its arrays too.
+        """
         return self.store.find(f"{kind}/{self.name}", arrays=arrays)
 
     @cached_property
@@ -137,7 +140,7 @@ class StudyRecord:
 
     @cached_property
     def signal(self) -> Signal:
-        """The signal: the samples of this record.
+        """The samples of this record in base units, from its stored result. Raises KeyError if they are not stored.
 
         The last few signals are cached, because each object also keeps its features, so that they are computed once.
         """
@@ -173,8 +176,9 @@ def compute_signal(record: StudyRecord) -> Product:
     """Read or simulate a record, clean it, and compute its features.
 
     The content of the result is a `RecordContent`. The arrays are the samples: `t` in s and `y` in the base unit (such
-    as rad). A measured record also has `raw_t` and `raw_y`: the whole record, thinned. If the record shows no
-    oscillation or too few cycles, the outcome says so for a simulated record; for a measured one InputError is raised.
+    as rad). A measured record also has `raw_t` and `raw_y`: the whole record in the same units, thinned if it is long.
+    If the record shows no oscillation or too few cycles, the outcome says so for a simulated record; for a measured one
+    InputError is raised.
     """
     study, spec, name, arrays = record.study, record.spec, f"signal/{record.name}", {}
     source = spec.source

@@ -111,8 +111,9 @@ class Run(ResultView):
     def evidence(self) -> pd.DataFrame:
         """The table evidence.csv, with a row for each record, model and method.
 
-        A row contains the log evidence with its standard error in nats, the log Bayes factor relative to the best
-        model, and the posterior probability of the model.
+        A row contains the log evidence with its standard error in nats, the log Bayes factor relative to the best model
+        by the same method, and the posterior probability of the model (nan if the method lacks the evidence of some
+        models).
         """
         return self._read("evidence.csv")
 
@@ -149,7 +150,7 @@ class Run(ResultView):
         record
             Name of the signal.
         damping
-            The damping sum, such as "viscous+coulomb".
+            The damping sum, such as "viscous+coulomb", with its terms in the order in which the run names them.
         restoring
             The restoring law; by default the first one with results.
         repeat
@@ -177,11 +178,11 @@ class Run(ResultView):
 
     @property
     def report(self) -> Path:
-        """Path of the report, an HTML file."""
+        """Path of the report, an HTML file in the folder of the run."""
         return self.folder / "report.html"
 
     def save(self, path: str | Path) -> Path:
-        """Copy the folder of the run to a new path, and return the path.
+        """Copy the folder of the run, without its lock and temporary files, to a new path, and return the path.
 
         Raises InputError if the path exists or cannot be written.
         """
@@ -257,7 +258,10 @@ def run_study(
     Raises
     ------
     InputError
-        The study or one of its files is wrong.
+        The study or one of its files is wrong, `workers` is not a whole number of at least 1, or `out` is a file or a
+        folder that cannot be used: it contains files of others, or another process is writing to it.
+    OSError
+        A file cannot be written, for example because the disk is full.
     """
     from rich.console import Console
 

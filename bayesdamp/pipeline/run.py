@@ -172,8 +172,9 @@ def _run_job(
 ) -> None:
     """Compute the tasks of a job that have no result yet, and store their results.
 
-    If a task fails, its error message is stored as the outcome, and the other tasks are still computed. Raises
-    InputError if this process runs other code than the process that started the run.
+    If a task fails, the first line of its error message is stored in its outcome, and the other tasks are still
+    computed. Only an InputError of a task, or a full disk (OSError), ends the job and is raised. InputError is also
+    raised if this process runs other code than the process that started the run.
 
     Parameters
     ----------

@@ -186,7 +186,10 @@ def _sampled_posteriors(record: StudyRecord) -> dict[str, SampledPosterior]:
 
 
 def _estimates(study: Study, store: Store) -> Iterator[Row]:
-    """Yield the rows of estimates.csv. A stage of an estimator that gave no values has one row, without a parameter."""
+    """Yield the rows of estimates.csv. A stage of an estimator that gave no values has one row, without a parameter.
+
+    An estimator that was refused or failed as a whole has one row, without stage and parameter.
+    """
     for candidate, head, _ in _candidates(study, store):
         spec, restoring = candidate.spec, candidate.restoring
         for method in study.estimators.use:
@@ -214,7 +217,10 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
 
 
 def _posteriors(study: Study, store: Store) -> Iterator[Row]:
-    """Yield the rows of posteriors.csv for each model: first those of the study's samplers, then those of `SMC`."""
+    """Yield the rows of posteriors.csv for each model: first those of the study's samplers, then those of `SMC`.
+
+    A sampler of the study that gave no draws has one row, without a parameter.
+    """
     for candidate, head, smc in _candidates(study, store):
         spec, restoring = candidate.spec, candidate.restoring
         for sampler in study.posterior.samplers:

@@ -77,9 +77,9 @@ def task_seed(study: Study, name: str) -> int:
 def compute_and_store(store: Store, name: str, key: str, make: Make) -> None:
     """Compute a task by calling `make`, and store its result.
 
-    If the computation raises Refusal, its message is stored as the outcome. After other exceptions, the outcome is the
-    text from `outcome_of_failure`. InputError and the OSError of a full disk are raised to the caller, and nothing is
-    stored.
+    If the computation raises Refusal, its whole message is stored as the outcome. After other exceptions, the outcome
+    is the text from `outcome_of_failure`, which has only the first line of the message. InputError and the OSError of a
+    full disk (with BAYESDAMP_DEBUG set, every exception but Refusal) are raised to the caller, and nothing is stored.
     """
     began = time.perf_counter()
 

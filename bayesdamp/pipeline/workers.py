@@ -33,7 +33,7 @@ def cluster(scheduler: str, say: Callable[[str], None]) -> Iterator[Executor]:
     Raises
     ------
     InputError
-        No scheduler answers, or the connection is lost.
+        dask.distributed is not installed, no scheduler answers, or the connection is lost.
     """
     try:
         from distributed import Client
@@ -73,7 +73,8 @@ def open_pool(
     jobs then run in this process.
 
     workers: number of processes; it has no effect with a scheduler. scheduler: address of the Dask scheduler, or None.
-    say: function that shows a message if the scheduler has no workers. Raises InputError if no scheduler answers.
+    say: function that shows a message if the scheduler has no workers. Raises InputError for the reasons that `cluster`
+    states.
     """
     if workers == 1 and scheduler is None:
         yield None

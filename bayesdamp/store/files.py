@@ -127,7 +127,10 @@ def netcdf_bytes(tree: xr.DataTree) -> bytes:
 
 
 def write_json(path: Path, obj: object) -> None:
-    """Write a value to a file as strict, indented JSON; nan becomes null, infinities become "inf" and "-inf"."""
+    """Write a value to a file as strict, indented JSON; nan becomes null, infinities become "inf" and "-inf".
+
+    The value is first converted by `split`. The file is written by `write_bytes`.
+    """
     text = json.dumps(_strict(split(obj)), indent=2, ensure_ascii=False, allow_nan=False)
     write_bytes(path, (text + "\n").encode())
 
@@ -166,8 +169,8 @@ def pack(
 def unpack(path: Path, first: str, *, arrays: bool = True) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Return the values and the arrays (by name) in a zip archive that `pack` made; no arrays if `arrays` is false.
 
-    first: name of the member with the values. Raises one of `READ_ERRORS` if the file is damaged or is not such an
-    archive.
+    first: name of the member with the values. Among the values is also the list `arrays` of the names of all arrays.
+    Raises one of `READ_ERRORS` if the file is damaged or is not such an archive.
     """
     with zipfile.ZipFile(path) as archive:
         head = json.loads(archive.read(first))
@@ -183,7 +186,8 @@ def unpack(path: Path, first: str, *, arrays: bool = True) -> tuple[dict[str, An
 def read_description(folder: Path) -> dict[str, Any]:
     """Return the content of the run.json in the folder of a run; any key may be missing.
 
-    Raises InputError if there is no such file, if it is not JSON, or if its tables have another version than `SCHEMA`.
+    Raises InputError if there is no such file, if it is not a JSON object, or if it states another version of the
+    tables than `SCHEMA`.
     """
     path = folder / "run.json"
     if not path.is_file():

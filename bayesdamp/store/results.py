@@ -64,7 +64,8 @@ FILES = (
     "verdict.json",
     "verdicts.csv",
 )
-"""Names of the files in the folder of a run, without its tables. A running process locks the file `LOCK`."""
+"""Names of the files in the folder of a run, besides `TABLES` and `CALIBRATION_TABLES`. A running process locks the
+file `LOCK`."""
 HEAD_MEMBER = "cell.json"
 """Name of the first member in the zip archive of a task's result, with its name, key, outcome, seconds and values."""
 _ZIP_HEADER = 30
@@ -78,20 +79,22 @@ NO_DRAWS = np.empty((0, 0, 0)), np.empty((0, 0))
 def claim(folder: Path, tables: Iterable[str] = ()) -> None:
     """Mark a folder as the folder of a run, after checking that it contains nothing that a run would overwrite.
 
+    A missing folder is created. A folder was written by a run if it has the mark `MARK_FILE`, or a run.json of a run.
+
     Parameters
     ----------
     folder
-        Folder of the run, which need not exist.
+        Folder of the run.
     tables
         Names of the tables that a run writes.
 
     Raises
     ------
     InputError
-        No run wrote the folder, but it contains files with names that a run uses. Or a name that a run uses is a link,
-        or `MARK_FILE` has another content.
+        No run wrote the folder, but it contains files or folders with names that a run uses. Or a name that a run uses
+        is a link, or `MARK_FILE` is not a regular file with the content `MARK_TEXT`.
     OSError
-        The folder cannot be written.
+        The folder cannot be read or written, for example because it is a file.
     """
     present = set(os.listdir(folder)) if os.path.lexists(folder) else set()
     if MARK_FILE not in present:
@@ -132,7 +135,10 @@ def remove_temporary(folder: Path) -> None:
 
 
 def remove_listed(folder: Path, listed: Iterable[str]) -> None:
-    """Remove the regular files with the listed names directly in a folder."""
+    """Remove the regular files with the listed names directly in a folder.
+
+    Names that contain a folder, links and missing files are ignored.
+    """
     for name in listed:
         path = folder / name
         if path.name == name and is_regular(path):
@@ -194,8 +200,9 @@ class Store:
     """The results of a run's tasks, each in an `.npz` file under `cells/`. Nothing is created before the first write.
 
     A file has the name of its task, so that a new result replaces the old one. The file also contains the result's key,
-    a hash of everything on which the result depends. only: the key of each visible result, by task name; other results
-    are hidden, for example those of an earlier version of the study. None if all results are visible.
+    a hash of everything on which the result depends. only: the key of each visible result, by task name. Results of
+    other tasks, or with other keys, are hidden, for example those of an earlier version of the study. None if all
+    results are visible.
     """
 
     def __init__(self, folder: Path, only: Mapping[str, str] | None = None) -> None:
@@ -207,8 +214,9 @@ class Store:
     def key(self, task_name: str, of: tuple[object, ...], compute: Callable[[], str]) -> str:
         """Return the key under which the result of a task should be stored; `compute` computes it.
 
-        of: the objects on which the key depends. `compute` is called only once for the same task and the same objects;
-        then the key is taken from a cache. A result that is already stored may have another key.
+        of: the objects on which the key depends. `compute` is called only once for the same task and the same objects
+        (identical, not only equal); then the key is taken from a cache. A result that is already stored may have
+        another key.
         """
         identity = (task_name, *map(id, of))
         if identity not in self._keys:
@@ -216,7 +224,7 @@ class Store:
         return self._keys[identity][1]
 
     def has(self, task_name: str, key: str) -> bool:
-        """Return whether an undamaged result of a task is stored with this key.
+        """Return whether an undamaged result of a task is stored with this key, and not hidden by `only`.
 
         A result with another key is out of date, because the key is a hash of the inputs and the code.
         """
@@ -259,20 +267,26 @@ class Store:
         """Store the result of a task. It replaces an earlier result of the same task.
 
         Other processes see the old file or the new one, never a part of it. Raises OSError if the file cannot be
-        written.
+        written, and InputError if there is a link or a folder in its place.
         """
         head = {"name": result.name, "key": result.key, "outcome": result.outcome}
         head |= {"seconds": float(result.seconds), "meta": result.meta}
         write_bytes(self._path(result.name), pack(HEAD_MEMBER, head, result.arrays))
 
     def names(self) -> list[str]:
-        """Return the names of all tasks with a stored result, sorted; some results may be damaged."""
+        """Return the names of all tasks with a stored result, sorted; some results may be damaged.
+
+        Tasks that are not in `only` are left out. Keys are not compared, so `read` may raise KeyError for a name.
+        """
         paths = (p.relative_to(self._results).as_posix() for p in self._results.rglob("*.npz"))
         names = (path.removesuffix(".npz") for path in paths)
         return sorted(name for name in names if self.only is None or name in self.only)
 
     def clear(self) -> None:
-        """Remove all stored results, but no other files in their folder. Call this only inside `with store.lock():`."""
+        """Remove all stored results, also hidden ones, but no other files in their folder.
+
+        Call this only inside `with store.lock():`.
+        """
         for path in list(self._results.rglob("*.npz")):
             # A stored result begins with its own name, even if the file is truncated.
             name = path.relative_to(self._results).as_posix().removesuffix(".npz")
@@ -285,8 +299,8 @@ class Store:
         """Lock the folder for writing within this context, and remove the temporary files of a killed run.
 
         Raises InputError if another process has locked the folder, if `claim` refuses it (it contains files with names
-        that a run uses, but that no run wrote), or if it cannot be written. Raises OSError if the disk is full. The
-        operating system releases the lock of a process that dies.
+        that a run uses, but that no run wrote), or if it cannot be written (for example, it is a file). Raises OSError
+        if the disk is full. The operating system releases the lock of a process that dies.
         """
         try:
             claim(self.folder, (*TABLES, *CALIBRATION_TABLES))
@@ -337,9 +351,14 @@ def provenance(inputs: Mapping[str, Path] | None = None, packages: Iterable[str]
     Returns
     -------
     dict
-        versions: {package: version}. revision: the git commit of the source, with "+changes" if files differ from it;
-        the version of the package if the source is not in git. machine: {system, processor, cpus, python}. inputs:
+        versions: {package: version}. revision: the git commit of the source, with "+changes" if files of the package
+        differ from it; "version X" if the source is not in git. machine: {system, processor, cpus, python}. inputs:
         {name: SHA-256 of the file}.
+
+    Raises
+    ------
+    OSError
+        An input file cannot be read.
     """
     names, versions = set(packages), dict[str, str]()
     if not names:
@@ -387,7 +406,7 @@ def sha256(path: Path) -> str:
 
 
 class OtherVersionError(InputError, ValueError):
-    """Error: a stored result has other fields than expected, because another version of the package wrote it."""
+    """Error: the values of a stored result do not fit the fields of its `Content`, as after a change of the package."""
 
 
 @dataclass(frozen=True)
@@ -399,7 +418,11 @@ class Content:
 
     @classmethod
     def of(cls, result: TaskResult) -> Self:
-        """Read the values of a result. Raises OtherVersionError if another version of the package stored it."""
+        """Read the values of a result. Raises OtherVersionError if another version of the package stored it.
+
+        Fields without a stored value get their defaults; OtherVersionError is raised if a field has no default. For a
+        result that may have only an outcome, such as that of a refused task, see `maybe`.
+        """
         return cls.of_meta(result.meta)
 
     @classmethod
@@ -412,7 +435,10 @@ class Content:
 
     @classmethod
     def of_meta(cls, meta: Mapping[str, Any]) -> Self:
-        """Build the object from its JSON form (see `meta`). Raises OtherVersionError if a field does not fit."""
+        """Build the object from its JSON form (see `meta`). Raises OtherVersionError if a field does not fit.
+
+        Missing fields get their defaults (OtherVersionError if there is none), and unknown ones are ignored.
+        """
         try:
             known = {f.name for f in fields(cls)}
             return join(cls, {name: value for name, value in meta.items() if name in known})
@@ -429,16 +455,17 @@ class Content:
 class RecordContent(Content):
     """The values of a record, from the task `signal/NAME/REPEAT`.
 
-    The samples are arrays of the same result: `t` in s, and `y` in the base unit `unit`, such as rad (for a velocity or
-    an acceleration: `unit` per s or per s²). step: step to which `y` is rounded, in the unit of `y`; 0 if it is not
-    rounded. provenance: source of the record, and how it was cleaned. bound: for a simulated record, the Cramér–Rao
-    bound (smallest standard deviation) by parameter.
+    The samples are in `arrays` of the same result: `t` in s, and `y` in the base unit `unit`, such as rad (for a
+    velocity or an acceleration: `unit` per s or per s²); a measured record also has `raw_t` and `raw_y` (see
+    `compute_signal`). step: step to which `y` is rounded, in the unit of `y`; 0 if it is not rounded. provenance:
+    source of the record, and how it was cleaned. bound: for the first repeat of a simulated record, the Cramér–Rao
+    bound (smallest standard deviation) by parameter; {} if there is none.
 
     The other fields have values only if the record oscillates. features: period, amplitudes and other features.
     anomalies: remarks for the user. reference: amplitude (rad or m) and angular frequency (rad/s) to which default
-    priors are scaled. known: values of the parameters that are not inferred, with ε, the velocity (rad/s or m/s) within
-    which Coulomb friction changes its sign. epsilon_note: a sentence if ε was assumed. noisy: whether the record has
-    noise; without noise there is no likelihood.
+    priors are scaled. known: values of the parameters that are not inferred, also ε (unless it is inferred), the
+    velocity (rad/s or m/s) within which Coulomb friction changes its sign. epsilon_note: a sentence if ε was assumed.
+    noisy: whether the record has noise; without noise there is no likelihood.
     """
 
     name: str = ""
@@ -482,9 +509,10 @@ class ModeContent(FitCheck, Content):
 
     values, sd: inferred parameters and their standard deviations, by name and in their units. known: values of the
     parameters that are not inferred. priors: descriptions of the priors in words. log_posterior: log posterior density
-    at the mode (nats, not normalised). shares: fractions of the posterior probability that belong to the maxima that
-    the search found: first the mode, then the others. stored: the mode itself in JSON form
-    (`inference.mode.StoredMode`); its arrays are the arrays `stored/...` of the result.
+    at the mode (nats, not normalised), for the standard normal scores of the parameters. shares: fractions of the
+    posterior probability that belong to the maxima that the search found: first the mode, then the others. stored: the
+    mode itself in JSON form (`inference.mode.StoredMode`); its array fields are the entries `stored/...` of `arrays` of
+    the same result.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -500,11 +528,11 @@ class ModeContent(FitCheck, Content):
 class PosteriorContent(Content):
     """The posterior of one damping model by one sampler, from the task `posterior/NAME/REPEAT/CANDIDATE/SAMPLER`.
 
-    posterior: names and diagnostics of the draws, without arrays; the draws are the array `draws` of the result,
-    (chain, draw, parameter). summary: mean, sd and other summaries of each parameter and derived quantity, by name.
-    units: their units. without: derived quantities that have no summary, with the number of draws for which they are
-    not defined. file: path of the netCDF file with the draws, relative to the run's folder. ratios: damping ratios at
-    the amplitudes of the verdict on the record.
+    posterior: names and diagnostics of the draws; its own arrays are empty. The draws are `draws` in `arrays` of the
+    same result, (chain, draw, parameter), in the units of the parameters. summary: mean, sd and other summaries of each
+    parameter and derived quantity, by name. units: their units. without: derived quantities that have no summary, with
+    the number of draws for which they are not defined. file: path of the netCDF file with the draws, relative to the
+    run's folder. ratios: damping ratios at the amplitudes of the verdict on the record; () without a verdict.
     """
 
     posterior: Posterior = field(default_factory=lambda: Posterior("", (), *NO_DRAWS))
@@ -519,8 +547,8 @@ class PosteriorContent(Content):
 class EvidenceContent(Content):
     """The evidence of one damping model by one method, from the task `evidence/NAME/REPEAT/CANDIDATE/METHOD`.
 
-    evidence: the log evidence with its error; None if the method is nested sampling, used as a check, and was not
-    needed because the other methods agree.
+    evidence: the log evidence with its error. None if the method is nested sampling, used as a check, and was not
+    needed because the other methods agree; also None if the outcome of the task says why it gave no result.
     """
 
     evidence: Evidence | None = None
@@ -533,9 +561,10 @@ class ComparedCandidate:
     A candidate is a sum of damping terms under a restoring law. log_evidence: log evidence (nats) if damping and
     restoring force may deviate from their laws; None if this was not computed. log_evidence_exact: log evidence (nats)
     if the laws hold exactly; None if this was not computed. outcome: "ok", or why there is no result. rms: root mean
-    square residual of the fit with exact laws, in the record's unit. place: for a form of damping that the study does
-    not compare, the compared sum that is its limiting case; "" if there is none. parameters: names of the inferred
-    damping parameters.
+    square residual of the fit with exact laws, in the base unit of the record, such as rad; None if there is no result,
+    or if the record was reduced to amplitudes and phases. place: for a form of damping that the study does not compare,
+    the compared sum that is its limiting case; "" if there is none. parameters: names of the inferred damping
+    parameters.
     """
 
     damping: str
@@ -626,12 +655,13 @@ class EnvelopeContent:
 class AnswerContent(Content):
     """The answer on a record: the comparison of damping models, from the task `answer/...` or `sampled/NAME/REPEAT`.
 
-    verdict: the conclusion, as `Verdict.to_dict` returns it. candidates: results of the compared damping sums under
-    each restoring law. rivals: results of other forms of damping, which the study does not compare. priors:
-    descriptions of the priors. posteriors: posteriors of the candidates that were sampled. laws: fits of the candidates
-    that allow deviations from the laws. noise: name of the noise model that is used. noises: all noise models that were
-    fitted. epsilon: velocity (rad/s or m/s) within which Coulomb friction changes its sign, if it was not known.
-    envelope: further values for an envelope; its answer has only these and the verdict.
+    verdict: the conclusion, as `Verdict.to_dict` returns it, with amplitudes in the base unit, such as rad. candidates:
+    results of the compared damping sums under each restoring law. rivals: results of other forms of damping, which the
+    study does not compare. priors: descriptions of the priors. posteriors: posteriors of the candidates that were
+    sampled; () from the task `answer`. laws: fits of the candidates that allow deviations from the laws. noise: name of
+    the noise model that is used. noises: all noise models that were fitted. epsilon: velocity (rad/s or m/s) within
+    which Coulomb friction changes its sign, if it was not known. envelope: further values for an envelope; its answer
+    has only these and the verdict.
     """
 
     verdict: Mapping[str, Any]
@@ -648,10 +678,10 @@ class AnswerContent(Content):
 
 @dataclass(frozen=True)
 class ChunkContent(Content):
-    """What happened to each simulated record of one task of a calibration.
+    """What happened to each simulated record of one task of a calibration, which computes several records.
 
     outcomes: for each record, "ok" or why it is not used. accepted: for each record, whether it is usable. first:
-    number of the first record, from 0; the other records have the next numbers.
+    number of the first record, from 0; the following records have the next numbers.
     """
 
     outcomes: tuple[str, ...] = ()
@@ -663,9 +693,10 @@ class ChunkContent(Content):
 class RanksContent(ChunkContent):
     """The ranks of true parameters among posterior draws, for the simulated records of one task `ranks/MODEL/FIRST`.
 
-    The ranks themselves are arrays of the result (`calibrate.ranks.compute_chunk`). names: names of the ranked
-    quantities. sampler_outcomes: for each sampler, its outcome on each record; "" if the record has no posterior mode.
-    seconds: computing time by sampler, and under "record" that of simulation and fit.
+    The ranks themselves are the entry `ranks` of `arrays` of the same result file (`calibrate.ranks.compute_chunk`
+    describes all its arrays). names: names of the ranked quantities: the parameters, and last the log likelihood.
+    sampler_outcomes: for each sampler, its outcome on each record; "" if the record has no posterior mode. seconds:
+    computing time by sampler, and under "record" that of simulation and fit.
     """
 
     model: str = ""
@@ -678,9 +709,10 @@ class RanksContent(ChunkContent):
 class RecoveryContent(ChunkContent):
     """The outcomes of the evidence of each damping model, for the simulated records of one task `recovery/FIRST`.
 
-    The task tests how often the true model has the most evidence; the log evidence itself is in the arrays of the
-    result. models: names of the models. evidence_outcomes: for each record, the outcome of the evidence of each model
-    ("ok", or why it is unreliable or missing).
+    The task tests how often the true model has the most evidence. The log evidences, the probabilities and the true
+    models are in `arrays` of the same result file (see `calibrate.recovery.compute_chunk`). models: names of the
+    models. evidence_outcomes: for each record, the outcome of the evidence of each model: "ok", or why it is
+    unreliable; "" for a model whose computation failed, and for the models after it.
     """
 
     models: tuple[str, ...] = ()

@@ -19,7 +19,10 @@ installation check fails (conventional)."""
 
 
 def machine() -> str:
-    """Check that the machine has at least `LEAST_MEMORY` GiB of physical memory, and state its cores and memory."""
+    """Check that the machine has at least `LEAST_MEMORY` GiB of physical memory.
+
+    Return a text with the cores and the memory; raise InputError if the memory is too small.
+    """
     text = f"{cores()} core{'s' if cores() > 1 else ''}"
     if hasattr(os, "sysconf"):  # not on Windows
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
@@ -30,7 +33,10 @@ def machine() -> str:
 
 
 def cache() -> str:
-    """Check that the cache folder of compiled code can be written; it is created if it is missing."""
+    """Check that the cache folder of compiled code can be written; it is created if it is missing.
+
+    Return a text with the folder; raise InputError if it cannot be written.
+    """
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -43,7 +49,10 @@ def cache() -> str:
 
 
 def kernels() -> str:
-    """Load the compiled equations of motion (kernels), or compile them if necessary, and state how long this took."""
+    """Load the compiled equations of motion (kernels), or compile them if necessary.
+
+    Return a text with the time that this took.
+    """
     from bayesdamp.physics.kernel.solve import warm
 
     began = time.perf_counter()
@@ -54,8 +63,8 @@ def kernels() -> str:
 def answer() -> str:
     """Compare viscous with Coulomb damping on a small simulated record, and check the result against the truth.
 
-    The verdict must be viscous damping, and its coefficient must differ from the true one by less than
-    `TOLERATED_ERROR`.
+    Return the sentence of the verdict and the duration as text. Raise InputError unless the verdict is viscous damping,
+    with a coefficient that differs from the true one by less than `TOLERATED_ERROR` (relative).
     """
     import bayesdamp as bd
 

@@ -37,7 +37,8 @@ terminal; the others are left out."""
 NARROWEST_PLOT = 10
 """Smallest width of a plot in characters, used if the terminal is narrower."""
 MOST_GAPS = 4
-"""Largest number of gaps in a record that are listed one by one; for the others, only their number is given."""
+"""Largest number of times without samples in a record that are listed one by one; for the others, only their number is
+given."""
 PLOT_ROWS = 10
 """Height in lines of the plot of a record in the terminal."""
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
@@ -104,9 +105,9 @@ class RecordView:
     lines
         Sentences on how the record was cleaned and on its free decay.
     t, y
-        Times in s and values in the unit of the file, (n,), of the whole record.
+        Times in s and values in the unit of the file (dB for an envelope of levels), (n,), of the whole record.
     window
-        Start and end of the free decay in s; None if there is none.
+        Start and end in s of the part that is used (the free decay); None if there is none.
     """
 
     name: str

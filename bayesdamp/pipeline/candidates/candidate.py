@@ -116,7 +116,8 @@ class StudyCandidate:
         """The fit of the candidate to the record, from which samplers and evidence methods start.
 
         If the laws hold exactly, it is the stored posterior mode. If the study allows deviations from the laws, it is
-        the fit that the task `ANSWER` on the record has stored. Raises Refusal if there is no fit.
+        the fit that the task `ANSWER` on the record has stored. Raises Refusal if that task gave no fit, and KeyError
+        if it has no stored result.
         """
         signal = self.record.signal
         if self.study.likelihood == "law":

@@ -74,9 +74,10 @@ def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Produ
 def list_evidence(record: StudyRecord, model: str) -> list[Evidence]:
     """Return the stored evidence of a model on a record by each method of the study, in the study's order.
 
-    A method without a stored result is omitted. For a method that failed, the evidence has an outcome but no number.
-    If the study names the referee (nested sampling) as a method, it is treated like the others. Otherwise it is last,
-    and it is omitted if it was not needed or if the study's setting `referee` is "never".
+    A method without a stored result is omitted. For a method that gave no value (it failed, was refused or left out),
+    the evidence has an outcome but no number (nan). If the study names the referee (nested sampling) as a method, it is
+    treated like the others. Otherwise it is last, and it is omitted if it was not needed or if the study's setting
+    `referee` is "never".
     """
     evidences, options = [], record.study.evidence
     referee = () if options.referee == "never" else (REFEREE,)
@@ -95,9 +96,10 @@ def list_evidence(record: StudyRecord, model: str) -> list[Evidence]:
 def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
     """Return the stored evidence on a record: for each method, a dictionary from the model to its evidence.
 
-    If there are at least two methods, not counting Laplace's (which has no error estimate), the last entry is
-    `combined`. It has one evidence for each model: from nested sampling if this is reliable, otherwise the weighted
-    mean of these methods (`choose_evidence`).
+    Nested sampling that only checked the other methods is left out if it gave no number. If there are at least two
+    methods, not counting Laplace's (which has no error estimate), the last entry is `combined`. It has one evidence for
+    each model: from nested sampling if this is reliable, otherwise the weighted mean of these methods
+    (`choose_evidence`).
     """
     methods = record.study.evidence.methods
     by_method: dict[str, dict[str, Evidence]] = {m: {} for m in methods}

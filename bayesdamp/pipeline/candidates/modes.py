@@ -15,7 +15,10 @@ from bayesdamp.types import Refusal
 
 
 def starts_of(candidate: StudyCandidate) -> Starts:
-    """Return the starting points of the search for the mode: the finite estimates by all estimators at all stages."""
+    """Return the starting points of the search for the mode: the finite estimates by all estimators at all stages.
+
+    Each is a mapping from the names of parameters to their values.
+    """
     results = [candidate.store.read(f"estimate/{candidate.path}/{method}") for method in candidate.methods]
     stages = [stage.values for result in results for stage in EstimateContent.of(result).stages]
     return [values for values in stages if values and np.all(np.isfinite(list(values.values())))]

@@ -24,8 +24,9 @@ draws. For these groups, draws are thinned evenly. The draws themselves have abo
 def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Product:
     """Sample the posterior of a candidate with one sampler, write the draws to a netCDF file, and summarise them.
 
-    The content of the result is a `PosteriorContent` with the summaries of parameters and derived quantities, and the
-    damping ratios. The only array is `draws`, (chain, draw, parameter), in the units of the parameters.
+    The file is `posterior/SIGNAL.REPEAT.CANDIDATE.SAMPLER.nc` in the run's folder. The content of the result is a
+    `PosteriorContent` with the summaries of parameters and derived quantities, and the damping ratios. The only array
+    is `draws`, (chain, draw, parameter), in the units of the parameters.
 
     Raises Refusal if there is no fit, or if the sampler is not applicable to it.
     """

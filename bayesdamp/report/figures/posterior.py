@@ -102,7 +102,10 @@ def pairs(
 
 
 def _histograms(ax: Axes, model: str, name: str, draws: Draws) -> None:
-    """Draw a histogram of a parameter for each sampler that drew it, all with the same area."""
+    """Draw a histogram of a parameter for each sampler that drew it, all with the same area.
+
+    The few draws outside of the quantiles `_INNER` are not shown.
+    """
     each = {i: np.ravel(own[name]) for i, own in enumerate(draws.values()) if name in own}
     low, high = np.quantile(np.concatenate(list(each.values())), _INNER)
     for i, values in each.items():

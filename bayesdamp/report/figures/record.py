@@ -14,7 +14,7 @@ from bayesdamp.types import FreeDecay
 USED, NOT_USED = "#0072B2", "#56B4E9"
 """Colours that mark the free decay that is used, and other free decays in the same record."""
 DRAWN_GAP = 20.0
-"""A gap in the samples that is longer than this many median sampling intervals is drawn as a gap in the line."""
+"""A time without samples that is longer than this many median sampling intervals interrupts the drawn line."""
 _POINTS = 2000
 """Default number of points to which the line of a record is thinned before it is drawn."""
 
@@ -151,7 +151,8 @@ def thin_line(t: np.ndarray, y: np.ndarray, points: int = _POINTS) -> tuple[np.n
     """Return a line (t, y) thinned to about `points` points, which include its ends and the extremes of each section.
 
     t, y: times, ascending, and values, (n,). A line with at most `points` samples is not thinned. At the beginning of
-    each gap that is longer than `DRAWN_GAP` median sampling intervals, a point with y = nan interrupts the line.
+    each time without samples that is longer than `DRAWN_GAP` median sampling intervals, a point with y = nan interrupts
+    the line.
     """
     size = -(-len(t) // max(1, points // 2))
     thin_t, thin_y = t, np.asarray(y, float)

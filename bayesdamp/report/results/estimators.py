@@ -131,7 +131,8 @@ def true_models(run: RunFolder) -> dict[str, str]:
 def true_estimates(run: RunFolder) -> Frame:
     """Return the rows of estimates.csv whose model has the damping with which the signal was simulated.
 
-    Rows of parameters other than damping coefficients have no `error_pct` (nan).
+    Signals that are compared under several restoring laws have no rows here. Rows of parameters other than damping
+    coefficients have no `error_pct` (nan).
     """
     truths = true_models(run)
     rows = [r for r in run.estimates if r["model"] == truths.get(r["signal"])]
@@ -220,7 +221,7 @@ def estimates_of(run: RunFolder, signal: str, model: str) -> list[CoefficientEst
 
 @dataclass(frozen=True, eq=False)
 class ErrorSeries:
-    """Absolute errors of the estimated damping coefficient on simulated signals that differ in one factor only.
+    """Absolute errors of the estimated damping coefficients on simulated signals that differ in one factor only.
 
     Attributes
     ----------
@@ -229,11 +230,11 @@ class ErrorSeries:
     values
         Values of the factor, ascending, in the unit that `FACTORS` gives.
     bounds
-        The Cramér–Rao bound on the sd of an unbiased estimate at each value, in per cent of the true coefficient; nan
-        if there is none.
+        The Cramér–Rao bound on the sd of an unbiased estimate of the first coefficient at each value, in per cent of
+        its true value; nan if there is none.
     each
-        Errors in per cent of the true coefficient; nan if there is no estimate. The levels of the index are estimator,
-        stage, the index of the value, and repeat.
+        Errors in per cent of the true coefficient, the root mean square of several coefficients; nan if there is no
+        estimate. The levels of the index are estimator, stage, the index of the value, and repeat.
     """
 
     model: str
@@ -269,7 +270,8 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
     """Return all series of simulated signals that differ only in noise, sampling or length, with their errors.
 
     One of these three factors varies in a series and has at least three different values, rounded to two significant
-    digits. The two other factors have their most common values among the signals with the same damping.
+    digits. The two other factors have their most common values among the signals with the same damping. Signals whose
+    natural frequency does not follow from known parameters are left out.
     """
     # By damping and signal: the values of noise, sampling and length, to two digits.
     designs: dict[str, dict[str, list[float]]] = {}

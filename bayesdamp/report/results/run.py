@@ -60,18 +60,20 @@ Curve = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class RecordAnswer:
-    """The answer on a record, in the unit of the record's file.
+    """The answer on a record, for the report.
 
     Attributes
     ----------
     signal
         Name of the record.
     verdict
-        The verdict on the record.
+        The verdict on the record. Its amplitudes, also those in its sentence, are in the unit of the record's file;
+        coefficients stay in rad or m, and s.
     content
         The stored answer: compared models, noise models, and values of an envelope; in base units.
     arrays
-        Arrays of the answer, such as those of its figure, by name.
+        Arrays of the answer, such as those of its figure, by name, converted to the unit of the record's file
+        (`picture_in_unit`).
     """
 
     signal: str
@@ -256,9 +258,10 @@ class EvidenceRanking:
     method
         The evidence method of the ranking.
     rows
-        Rows of evidence.csv by this method, the most probable model first.
+        Rows of evidence.csv by this method, the most probable model first; rows without a probability are left out.
     shares
-        For every evidence method, the probability of each sum of damping terms, summed over the restoring laws.
+        For every evidence method that gave probabilities, the probability of each sum of damping terms, summed over the
+        restoring laws.
     """
 
     method: str
@@ -382,7 +385,10 @@ def damping_parameters(run: RunFolder) -> dict[str, str]:
 
 
 def coefficients(run: RunFolder, model: str) -> list[str]:
-    """Return the names of the damping coefficients of a model, such as "zeta", in the order of its terms."""
+    """Return the names of the damping coefficients of a model, such as "zeta", in the order of its terms.
+
+    Terms that `damping_parameters` does not contain are left out.
+    """
     parameters = damping_parameters(run)
     return [parameters[term] for term in candidate_parts(model)[0].split("+") if term in parameters]
 
@@ -391,10 +397,11 @@ def coefficients(run: RunFolder, model: str) -> list[str]:
 def answer_of(
     run: RunFolder, signal: str, kinds: tuple[str, ...] = ("sampled", "answer")
 ) -> RecordAnswer | None:
-    """Return the answer (the comparison of damping models) on the first repeat of a record; None if there is none.
+    """Return the answer (the comparison of damping models) on the first repeat of a record.
 
-    `kinds` lists the kinds of tasks whose answer is accepted, the preferred kind first: "sampled" (from sampling) and
-    "answer" (from linear approximations). The last answers are cached.
+    None if there is none with the outcome `ok`. `kinds` lists the kinds of tasks whose answer is accepted, the
+    preferred kind first: "sampled" (from sampling) and "answer" (from linear approximations). The last answers are
+    cached.
     """
     task_results = (run.task_result(kind, signal, run.repeats(signal)[0]) for kind in kinds)
     task_result = next((c for c in task_results if c is not None and c.outcome == OK), None)
@@ -406,7 +413,10 @@ def answer_of(
 
 
 def no_verdict_sentence(run: RunFolder, signal: str) -> str:
-    """Return a sentence that says why a record has no verdict."""
+    """Return a sentence that says why a record has no verdict.
+
+    If there is only one model and nothing failed, the sentence says that this model was assumed.
+    """
     repeat = run.repeats(signal)[0]
     task_result, models = run.task_result("answer", signal, repeat), models_by_rank(run, signal, repeat)
     outcomes = (str(run.about(signal).get("outcome", OK)), OK if task_result is None else task_result.outcome)
@@ -437,7 +447,7 @@ def specimens(run: RunFolder) -> list[Verdict]:
     """Return the verdict on each specimen, which is a tested object with several records.
 
     Amplitudes are in the unit of the records' files if all signals of the run have the same unit, otherwise in base
-    units such as rad.
+    units such as rad. Coefficients are always in rad or m, and s.
     """
     verdicts = [v for v in run.verdicts if v.record not in run.signals]
     units = {run.unit(signal) for signal in run.signals}

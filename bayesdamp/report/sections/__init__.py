@@ -58,7 +58,7 @@ def paragraph(text: object, look: str = "") -> Markup:
 def repeat_column(repeats: Sequence[int]) -> dict[str, Callable[[Row], str]]:
     """Return the column of a table with the number of the repeat, from 1; {} if there is only one repeat.
 
-    Repeats are simulations of one signal that differ only in their random noise. The result maps the column's header
+    Repeats are simulations of one signal that differ only in their random numbers. The result maps the column's header
     "repeat" to the function that writes the cell of a row.
     """
     return {"repeat": lambda r: str(r["repeat"] + 1)} if len(repeats) > 1 else {}
@@ -144,11 +144,11 @@ def by_signal(
     run
         The run.
     part
-        Function that returns the content of a signal.
+        Function that returns the content of a signal, from the run and the signal's name.
     signals
-        The signals to show.
+        Names of the signals to show.
     anchor
-        Prefix of the anchors to which other sections link; empty for no anchors.
+        Prefix of the anchors to which other sections link; the signal's name follows it. Empty for no anchors.
     """
     parts: list[Markup] = []
     for i, signal in enumerate(signals):

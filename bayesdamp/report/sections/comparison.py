@@ -32,7 +32,7 @@ class ComparisonSection(Section):
     title = "Comparison of the estimators"
 
     def applies(self, run: RunFolder) -> bool:
-        """Return whether several methods have errors on several signals, or published errors are given."""
+        """Return whether there are errors, and either several methods and several signals, or published errors."""
         if not run.estimates:
             return False
         comparison = compare_estimators(run)

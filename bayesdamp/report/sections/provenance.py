@@ -16,7 +16,10 @@ class ProvenanceSection(Section):
     title = "How this report was made"
 
     def render(self, run: RunFolder) -> str:
-        """Return tables of the input files, the software, the machine, and the tasks that ended without a result."""
+        """Return tables of the input files, the software, the machine, and the tasks whose outcome is not `ok`.
+
+        Pruned tasks are left out.
+        """
         info, text = run.info, (0, 1)
         facts = {
             "source revision": info.get("revision"),
