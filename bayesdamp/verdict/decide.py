@@ -71,8 +71,8 @@ def decide(
     quantity
         The recorded quantity, as in `Verdict`.
     measured
-        Whether the record is a measurement. If it is, and `approximate` is True, the probabilities of compared sums and
-        of the restoring law are at most `thresholds.CAP`; those of other forms of damping are not limited.
+        Whether the record is a measurement. If it is, and `approximate` is True, the probabilities of damping and of
+        the restoring law are at most `thresholds.CAP`.
     approximate
         Whether the damping and restoring laws may hold approximately. If False, the grade is `EXACT`, unless the
         law-free damping contradicts the law.
@@ -145,7 +145,7 @@ def decide(
         decided=decided,
         damping=first,
         probability=damping[first],
-        rivals=rivals_of(damping, findings.other_forms),
+        rivals=rivals_of(damping, {n: min(p, cap) for n, p in findings.other_forms.items()}),
         restoring=next(iter(findings.restoring)),
         restoring_probability=min(next(iter(findings.restoring.values())), cap),
         frequency=natural,

@@ -454,8 +454,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
 
     The coefficient and all other unknowns are integrated out. The restoring law is that of the best candidate. The
     prior of the exponent is uniform from `LEAST_EXPONENT` to `MOST_EXPONENT`. If the record determines the exponent so
-    well that one linear model is enough (`ONE_SLICE_SD`), the quantiles are those of draws from its posterior, limited
-    to this range.
+    well that one linear model is enough (`ONE_SLICE_SD`), the quantiles are those of draws from its posterior.
 
     The 400 quantiles rise and serve as draws of p. The result is empty if the comparison has no result with this force
     as the only damping under this law, if p is known, or if the range of p has fewer than two slices that could be
@@ -475,8 +474,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
         ]
         if np.std(scores) >= ONE_SLICE_SD:
             return ()
-        p = prior.value(scores)
-        return tuple(np.quantile(np.clip(p, LEAST_EXPONENT, MOST_EXPONENT), LEVELS).tolist())
+        return tuple(np.quantile(prior.value(scores), LEVELS).tolist())
     p = prior.value(np.array([part.middle for part in proposal.slices]))
     log = np.array([part.posterior.log_evidence for part in proposal.slices])
     return _quantiles(p, log) if p.size > 1 else ()
