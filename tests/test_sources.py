@@ -100,10 +100,7 @@ def keys(copy: Path) -> dict[str, str]:
         ("report/sections/__init__.py", ()),
         ("cli/app.py", ()),
         ("inference/samplers/emcee.py", ("/emcee",)),
-        (
-            "physics/damping/quadratic.py",
-            ("quadratic", "viscous/sindy", "answer/", "sampled/", *AFTER_SINDY),
-        ),
+        ("physics/damping/quadratic.py", ("quadratic", "viscous/sindy", "answer/", "sampled/", *AFTER_SINDY)),
         ("physics/oscillator.py", ("",)),
     ],
 )

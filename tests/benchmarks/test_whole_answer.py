@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,8 +20,14 @@ from validation.contest.script import answer
 
 STIFFNESS, NOISE = 20.0, 1e-3
 """(2π × frequency)² of small oscillations in s⁻², and standard deviation of the noise in rad."""
-COLUMNS = {"first words, s": 2, "verdict, s": 2, "end, s": 2, "CPU, s": 2, "memory, MB": 0}
-"""Measured quantities of a command with their decimals. Memory is the peak of the largest process."""
+FIRST, VERDICT, END, CPU, MEMORY = COLUMNS = (
+    "first words, s",
+    "verdict, s",
+    "end, s",
+    "CPU, s",
+    "memory, MB",
+)
+"""What is measured of a command. Memory is the peak of its largest process."""
 RECORDS = 10
 """Number of records in the comparison with the script: two of each group of the contest."""
 
@@ -42,7 +47,7 @@ def folder() -> TemporaryDirectory[str]:
 
 
 def record(samples: int = 5_000, cycles: int = 70, number: int = 0, lost: float = 0.0) -> str:
-    """Write a pendulum with friction that decays to a fifth of its first amplitude; return the file's path.
+    """Write a pendulum with friction that decays to a fifth of its first amplitude; return the path of the file.
 
     lost: fraction of the record that a gap in its middle removes.
     """
@@ -55,112 +60,91 @@ def record(samples: int = 5_000, cycles: int = 70, number: int = 0, lost: float 
     }  # fmt: skip
     y = simulate(Oscillator(("viscous", "coulomb"), "pendulum"), p, t)
     y = y + NOISE * np.random.default_rng(number).standard_normal(t.size)
-    left = np.abs(t / t[-1] - 0.5) >= lost / 2
+    table = np.column_stack([t, y])[np.abs(t / t[-1] - 0.5) >= lost / 2]
     path = Path(folder().name) / f"record_{samples}_{cycles}_{number}_{lost}.csv"
-    table, header = np.column_stack([t, y])[left], "time (s),angle (rad)"
-    np.savetxt(path, table, fmt="%.10g", delimiter=",", header=header, comments="")
+    np.savetxt(path, table, fmt="%.10g", delimiter=",", header="time (s),angle (rad)", comments="")
     return str(path)
 
 
 def measure(command: str, *records: str, fresh: bool = False) -> list[float]:
     """Run a command; return its `COLUMNS`. fresh: with nothing compiled, as after an installation."""
-    home = Path(folder().name)
+    home, (name, *options) = Path(folder().name), command.split()
     caches = {name: str(home / "fresh") for name in ("BAYESDAMP_CACHE", "NUMBA_CACHE_DIR") if fresh}
-    name, *options = command.split()
-    out = [] if name in ("--help", "look") else ["--out", str(home / f"answer_{time.monotonic_ns()}")]
-    start, seen = time.perf_counter(), {}
+    if name == "compare":
+        options += ["--out", str(home / f"answer_{time.monotonic_ns()}")]
+    start, first, verdict = time.perf_counter(), np.nan, np.nan
     with subprocess.Popen(
-        [sys.executable, "-c", LAUNCHER, sys.executable, "-m", "bayesdamp", name, *records, *out, *options],
+        [sys.executable, "-c", LAUNCHER, sys.executable, "-m", "bayesdamp", name, *records, *options],
         text=True, stdout=subprocess.PIPE, env={**os.environ, "PYTHONUNBUFFERED": "1", **caches},
     ) as process:  # fmt: skip
         for line in process.stdout:
-            for what, part in (
-                ("first", "It oscillates"),
-                ("verdict", ": equivalent damping ratio"),
-                ("end", ""),
-            ):
-                if part in line and (what == "end" or what not in seen):
-                    seen[what] = time.perf_counter() - start
+            now = time.perf_counter() - start
+            first = now if "It oscillates" in line and np.isnan(first) else first
+            verdict = now if ": Viscous + Coulomb" in line and np.isnan(verdict) else verdict
     status, cpu, memory = json.loads(line)
     assert status == 0
-    return [seen.get("first", np.nan), seen.get("verdict", np.nan), seen["end"], cpu, memory]
+    return [first, verdict, now, cpu, memory]
 
 
-def add_costs(title: str, costs: Mapping[str, list[float]], bars: Mapping[str, Mapping[str, float]]) -> None:
-    """Add a table of costs; of each bar (by row and column) the ratio bar / cost is shown."""
-    rows = [
-        [what, *("" if np.isnan(c) else f"{c:.{d}f}" for c, d in zip(cost, COLUMNS.values(), strict=True))]
-        for what, cost in costs.items()
-    ]
-    places = list(COLUMNS)
+def add_costs(title: str, costs: dict[str, tuple[list[float], dict[str, float]]]) -> None:
+    """Add a table of measured costs; for each bar, by column, it shows the ratio of the bar to the cost."""
+    rows = [[what, *("" if np.isnan(c) else f"{c:.3g}" for c in cost)] for what, (cost, _) in costs.items()]
     ratios = {
-        f"{what}: {column} (bar {bar:g})": bar / costs[what][places.index(column)]
-        for what, wanted in bars.items()
-        for column, bar in wanted.items()
+        f"{what}: {bar:g} {column.split()[-1]} / {column.split(',')[0]}": bar / cost[COLUMNS.index(column)]
+        for what, (cost, bars) in costs.items()
+        for column, bar in bars.items()
     }
     add_table(title, ["what", *COLUMNS], rows, ratios, dict.fromkeys(ratios, 1.0))
 
 
 def test_commands() -> None:
-    quick = dict(zip(COLUMNS, (1.0, 2.0, 3.0, 4.0, 400.0), strict=True))
-    end, runs = {"end, s": 15.0}, [record(number=i) for i in range(10)]
-    measured = {
-        "--help": (measure("--help"), {"CPU, s": 0.2}),
-        "look": (measure("look", record()), {"CPU, s": 0.6}),
-        "one record, --quick": (measure("compare --quick", record()), quick),
-        "one record, --quick, nothing compiled": (
-            measure("compare --quick", record(), fresh=True),
-            {"verdict, s": 20.0},
-        ),
-        "one record": (measure("compare", record()), {"end, s": 5.0}),
-        "ten runs of one rig": (measure("compare --repeats", *runs), {"end, s": 30.0}),
-        "55 s at 1 kHz": (measure("compare", record(55_000, 40)), end),
-    }
-    costs = {what: cost for what, (cost, _) in measured.items()}
-    add_costs(
-        "Commands, records of 5,000 samples and 70 cycles",
-        costs,
-        {what: bars for what, (_, bars) in measured.items()},
+    runs, quick = (
+        [record(number=i) for i in range(10)],
+        {FIRST: 1.0, VERDICT: 2.0, END: 3.0, CPU: 4.0, MEMORY: 400.0},
     )
+    costs = {
+        "--help": (measure("--help"), {CPU: 0.2}),
+        "look": (measure("look", record()), {CPU: 0.6}),
+        "compare --quick, nothing compiled": (
+            measure("compare --quick", record(), fresh=True),
+            {VERDICT: 20.0},
+        ),
+        "compare --quick": (measure("compare --quick", record()), quick),
+        "compare": (measure("compare", record()), {END: 5.0}),
+        "ten runs of a rig": (measure("compare --repeats", *runs), {END: 30.0}),
+        "55 s at 1 kHz": (measure("compare", record(55_000, 40)), {END: 15.0}),
+    }
+    add_costs("Commands; a record has 5,000 samples and 70 cycles", costs)
 
 
 def test_growth() -> None:
+    sizes = {
+        "1,000 samples": (1_000,), "50,000 samples": (50_000,), "10 cycles": (5_000, 10), "300 cycles": (5_000, 300),
+        "a million samples, 1,000 cycles": (1_000_000, 1_000),
+    }  # fmt: skip
+    costs = {what: (measure("compare --quick", record(*size)), {}) for what, size in sizes.items()}
+    for what, lost in (("a million samples, 30,000 cycles", 0.0), ("the same without 5 % of it", 0.05)):
+        costs[what] = (measure("compare --quick", record(1_000_000, 30_000, lost=lost)), {END: 30.0})
+    costs["one law, one damping"] = (
+        measure("compare --quick --restoring linear --damping viscous", record()),
+        {},
+    )
     several = [record(1_000, 20, i) for i in range(20)]
-    costs = {
-        "1,000 samples": measure("compare --quick", record(1_000)),
-        "50,000 samples": measure("compare --quick", record(50_000)),
-        "10 cycles": measure("compare --quick", record(cycles=10)),
-        "300 cycles": measure("compare --quick", record(cycles=300)),
-        "a million samples, 1,000 cycles": measure("compare --quick", record(1_000_000, 1_000)),
-        "a million samples, 30,000 cycles": measure("compare --quick", record(1_000_000, 30_000)),
-        "the same without 5 % of it": measure("compare --quick", record(1_000_000, 30_000, lost=0.05)),
-        "one law, one damping": measure("compare --quick --restoring linear --damping viscous", record()),
-        "20 records of 1,000 samples, 1 worker": measure("compare --quick --workers 1", *several),
-        "20 records of 1,000 samples, 2 workers": measure("compare --quick --workers 2", *several),
-    }
-    bars = {
-        what: {"end, s": 30.0} for what in ("a million samples, 30,000 cycles", "the same without 5 % of it")
-    }
-    bars |= {what: {"CPU, s": 20.0} for what in costs if what.startswith("20 records")}
-    add_costs("Growth with --quick, one change at a time", costs, bars)
+    for workers in (1, 2):
+        cost = measure(f"compare --quick --workers {workers}", *several)
+        costs[f"20 records of 1,000 samples, workers: {workers}"] = (cost, {CPU: 20.0})
+    add_costs("Growth of the cost of compare --quick, one change at a time", costs)
 
 
 def test_an_engineers_script() -> None:
-    cases = [simulate_record(815, number) for number in range(RECORDS)]
     rows, ratios = [], {}
-    for number, c in enumerate(cases):
+    for case in (simulate_record(815, number) for number in range(RECORDS)):
         ours, script = in_turns(
-            lambda c=c: bd.compare(c.signal, sample=False),
-            lambda c=c: answer(c.signal, c.amplitudes),
+            lambda s=case.signal: bd.compare(s, sample=False),
+            lambda s=case.signal, a=case.amplitudes: answer(s, a),
             rounds=2,
         )
-        what = f"{c.name.split('-')[0]} {number}"
-        rows.append([what, f"{ours:.2f}", f"{script:.2f}"])
-        ratios[f"{what}: script / ours"] = script / ours
-    add_table(
-        "CPU seconds beside an engineer's script",
-        ["record", "ours", "script"],
-        rows,
-        ratios,
-        dict.fromkeys(ratios, 1.0),
-    )
+        rows.append([case.name, f"{ours:.2f}", f"{script:.2f}"])
+        ratios[f"{case.name}: script / ours"] = script / ours
+    title = "CPU seconds of compare without sampling, beside an engineer's script"
+    add_table(title, ["record", "ours", "script"], rows, ratios, dict.fromkeys(ratios, 1.0))

@@ -41,12 +41,7 @@ CLEAR: dict[str, tuple[dict[str, np.ndarray], str, str]] = {
         {"t": T, "x": Y, "r": 0.2 * np.exp(-0.07 * T) * (np.cos(6 * T) - np.cos(6.8 * T))}, "t", "x",
     ),
 }  # fmt: skip
-ONLY_CHOICE = (
-    "two columns",
-    "sample numbers first",
-    "times last",
-    "a switch and a constant",
-)
+ONLY_CHOICE = ("two columns", "sample numbers first", "times last", "a switch and a constant")
 """Tables in which only one column is a motion, so that the choice needs no explanation."""
 
 

@@ -236,10 +236,7 @@ def test_frequencies_of_records_are_pooled_and_a_specified_frequency_stays() -> 
 
 
 def test_a_specimen_has_the_worst_grade_and_the_largest_deviation_of_its_records() -> None:
-    records = [
-        answered("a", 0.01, {V: 0.0}),
-        answered("bb", 0.01, {V: 0.0}, grade=Grade.DEVIATES),
-    ]
+    records = [answered("a", 0.01, {V: 0.0}), answered("bb", 0.01, {V: 0.0}, grade=Grade.DEVIATES)]
     verdict = specimen("rig", records)
     assert (verdict.grade, verdict.decided) == (Grade.DEVIATES, False)
     assert verdict.deviation == Interval(0.04, 0.0, 0.1)

@@ -93,10 +93,7 @@ def test_derivatives_are_exact_near_rest():
 
 @pytest.mark.parametrize(
     ("terms", "scores", "rates"),
-    [
-        (("viscous", "power"), (0.6,), [0.2, 0.3]),
-        (("stribeck",), (0.4, -0.3), [0.2]),
-    ],
+    [(("viscous", "power"), (0.6,), [0.2, 0.3]), (("stribeck",), (0.4, -0.3), [0.2])],
 )
 def test_decays_by_tables_solve_their_equation(terms, scores, rates):
     """Control: times that are longer by 1 %."""
