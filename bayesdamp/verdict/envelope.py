@@ -32,7 +32,7 @@ from bayesdamp.inference.envelope.sums import (
 )
 from bayesdamp.numerics.weights import normalise
 from bayesdamp.physics.amplitude import POWERS, Scale, coefficient_from_rate, parameter
-from bayesdamp.physics.damping import PAPER_TERMS, twins_of
+from bayesdamp.physics.damping import PAPER_TERMS, TERMS, twins_of
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal, odds
 from bayesdamp.types import NORMAL_95, InputError
 from bayesdamp.verdict import thresholds
@@ -165,7 +165,7 @@ def answer(decay: Decay, sums: Sequence[Sum], seed: int) -> EnvelopeAnswer:
     )
     verdict = replace(verdict, remarks=_remarks(verdict, decay, ranking, twins), sentence=sentence(verdict))
     likelihoods = {
-        c.name: likelihood_of(c, b, decay.reference, record.unit)
+        c.name: likelihood_of(c, b, decay.reference)
         for c in ranking.candidates
         if c.name in {s.name for s in ranking.sums if not s.count}
     }
@@ -313,21 +313,11 @@ def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[Dam
     at a reference amplitude, divided by `SCORE_RATIO`. The reference amplitude is the geometric mean of the records'
     own reference amplitudes. If the frequency of any record is not known, the score is the term's decay rate times the
     geometric mean of the records' durations, times a constant.
-
-    Raises
-    ------
-    InputError
-        If the records have different units.
     """
     records = [a.likelihoods for a in answers if a.likelihoods]
     if not records:
         return {}
     firsts = [next(iter(likelihoods.values())) for likelihoods in records]
-    units = list(dict.fromkeys(likelihood.unit for likelihood in firsts))
-    if len(units) > 1:
-        raise InputError(
-            f"records of one specimen are in {' and '.join(units)}; record all of them in one unit to compare them"
-        )
     log_amplitude = float(np.mean([likelihood.reference for likelihood in firsts]))
     omegas = [likelihood.omega for likelihood in firsts]
     if None not in omegas:
@@ -352,11 +342,6 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
     The result contains the probability and the joint posterior of each sum. It is also None if `shared_likelihoods`
     contains no sum. All records have the same coefficients, times a factor for each record. The log deviation g of the
     damping from its law is inferred for each record, but its size and correlation length are common to all.
-
-    Raises
-    ------
-    InputError
-        If the records have different units.
     """
     by_sum = shared_likelihoods(answers)
     if not by_sum or len(next(iter(by_sum.values()))) < 2:
@@ -419,8 +404,10 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     the frequency of a record is unknown, the decay rate is used instead of Q. Unless the damping is viscous with a
     probability of at least `thresholds.DECIDED`, Q is assumed to depend on the amplitude. The common Q is then computed
     at three amplitudes that all records have in common, and `quality_factor` or `rate` is that at the middle one. If
-    there are no common amplitudes, it is computed from the mean Q of each record, and a remark says so. If no sum can
-    be compared on all records together (`joint_damping`), the damping is "".
+    there are no common amplitudes, it is computed from the mean Q of each record, and a remark says so.
+
+    Sums whose terms have parameters besides their coefficients cannot be compared on all records together. If one was
+    compared, the damping is "", and a remark gives that of each record; unless it was the only sum.
 
     Parameters
     ----------
@@ -439,8 +426,16 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     values = [e for v in own if (e := v.quality_factor if quality else v.rate) is not None]
     if len(values) < 2:
         return None
-    joint = joint_damping(answers)
-    damping = specimen_probabilities(joint)[0] if joint else {"": float("nan")}
+    units = dict.fromkeys(v.decay_rate[0].unit for v in own)
+    if len(units) > 1:
+        raise InputError(
+            f"records of one specimen are in {' and '.join(units)}; record all of them in one unit to compare them"
+        )
+    compared = {name for v in own for name in v.probabilities}
+    further = any(TERMS.get(term).inferred for name in compared for term in name.split("+"))
+    joint = None if further else joint_damping(answers)
+    alone = dict.fromkeys(compared, 1.0) if len(compared) == 1 else {"": float("nan")}
+    damping = specimen_probabilities(joint)[0] if joint else alone
     varies = not damping.get("viscous", 0.0) >= thresholds.DECIDED
     rates = at_common_amplitudes([v.decay_rate for v in own]) if varies else []
     qualities = at_common_amplitudes([v.quality_factor_at for v in own]) if varies and quality else []
@@ -477,7 +472,7 @@ def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     texts = (
         *spread_remark(verdict),
         f"One more record would have {what} = {more}{where} with 95 % probability.",
-        *(verdict.remarks if joint else ()),
+        *verdict.remarks,
     )
     if varies and not rates:
         texts = (

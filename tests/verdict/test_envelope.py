@@ -192,3 +192,6 @@ def test_a_record_of_another_specimen_increases_the_spread():
     without_likelihoods = specimen("x", [replace(item, likelihoods={}) for item in answers])
     assert (without_likelihoods.damping, without_likelihoods.decided) == ("", False)
     assert specimen("x", answers[:1]) is None
+    for sums, damping in (([("power",)], "power"), ([("power",), ("viscous",)], "")):
+        pair = [analyse(ringdown({"viscous": 0.2}, seed)[0], sums=sums) for seed in (1, 2)]
+        assert specimen("x", pair).damping == damping

@@ -159,8 +159,6 @@ class RateLikelihood:
         ln of n amplitudes in the unit of `reference`, (n,), increasing.
     log_losses
         ln of the shape s_i of each term at these amplitudes, (d, n).
-    unit
-        Unit of the readings.
     omega
         Angular frequency in rad/s; None if it is not known.
     duration
@@ -173,7 +171,6 @@ class RateLikelihood:
     reference: float
     log_amplitudes: np.ndarray
     log_losses: np.ndarray
-    unit: str
     omega: float | None
     duration: float
 
@@ -203,9 +200,7 @@ class RateLikelihood:
         return self.log, self.slope * factor, self.information * factor * factor[:, None]
 
 
-def likelihood_of(
-    candidate: EnvelopeCandidate, blocks: Blocks, reference: float, unit: str
-) -> RateLikelihood:
+def likelihood_of(candidate: EnvelopeCandidate, blocks: Blocks, reference: float) -> RateLikelihood:
     """Compute the likelihood of the decay rates of a sum of damping terms, given an envelope.
 
     Parameters
@@ -216,8 +211,6 @@ def likelihood_of(
         The readings with their possible noises.
     reference
         ln of the reference amplitude, as in `Decay.reference`.
-    unit
-        Unit of the readings, which is only stored in the result.
 
     Returns
     -------
@@ -232,7 +225,7 @@ def likelihood_of(
     x = np.linspace(float(blocks.x.min()), blocks.ends[0], LOSS_POINTS)
     losses = np.log(np.maximum(candidate.law.shapes(x), 1e-300))
     return RateLikelihood(
-        log, slope, information, reference, x + reference, losses, unit, blocks.frequency, blocks.duration
+        log, slope, information, reference, x + reference, losses, blocks.frequency, blocks.duration
     )
 
 
