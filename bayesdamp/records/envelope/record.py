@@ -116,7 +116,8 @@ def make_record(
     Raises
     ------
     InputError
-        If there are no readings, times decrease, the frequency is not positive, or the readings cannot be an envelope.
+        If there are no readings other than zero, times decrease, the frequency is not positive, or the readings cannot
+        be an envelope.
     """
     if not t.size:
         raise InputError(f"{name}: there are no readings")
@@ -139,6 +140,8 @@ def make_record(
             )
     else:
         size = np.abs(y)
+        if not size.any():
+            raise InputError(f"{name}: all readings are zero")
         size[size < 10.0 ** (-LARGEST_LEVEL / 20.0) * size.max()] = 0.0
         if np.any(y < -MAX_NEGATIVE * size.max()):
             raise InputError(
@@ -250,8 +253,7 @@ def read_envelope(
     about = replace(raw.provenance, header_lines=0)
     column = about.value_column
     bracketed = re.search(r"[\[(]([^\])]+)[\])]\s*$", column)
-    in_brackets = bracketed[1].strip() if bracketed else ""
-    chosen = unit or unit_in(column) or in_brackets or "units"
+    chosen = unit or unit_in(column) or (bracketed and bracketed[1].strip()) or "units"
     for name, text in about.facts.items() if frequency is None else ():
         if not re.search(r"\bfrequency\b", name, re.IGNORECASE) or re.search("sampl", name, re.IGNORECASE):
             continue

@@ -99,5 +99,6 @@ def test_a_linear_decay_that_ends_in_noise_is_not_cut():
 
 
 def test_an_envelope_without_readings_is_refused():
-    with pytest.raises(InputError, match="x: there are no readings"):
-        make_record("x", np.empty(0), np.empty(0), "V")
+    for size, message in ((0, "there are no readings"), (20, "all readings are zero")):
+        with pytest.raises(InputError, match=f"x: {message}"):
+            make_record("x", np.arange(float(size)), np.zeros(size), "V")
