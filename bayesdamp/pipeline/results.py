@@ -83,7 +83,7 @@ class Run(ResultView):
     """The results of a study, read from the folder of its run.
 
     folder: path of this folder, with tables, results of tasks, figures and report.html. name: name of the study.
-    outcome: "ok", or a text with the number and the names of the tasks that failed.
+    outcome: "ok", or a text with the number and the names of the tasks that failed or whose results are damaged.
     """
 
     folder: Path
@@ -127,15 +127,19 @@ class Run(ResultView):
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """The results for each model on each record and repeat, sorted by the names of their tasks."""
+        """The results for each model on each record and repeat, sorted by the names of their tasks.
+
+        Results that are damaged, or not of the last run, are left out.
+        """
         description = read_description(self.folder)
         store = Store(self.folder, description.get("cells"))
         results: dict[tuple[str, int, str], list[TaskResult]] = {}
         for name in store.names():
             parts = TaskName.of(name)
-            if parts.kind in ("mode", "estimate", "posterior", "evidence") and parts.repeat is not None:
+            used = parts.kind in ("mode", "estimate", "posterior", "evidence")
+            if used and parts.repeat is not None and (result := store.find(name)) is not None:
                 key = parts.record, parts.repeat, parts.candidate
-                results.setdefault(key, []).append(store.read(name))
+                results.setdefault(key, []).append(result)
         signals = (description.get("study") or {}).get("signals") or []
         laws = {s["name"]: (s.get("system") or {}).get("restoring") or "" for s in signals}
         return tuple(_candidate(self.folder, key, own, laws.get(key[0], "")) for key, own in results.items())
@@ -203,7 +207,8 @@ class Run(ResultView):
             right = "give the folder that run_study or the command study wrote"
             raise InputError(f"{folder}: its run.json does not contain a study; {right}")
         store = Store(folder)
-        failed = [n for n in store.names() if status_of(store.read(n, arrays=False).outcome) is Status.FAILED]
+        results = ((name, store.find(name, arrays=False)) for name in store.names())
+        failed = [n for n, r in results if r is None or status_of(r.outcome) is Status.FAILED]
         outcome = f"{len(failed)} tasks failed: {', '.join(failed)}" if failed else OK
         return cls(folder, name, outcome)
 

@@ -66,6 +66,11 @@ def test_a_saved_run_is_loaded_with_its_results(run: bd.Run, tmp_path: Path) -> 
     post = bd.load(copy.folder).candidate("bench", "viscous").posteriors["nuts"]
     assert post.log_likelihood.shape == post.draws.shape[:2]
     assert np.all(np.isnan(post.log_likelihood))
+    damaged = copy.folder / "cells/mode/bench/0/quadratic.npz"
+    damaged.write_bytes(damaged.read_bytes()[:-100])
+    less = bd.load(copy.folder)
+    assert less.outcome == "1 tasks failed: mode/bench/0/quadratic"
+    assert less.candidate("bench", "quadratic").values == {}
     with pytest.raises(bd.InputError, match="give a new folder"):
         run.save(tmp_path / "copy")
     os.mkfifo(copy.folder / "pipe")
