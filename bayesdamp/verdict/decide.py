@@ -174,8 +174,8 @@ def decide(
         verdict = replace(verdict, energy=(), other_forms=())
     if contradicted:
         verdict = replace(verdict, exponent=None, coefficients=())
-    if off and by_law is not None and not instead:
-        notes = [*notes, frequency_remark(verdict, by_law)]
+    if off and q is not None and not instead:
+        notes = [*notes, frequency_remark(verdict, interval_of(q, "Hz"))]
     reservations = remarks(verdict, findings, same, notes, twins)
     return replace(verdict, remarks=reservations, sentence=sentence(verdict))
 

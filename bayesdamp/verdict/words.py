@@ -131,16 +131,15 @@ def _size(v: Verdict) -> str:
     return f"equivalent damping ratio {', '.join(reversed(texts))}"
 
 
-def frequency_remark(v: Verdict, by_law: FrequencyAt) -> str:
+def frequency_remark(v: Verdict, by_law: Interval) -> str:
     """Return the remark that the frequency from the best restoring law contradicts the measured frequency.
 
-    `by_law`: the frequency from the restoring law at an amplitude of the record.
+    `by_law`: the frequency in Hz from the restoring law, at the amplitude of the measured frequency.
     """
-    value = plus_minus(Interval(by_law.value, by_law.low, by_law.high, "Hz"))
     return (
-        f"The best restoring law, {_in_words(v.restoring)}, gives {value} at {digits(by_law.amplitude, n=2)} "
-        f"{by_law.unit}, which contradicts the measured frequency. The frequency given is the measured one, and it "
-        "is not extrapolated to small oscillations."
+        f"The best restoring law, {_in_words(v.restoring)}, contradicts the measured frequency: at the same amplitude "
+        f"it gives {plus_minus(by_law)}. The frequency given is the measured one, and it is not extrapolated to small "
+        "oscillations."
     )
 
 
