@@ -114,11 +114,10 @@ class Comparison(Result):
             for row in a.content.candidates
         ]
         frame = data_frame(rows, None if rows else _CANDIDATES)
-        for name in ("log_evidence", "log_evidence_exact"):
-            frame[name] = frame[name].astype(float)
-            frame[name] -= frame.groupby("record")[name].transform("max")
-        order = ["record", "log_evidence", "log_evidence_exact"]
-        return frame.sort_values(order, ascending=[True, False, False], ignore_index=True)
+        logs = ["log_evidence", "log_evidence_exact"]
+        frame[logs] = frame[logs].astype(float)
+        frame[logs] -= frame.groupby("record")[logs].transform("max")
+        return frame.sort_values(["record", *logs], ascending=[True, False, False], ignore_index=True)
 
     @property
     def curve(self) -> pd.DataFrame:
@@ -201,14 +200,13 @@ class Comparison(Result):
             raise InputError(f"nothing to draw: {self.verdict.sentence}")
         answer, unit = self.answers[first], unit_named(self.units[first])
         show_in_notebook()
-        if answer.content.envelope is not None:
-            with rc_context(RC):
+        with rc_context(RC):
+            if answer.content.envelope is not None:
                 two = get_axes(ax, 2, columns=2, size=(WIDTH, ENVELOPE_HEIGHT))
                 draw_envelope(two, answer.arrays, answer.verdict, level_unit(answer.content.envelope.unit))
-            return two
-        own, quantity = unit.displacement, answer.verdict.quantity
-        recorded = f"{own.quantity_name(quantity)} / {divisor(own.of(quantity))}"
-        with rc_context(RC):
+                return two
+            own, quantity = unit.displacement, answer.verdict.quantity
+            recorded = f"{own.quantity_name(quantity)} / {divisor(own.of(quantity))}"
             four = get_axes(ax, 4, columns=2, size=(WIDTH, ANSWER_HEIGHT))
             arrays = picture_in_unit(answer.arrays, unit)
             draw_answer(four, arrays, unit.displacement.name, answer.verdict.damping, recorded)
@@ -227,8 +225,7 @@ class Comparison(Result):
             for a in self.answers
         ]
         about = {
-            a.verdict.record: {"unit": unit, "quantity": a.verdict.quantity}
-            for a, unit in zip(self.answers, self.units, strict=True)
+            a.verdict.record: {"unit": unit.name, "quantity": a.verdict.quantity} for a, unit in self._each()
         }
         info = {"name": self.verdict.record, "signals": about, "models": []}
         page, _ = page_of(RunFolder.of_results(info, cells, [self.verdict]))
@@ -266,8 +263,8 @@ def compare(
 
     A comparison on a record of 5,000 samples takes about 5 s, or 1 to 2 s with `sample=False`; longer for records with
     many cycles. The first run of an installation takes 10 to 20 s longer, because the equations of motion are compiled.
-    For envelopes (from `read_envelope`), only the options `repeats`, `name`, `damping` and `seed` have an effect.
-    `sample` is ignored; each other option must have its default value.
+    For envelopes (from `read_envelope`), only the options `repeats`, `name`, `damping` and `seed` have an effect;
+    each other option must have its default value.
 
     Parameters
     ----------
@@ -312,8 +309,8 @@ def compare(
     -------
     Comparison
         The comparison. If no model can be fitted to a record, the `outcome` of the comparison on this record is the
-        reason (no Refusal is raised). The verdict on a specimen is from the records that have an answer. If there is
-        none, or fewer than two envelopes have a decay, it is the verdict on the first record alone.
+        reason (no Refusal is raised). The verdict on a specimen is from the records that have an answer. If only one
+        envelope has a decay, it is the verdict on this record alone; if no record has an answer, on the first record.
 
     Raises
     ------
@@ -351,7 +348,7 @@ def compare(
     if any(np.array_equal(a, b) for a, b in combinations(recorded, 2)):
         raise InputError("compare: two of the signals are the same record; give each record once")
     if envelopes:
-        given_options = {
+        for option, is_given in {
             "noise": noise != "auto",
             "deviation": deviation != "auto",
             "amplitudes": amplitudes is not None,
@@ -359,8 +356,8 @@ def compare(
             "known": bool(known),
             "priors": bool(priors),
             "sensor": sensor != SENSOR,
-        }
-        for option, is_given in given_options.items():
+            "sample": not sample,
+        }.items():
             if is_given:
                 raise InputError(f"compare: {option} does not apply to envelopes; remove it")
         units = tuple(r.unit for r in envelopes)
@@ -396,7 +393,8 @@ def compare(
         scale = UNITS[units[0]].displacement.factor
         wanted = None if amplitudes is None else [float(a) * scale for a in amplitudes]
         together = specimen(name, good, given, sensor, seed, wanted) if good and len(every) > 1 else None
-    verdict, own = together or answers[0].verdict, [unit_named(unit) for unit in units]
+    verdict = together or next((a.verdict for a in answers if a.verdict.damping), answers[0].verdict)
+    own = [unit_named(unit) for unit in units]
     if len({unit.displacement.name for unit in own}) == 1:
         verdict = in_unit(verdict, own[0])
     return Comparison(verdict, answers, units)

@@ -70,10 +70,13 @@ def test_a_comparison_in_python_saves_plots_and_reports_the_analysis(tmp_path: P
     many = bd.compare([record, make_record("s", t, record.level + noise[::-1], "dBm", 1e6)], repeats=True)
     assert many.verdict.records == 2
     assert [item.verdict.record for item in many.records] == ["r", "s"]
+    flat = make_record("flat", t, -90.0 + noise, "dBm", 1e6)
+    for pair in ([record, flat], [flat, record]):
+        assert bd.compare(pair, repeats=True).verdict == result.verdict
 
 
 def test_options_that_only_motions_have_are_refused() -> None:
     t = np.linspace(0.0, 60.0, 300)
-    for option in ({"known": {"stiffness": 1.0}}, {"sensor": 0.1}):
+    for option in ({"known": {"stiffness": 1.0}}, {"sensor": 0.1}, {"sample": False}):
         with pytest.raises(bd.InputError, match="does not apply to envelopes"):
             bd.compare(make_record("r", t, -40.0 - 0.8 * t, "dBm"), **option)  # type: ignore[arg-type]
