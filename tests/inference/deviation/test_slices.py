@@ -101,7 +101,7 @@ def test_evidence_on_a_record_of_dry_friction_is_that_of_quadrature(monkeypatch:
 
 
 def test_the_volume_of_redrawn_scores_is_that_of_their_jacobian() -> None:
-    """By central differences, at draws that have moved within their slices. Control: the volume is not one."""
+    """By central differences, at draws moved within slices. Control: it is not one. `draw_solver` uses scores too."""
     comparison, result = compared_case()
     proposal = sampling.proposal_of(comparison, under_exact_laws(result))
     assert isinstance(proposal, SlicedProposal)
