@@ -258,8 +258,9 @@ class PosteriorTable(StudySection):
     several, the most probable one on each record is used. best: number of the most probable models of a record whose
     posterior is sampled; None for all. deviation: whether the damping and restoring laws hold exactly ("none") or only
     approximately ("law"); "auto" allows deviations for measured records only. sensor: relative linearity error of the
-    sensor (standard deviation). chains: number of Markov chains. warmup, draws: numbers of discarded and of stored
-    draws of each chain.
+    sensor (standard deviation). chains: number of Markov chains. warmup: number of first draws of each chain that are
+    discarded (emcee: half of it). draws: number of stored draws of each chain; `nuts` adds draws if these are too few,
+    and `emcee` ignores it and runs until its chains have converged.
     """
 
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")

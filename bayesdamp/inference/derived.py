@@ -189,6 +189,7 @@ QUANTITIES = (
 """All derived quantities, in the order of the results. The table at the start of this module defines them."""
 
 
+@np.errstate(divide="ignore")  # the half-life and the quality factor are infinite without damping
 def derive_quantities(motions: Motions) -> dict[str, np.ndarray]:
     """Compute the derived quantities that apply to the model: for each name, an array with the values of all draws.
 

@@ -352,8 +352,11 @@ class ScaledRecord:
 
         The displacement is 0, because the terms must not depend on it.
         """
-        width: Any = self._epsilon
-        if width == 0.0:  # friction jumps with the sign of the velocity
-            width = torch.where(omega == 0.0, 1.0, EXACT * omega.detach().abs())
+        # If ε is 0, friction jumps with the sign of the velocity.
+        width = self._epsilon or torch.where(omega == 0.0, 1.0, EXACT * omega.detach().abs())
         still = torch.zeros_like(omega)
-        return torch.stack([on_tensors(t.kernel)(still, omega, width) for t in self._osc.terms], -1)
+        forces = (
+            on_tensors(t.kernel)(still, omega, width, *(self.base[n] for n in t.given))
+            for t in self._osc.terms
+        )
+        return torch.stack(tuple(forces), -1)

@@ -550,24 +550,24 @@ def midline_drift(result: CandidateResult) -> float:
     """Return the drift of the midline over the record, as a fraction of the first amplitude; 0 if insignificant.
 
     It is positive if the record rises relative to the motion. The amplitude is that of the recorded quantity. The
-    residuals of the fit under exact laws are averaged over each cycle (or each block of an averaged record), and a
-    straight line is fitted to these means. Their scatter about the line gives the sd of its slope. The drift is
-    significant if it exceeds `DRIFT_SDS` sds and there are at least `LEAST_CYCLE_MEANS` means.
+    residuals of the fit under exact laws are averaged over each cycle that has samples (or each block of an averaged
+    record), and a straight line is fitted to these means. Their scatter about the line gives the sd of its slope. The
+    drift is significant if it exceeds `DRIFT_SDS` sds and there are at least `LEAST_CYCLE_MEANS` means.
     """
     data, left, scale = result.data, result.fit.residual, result.data.recorded_amplitude
     if data.averaged is None:
-        count = int(data.cycles)
-        parts = np.minimum((data.t / data.end * count).astype(int), max(count - 1, 0))
-        size = np.bincount(parts, minlength=count)
-        means = np.bincount(parts, left, minlength=count) / np.maximum(size, 1)
+        count = max(int(data.cycles), 1)
+        parts = np.minimum((data.t / data.end * count).astype(int), count - 1)
+        sizes = np.bincount(parts, minlength=count)
+        cycles = np.flatnonzero(sizes)
+        means = np.bincount(parts, left)[cycles] / sizes[cycles]
     else:
         means = data.averaged.track.separate(left)[2]
+        count, cycles = means.size, np.arange(means.size)
     if means.size < LEAST_CYCLE_MEANS:
         return 0.0
-    place = (np.arange(means.size) + 0.5) / means.size - 0.5
-    drift = float(place @ means / (place @ place))
-    scatter = float(np.sum((means - means.mean() - drift * place) ** 2)) / (means.size - 2)
-    return drift / scale if abs(drift) > DRIFT_SDS * np.sqrt(scatter / (place @ place)) else 0.0
+    (drift, _), covariance = np.polyfit((cycles + 0.5) / count, means, 1, cov=True)
+    return float(drift) / scale if abs(drift) > DRIFT_SDS * np.sqrt(covariance[0, 0]) else 0.0
 
 
 def unexplained_and_noise(result: CandidateResult) -> tuple[float, float]:

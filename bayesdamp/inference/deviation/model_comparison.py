@@ -85,6 +85,8 @@ closer than 18 nats."""
 BEHIND = f"its log evidence is expected to be more than {REACH:g} nats below the best"
 """Reason, stored in `ModelComparison.refused`, for a candidate that is not fitted because its predicted log evidence is
 too small (see `REACH`)."""
+NO_LARGEST = "the sum of all damping terms cannot be fitted or linearised under the same restoring law"
+"""Reason, stored in `ModelComparison.refused`, for a candidate whose fit would start from such a sum."""
 
 
 @dataclass(frozen=True)
@@ -235,8 +237,7 @@ class ModelComparison:
         Whether the user has given ε.
     refused : mapping of MotionCandidate to str
         Candidates without a result, with the reason; also the sum of all terms if its fit fails, even if it is not a
-        candidate. Under a law whose largest sum cannot be fitted or linearised, other candidates may be missing both
-        here and in `results`.
+        candidate.
     results : tuple of CandidateResult
         Results of the candidates that were evaluated.
     forms : tuple of CandidateResult
@@ -447,10 +448,10 @@ def compare_candidates(
         frictions, epsilon = fits.choose_friction()
         fits = fits.with_width(epsilon)
     comparison, fits, modes = choose_noise(fits, frictions, noises, approximate)
-    followed = [c for c in asked if c.restoring in modes]
+    refused |= {c: NO_LARGEST for c in asked if c.restoring not in modes and c not in refused}
     expected: dict[MotionCandidate, float] = {}
     for law, mode in modes.items():
-        expected |= comparison.expected_evidences([c for c in followed if c.restoring == law], mode)
+        expected |= comparison.expected_evidences([c for c in asked if c.restoring == law], mode)
     top = max((log for log in expected.values() if np.isfinite(log)), default=-np.inf)
     refused |= {c: BEHIND for c, log in expected.items() if log < top - REACH and c not in refused}
 
@@ -458,7 +459,7 @@ def compare_candidates(
         fit = fits.fit_of(c)
         return None if fit is None else comparison.evaluate(c, fits.solvers[c.restoring], fit)
 
-    results = at_once(evaluate, [c for c in followed if c not in refused])
+    results = at_once(evaluate, [c for c in asked if c not in refused])
     if not any(results):
         what = "the equation of motion cannot be fitted with any of the damping models"
         raise Refusal(f"{what}; choose a part of the record, or compare other damping models")

@@ -119,7 +119,7 @@ def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal)
     """
     usual, sd = DrawSolver(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
     drawn = start.draws(TRIED_DRAWS, np.random.default_rng(0))[0]
-    rows = np.vstack([start.middle, start.scores(drawn)])
+    rows = start.scores(np.vstack([start.middle, drawn]))
     wanted = usual.at_each(rows, lambda y: y)
     if any(y is None for y in wanted):
         return usual
@@ -251,12 +251,8 @@ def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
     be compared with the others are considered (`ModelComparison.compares`). Equal seeds give equal draws.
     """
     every = [r for r in (*comparison.results, *comparison.forms) if comparison.compares(r)]
-    if not every:
-        return comparison
-    best = max(r.log_evidence for r in every)
-    close = sorted((r for r in every if r.log_evidence > best - NATS_BEHIND), key=lambda r: -r.log_evidence)[
-        :MOST_SAMPLED
-    ]
+    every.sort(key=lambda r: -r.log_evidence)
+    close = [r for r in every[:MOST_SAMPLED] if r.log_evidence > every[0].log_evidence - NATS_BEHIND]
     sampled = {id(r): sampled_result(comparison, r, seed) for r in close}
     results = tuple(sampled.get(id(r), r) for r in comparison.results)
     return replace(comparison, results=results, forms=tuple(sampled.get(id(r), r) for r in comparison.forms))

@@ -15,7 +15,7 @@ from bayesdamp.estimators.methods.rnn import COPIES, Simulator
 from bayesdamp.estimators.networks.collocation import Collocation
 from bayesdamp.estimators.networks.recurrent import RecurrentNetwork
 from bayesdamp.estimators.networks.shooting import Shooting
-from bayesdamp.estimators.networks.training import Round, jacobian, on_tensors, train
+from bayesdamp.estimators.networks.training import Round, ScaledRecord, jacobian, on_tensors, train
 from bayesdamp.estimators.shared import checked_features
 from bayesdamp.types import Refusal
 from tests.estimators.truths import EVERYTHING, INITIAL, PAPER, SHORT, error, initial, pendulum
@@ -122,6 +122,12 @@ def test_a_kernel_on_tensors_has_its_values_and_slopes(kernel):
     values, derivatives = jacobian(lambda row: on_tensors(kernel)(row[:, 0], row[:, 1], 0.3), rows)
     assert values.numpy() == pytest.approx(expected, abs=1e-14)
     assert derivatives[:, 1].numpy() == pytest.approx(slopes, abs=1e-8)
+
+
+def test_a_force_uses_the_given_equilibrium():
+    signal, problem = pendulum({"zeta": 0.05}, model=("displacement",))
+    record = ScaledRecord(signal, problem, checked_features(signal))
+    assert record.damping_shapes(torch.ones(1)).item() == pytest.approx(record.base["rest"] ** 2, rel=1e-6)
 
 
 def test_a_function_that_torch_lacks_is_refused_in_a_sentence():
