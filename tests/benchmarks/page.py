@@ -39,11 +39,7 @@ def write_page(measured: dict[str, Any], folder: Path) -> None:
     for title, table in tables.items():
         for name, ratio in table["ratios"].items():
             earlier, bar = before.get(title, {"ratios": {}})["ratios"].get(name), table["bars"].get(name)
-            numbers = (
-                f"{ratio:.3g}",
-                "" if bar is None else f"{bar:g}",
-                "" if earlier is None else f"{earlier:.3g}",
-            )
+            numbers = ["" if x is None else f"{x:.3g}" for x in (ratio, bar, earlier)]
             ratios.append([name, *numbers])
     machine = ", ".join(f"{name} {value}" for name, value in about["machine"].items())
     parts = [

@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 import time
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -86,64 +86,48 @@ def measure(command: str, *records: str, fresh: bool = False) -> list[float]:
     return [first, verdict, now, cpu, memory]
 
 
-def add_costs(title: str, costs: dict[str, tuple[list[float], dict[str, float]]]) -> None:
-    """Add a table of measured costs; for each bar, by column, it shows the ratio of the bar to the cost."""
-    rows = [[what, *("" if np.isnan(c) else f"{c:.3g}" for c in cost)] for what, (cost, _) in costs.items()]
-    ratios = {
-        f"{what}: {bar:g} {column.split()[-1]} / {column.split(',')[0]}": bar / cost[COLUMNS.index(column)]
-        for what, (cost, bars) in costs.items()
-        for column, bar in bars.items()
-    }
-    add_table(title, ["what", *COLUMNS], rows, ratios, dict.fromkeys(ratios, 1.0))
-
-
 def test_commands() -> None:
-    runs, quick = (
-        [record(number=i) for i in range(10)],
-        {FIRST: 1.0, VERDICT: 2.0, END: 3.0, CPU: 4.0, MEMORY: 400.0},
-    )
+    """Of each bar of a command, by column, the page shows the ratio of the bar to what was measured."""
+    runs, several = [record(number=i) for i in range(10)], [record(1_000, 20, i) for i in range(20)]
+    hours, hole = record(1_000_000, 30_000), record(1_000_000, 30_000, lost=0.05)
+    bars = {FIRST: 1.0, VERDICT: 2.0, END: 3.0, CPU: 4.0, MEMORY: 400.0}
     costs = {
         "--help": (measure("--help"), {CPU: 0.2}),
         "look": (measure("look", record()), {CPU: 0.6}),
-        "compare --quick, nothing compiled": (
-            measure("compare --quick", record(), fresh=True),
-            {VERDICT: 20.0},
+        "with sampling": (measure("compare", record()), {END: 5.0}),
+        "55 s at 1 kHz, with sampling": (measure("compare", record(55_000, 40)), {END: 15.0}),
+        "ten runs of a rig, with sampling": (measure("compare --repeats", *runs), {END: 30.0}),
+        "nothing compiled": (measure("compare --quick", record(), fresh=True), {VERDICT: 20.0}),
+        "5,000 samples, 70 cycles": (measure("compare --quick", record()), bars),
+        "1,000 samples": (measure("compare --quick", record(1_000)), {}),
+        "50,000 samples": (measure("compare --quick", record(50_000)), {}),
+        "10 cycles": (measure("compare --quick", record(cycles=10)), {}),
+        "300 cycles": (measure("compare --quick", record(cycles=300)), {}),
+        "one law, one damping": (
+            measure("compare --quick --restoring linear --damping viscous", record()),
+            {},
         ),
-        "compare --quick": (measure("compare --quick", record()), quick),
-        "compare": (measure("compare", record()), {END: 5.0}),
-        "ten runs of a rig": (measure("compare --repeats", *runs), {END: 30.0}),
-        "55 s at 1 kHz": (measure("compare", record(55_000, 40)), {END: 15.0}),
+        "a million samples, 1,000 cycles": (measure("compare --quick", record(1_000_000, 1_000)), {}),
+        "a million samples, 30,000 cycles": (measure("compare --quick", hours), {END: 30.0}),
+        "the same without 5 % of it": (measure("compare --quick", hole), {END: 30.0}),
+        "20 records of 1,000 samples": (measure("compare --quick --workers 1", *several), {CPU: 20.0}),
+        "the same, two workers": (measure("compare --quick --workers 2", *several), {CPU: 20.0}),
     }
-    add_costs("Commands; a record has 5,000 samples and 70 cycles", costs)
-
-
-def test_growth() -> None:
-    sizes = {
-        "1,000 samples": (1_000,), "50,000 samples": (50_000,), "10 cycles": (5_000, 10), "300 cycles": (5_000, 300),
-        "a million samples, 1,000 cycles": (1_000_000, 1_000),
-    }  # fmt: skip
-    costs = {what: (measure("compare --quick", record(*size)), {}) for what, size in sizes.items()}
-    for what, lost in (("a million samples, 30,000 cycles", 0.0), ("the same without 5 % of it", 0.05)):
-        costs[what] = (measure("compare --quick", record(1_000_000, 30_000, lost=lost)), {END: 30.0})
-    costs["one law, one damping"] = (
-        measure("compare --quick --restoring linear --damping viscous", record()),
-        {},
-    )
-    several = [record(1_000, 20, i) for i in range(20)]
-    for workers in (1, 2):
-        cost = measure(f"compare --quick --workers {workers}", *several)
-        costs[f"20 records of 1,000 samples, workers: {workers}"] = (cost, {CPU: 20.0})
-    add_costs("Growth of the cost of compare --quick, one change at a time", costs)
+    rows = [[what, *("" if np.isnan(c) else f"{c:.3g}" for c in cost)] for what, (cost, _) in costs.items()]
+    ratios = {
+        f"{what}: {bar:g} {column.split()[-1]} / {column.split(',')[0]}": bar / cost[COLUMNS.index(column)]
+        for what, (cost, own) in costs.items()
+        for column, bar in own.items()
+    }
+    title = "Commands; unless stated otherwise, compare --quick of a record of 5,000 samples and 70 cycles"
+    add_table(title, ["what", *COLUMNS], rows, ratios, dict.fromkeys(ratios, 1.0))
 
 
 def test_an_engineers_script() -> None:
     rows, ratios = [], {}
     for case in (simulate_record(815, number) for number in range(RECORDS)):
-        ours, script = in_turns(
-            lambda s=case.signal: bd.compare(s, sample=False),
-            lambda s=case.signal, a=case.amplitudes: answer(s, a),
-            rounds=2,
-        )
+        ours = partial(bd.compare, case.signal, sample=False)
+        ours, script = in_turns(ours, partial(answer, case.signal, case.amplitudes), rounds=2)
         rows.append([case.name, f"{ours:.2f}", f"{script:.2f}"])
         ratios[f"{case.name}: script / ours"] = script / ours
     title = "CPU seconds of compare without sampling, beside an engineer's script"

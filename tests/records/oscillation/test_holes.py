@@ -7,7 +7,7 @@ from bayesdamp.interface.first_words import first_words
 from bayesdamp.records.cleaning.window import free_decay
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.records.oscillation.modes import find_other_motion
-from bayesdamp.records.oscillation.noise import coarse_periods
+from bayesdamp.records.oscillation.noise import coarse_period, coarse_periods
 from bayesdamp.types import Signal
 
 FREQUENCY, RATE, START, NOISE = 1.3, 0.05, 0.4, 0.002
@@ -65,3 +65,12 @@ def test_a_second_release_within_a_gap_is_recognised() -> None:
     y = np.where(signal.t > begin + 1, 0.05 + 3 * (signal.y - 0.05), signal.y)
     window = free_decay(signal.t, y, coarse_periods(signal.t, y), 0.0, True, True, "gaps")
     assert signal.t[window.first] > begin or signal.t[window.last] <= begin
+
+
+def test_the_period_is_not_that_of_long_gaps() -> None:
+    """Control: if lines across the gaps are samples, the period is that of the gaps, six times as long."""
+    t = np.arange(0.0, 35.0, 1 / 30)
+    y = np.exp(-0.02 * t) * np.cos(2 * np.pi * 0.42 * t)
+    recorded = np.all([(t < a) | (t > b) for a, b in ((5.0, 9.8), (13.3, 18.0), (21.5, 26.4))], axis=0)
+    assert coarse_period(t[recorded], y[recorded])[0] == pytest.approx(1 / 0.42, rel=0.1)
+    assert coarse_period(t, np.interp(t, t[recorded], y[recorded]))[0] > 5 / 0.42
