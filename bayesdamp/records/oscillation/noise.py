@@ -249,8 +249,8 @@ def coarse_periods(t: np.ndarray, y: np.ndarray, most: int = 3) -> list[tuple[fl
         ends = np.arange(MOST_SAMPLES, t.size + 1, MOST_SAMPLES)
         at = max(ends.tolist(), key=lambda end: float(np.var(y[end - MOST_SAMPLES : end])))
         piece = slice(at - MOST_SAMPLES, at)
-        finer, *values = on_grid(t[piece], y[piece])
-        near = _search_periods(*values, finer, most)
+        finer, values, real = on_grid(t[piece], y[piece])
+        near = _search_periods(values, real, finer, most)
         # If the period in the averages is only an alias, its fraction must be reduced by the lost variance.
         alias = left if near[0][0] < ALIAS_BLOCKS * spacing else 1.0
         periods = near if near[0][1] > periods[0][1] * alias else periods
