@@ -137,7 +137,7 @@ def check_distinct(names: Iterable[str], key: str, what: str) -> None:
     earlier: set[str] = set()
     for name in names:
         if name in earlier:
-            raise StudyError(key, f"names {what} {name!r} twice; once is enough")
+            raise StudyError(key, f"names {what} {name!r} twice; delete or rename one")
         earlier.add(name)
 
 

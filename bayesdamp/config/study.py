@@ -544,7 +544,10 @@ class Study:
         return given
 
     def resolved(self) -> dict[str, Any]:
-        """Return all settings of the study, including defaults, as values for JSON, without absolute paths."""
+        """Return all settings of the study, including defaults, as values for JSON.
+
+        Files are named as the study names them, and plug-in modules by their file name and a hash of their content.
+        """
         settings = split(replace(self, signals=(), tables={}))
         del settings["source"], settings["plugins"], settings["tables"]
         if self.plugins:

@@ -314,7 +314,7 @@ class Model(Result):
 
     @property
     def name(self) -> str:
-        """Name of the model, from its damping and its restoring law, such as `viscous+coulomb@pendulum`."""
+        """Name of the model, always its damping and its restoring law, such as `viscous+coulomb@pendulum`."""
         return types.candidate_name(self.damping, self.restoring)
 
     @property

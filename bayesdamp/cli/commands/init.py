@@ -99,10 +99,9 @@ def init(
 
     check_names(files)
     file = files[0]
-    if len({path.absolute().parent for path in files}) > 1:
-        raise InputError(
-            f"{files[-1]}: is in another folder than {file}; a study reads files in its own folder"
-        )
+    other = next((path for path in files if path.absolute().parent != file.absolute().parent), None)
+    if other is not None:
+        raise InputError(f"{other}: is in another folder than {file}; a study reads files in its own folder")
     if not file.name:
         raise InputError(f"{file}: is a folder, not a file; give one of the files in it")
     out = file.with_suffix(".toml")

@@ -57,8 +57,8 @@ class GeneticOptions(Options):
     crossover. mutation: standard deviation of the Gaussian mutation, as a fraction of the range that the population
     spans, which is the search range at first. mutated: probability with which a variable mutates. elite: fraction of
     the population that is kept unchanged (a tenth in the paper); at least one trajectory is. generations: largest
-    number of generations. patience: number of generations after which the least misfit is compared with the
-    population's mean misfit; the search has converged when they differ by at most `GAIN`. readings: largest number of
+    number of generations. patience: the search has converged when the least misfit is at most the fraction `GAIN` below
+    the mean misfit of the population this number of generations earlier. readings: largest number of
     samples of all trajectories of a generation together (but see `LEAST_READINGS`); a longer record is averaged over
     short blocks, or evenly spread samples are selected.
     """

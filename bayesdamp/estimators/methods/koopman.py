@@ -62,7 +62,7 @@ class Koopman(Estimator[KoopmanOptions]):
     def initial(
         self, signal: Signal, problem: Problem, options: KoopmanOptions, rng: np.random.Generator
     ) -> Estimate:
-        """Estimate the coefficients by regression of the acceleration that the generator gives along the record.
+        """Estimate the generator from the record, and the coefficients by regression of the acceleration that it gives.
 
         The result includes unknown restoring parameters, and an unknown start, which comes from the smoothed record. It
         has no standard errors.

@@ -124,7 +124,7 @@ def grid_of(
     Parameters
     ----------
     knots : int
-        Number of knots of each deviation, n.
+        Number of knots in time of each deviation, n.
     exact : bool
         If true, the laws are exact: the grid has only one point, at which g = h = 0.
     coarse : bool

@@ -130,8 +130,9 @@ def join_runs(
 ) -> Repeats:
     """Compute the evidence and the joint posterior of one sum of damping terms from several records of one specimen.
 
-    In each record the specimen's coefficients are multiplied by a factor. The spread of the log factors between records
-    is inferred; with a single record, which does not determine it, the spread is `NO_SPREAD`.
+    In each record all coefficients of the specimen are multiplied by one factor; other parameters, such as an exponent,
+    are the same in all records. The spread of the log factors between records is inferred; with a single record, which
+    does not determine it, the spread is `NO_SPREAD`.
 
     Parameters
     ----------

@@ -125,7 +125,7 @@ class Decay:
         return float(value), unit
 
     def curve(self, fit: np.ndarray, sd: np.ndarray) -> Curve:
-        """Return the measured levels of this decay and those of a fit in dB, for figures.
+        """Return the measured levels of this decay and those of a fit, in dB as the record states them, for figures.
 
         fit, sd: fitted ln(A/A_ref) at the n blocks of readings, and its standard deviation, (n,) each.
         """

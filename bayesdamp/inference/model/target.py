@@ -197,7 +197,8 @@ class Deviation(NoiseModel):
         """Return whitened residuals, (m,): r + `shift`, whitened by the covariance of noise and deviations.
 
         The covariance is that under the combination of hyperparameters (prior sds and correlation lengths of
-        deviations) that is most probable given r. gaps and p have no effect.
+        deviations) that is most probable given r + `shift`, which includes the first-order effect of the deviations at
+        the mode. gaps and p have no effect.
         """
         _, across, white, each = self._parts(r)
         return across + self.basis @ white[int(np.argmax(each))]

@@ -212,7 +212,10 @@ class IndependentNoise(NoiseModel):
 
 
 def by_sample(p: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
-    """Return the parameters in p, (...) each, with a last axis of length 1, to broadcast against residuals (..., n)."""
+    """Return a dictionary of the parameters in p, (...) each, as arrays with an additional last axis of length 1.
+
+    They then broadcast against residuals, (..., n).
+    """
     return {name: np.asarray(value, float)[..., None] for name, value in p.items()}
 
 

@@ -397,7 +397,7 @@ def reason_not_oscillating(t: np.ndarray, y: np.ndarray, period: float, noise: f
     usual = 2.5 * float(np.median(np.diff(t)))
 
     def variance_of_changes(lag: float) -> float:
-        """Return the variance of the changes y(t + lag) − y(t); lag in s.
+        """Return the variance of the changes y(t + lag) − y(t) of the record's values; lag in s.
 
         A change is left out if t + lag is in a gap. The result is NaN if fewer than three changes remain.
         """

@@ -79,9 +79,10 @@ class EstimatesSection(SignalSection):
 
 
 def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Table:
-    """Return a table of the estimated parameters by each method at each stage, the damping coefficients first.
+    """Return a table of the estimated parameters, with a row for each method and stage.
 
-    A cell is an estimate with its standard error, or the range of the estimates for several repeats.
+    The cell of a parameter is an estimate with its standard error, or the range of the estimates for several repeats.
+    The damping coefficients come first; errors, time and outcome follow.
     """
     estimated = {r["parameter"]: words.unit(r["unit"]) for r in rows if r["parameter"]}
     damping = [name for name in coefficients(run, model) if name in estimated]
