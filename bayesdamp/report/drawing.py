@@ -196,6 +196,7 @@ def _svg(figure: Figure) -> bytes:
     figure.set_layout_engine("none")
     # Matplotlib derives the names of markers from memory addresses; numbers make the file reproducible.
     text = svg.getvalue().decode()
+    text = text.replace("'DejaVu Sans';", "'DejaVu Sans', Verdana, sans-serif;")  # in formulas
     marks = dict.fromkeys(re.findall(r'id="([a-z][0-9a-f]{10})"', text))
     names = {mark: f"mark{i}" for i, mark in enumerate(marks)}
     text = re.sub(r"\b[a-z][0-9a-f]{10}\b", lambda match: names.get(match[0], match[0]), text)

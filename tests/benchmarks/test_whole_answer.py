@@ -119,6 +119,7 @@ def test_commands() -> None:
         for what, (cost, own) in costs.items()
         for column, bar in own.items()
     }
+    assert np.all(np.isfinite(list(ratios.values())))
     title = "Commands; unless stated otherwise, compare --quick of a record of 5,000 samples and 70 cycles"
     add_table(title, ["what", *COLUMNS], rows, ratios, dict.fromkeys(ratios, 1.0))
 

@@ -71,8 +71,9 @@ def test_figures_are_saved_and_embedded(page, whole_run):
     files = {p.stem: p for p in (whole_run / "figures").glob("*.*g")}
     assert {"record-bench", "record-sim", "pairs-bench-viscous+coulomb"} <= set(files)
     assert page.count("<img ") == len(files)
+    assert {path.suffix for path in files.values()} == {".svg", ".png"}
     for path in files.values():
-        assert (path.suffix == ".png") or path.stat().st_size <= LARGEST_SVG
+        assert path.suffix == ".png" or path.stat().st_size <= LARGEST_SVG
         assert b64encode(path.read_bytes()).decode() in page
     assert not (whole_run / "figures" / ".tmp").exists()
 
