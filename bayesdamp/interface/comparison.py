@@ -343,7 +343,7 @@ def compare(
     envelopes = [s for s in every if isinstance(s, EnvelopeRecord)]
     one_kind = len(every) in (len(motions), len(envelopes))
     if not every or (len(every) > 1 and not repeats) or not one_kind:
-        raise InputError("compare: give one signal, or several of one specimen with repeats=True")
+        raise InputError("compare: give one signal, such as read(...).signal(), or several with repeats=True")
     recorded = [s.y for s in motions] or [r.level for r in envelopes]
     if any(np.array_equal(a, b) for a, b in combinations(recorded, 2)):
         raise InputError("compare: two of the signals are the same record; give each record once")
