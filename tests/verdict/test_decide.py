@@ -111,6 +111,8 @@ def test_probabilities_of_measured_records_are_capped() -> None:
             damping = {"viscous": p, "coulomb": 1 - p}
             verdict = verdict_of(damping=damping, measured=measured, approximate=approximate)
             assert verdict.probability == min(p, cap)
+            other = verdict_of(other_forms={"power": p}, measured=measured, approximate=approximate)
+            assert other.rivals[0].probability == min(p, cap)
             assert ("> 0.999" in verdict.sentence) is (verdict.probability > 0.999)
 
 
