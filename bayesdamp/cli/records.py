@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from bayesdamp.cli.options import READING, option, parse_time
 from bayesdamp.formatting import show
-from bayesdamp.records.cleaning.clean import clean
+from bayesdamp.interface.signal import Signal, cut
 from bayesdamp.records.files.contents import unit_by_name
 from bayesdamp.records.read import FROM_FIRST, read_each, read_records
 from bayesdamp.records.record import QUESTIONS, Finding, RawRecord, findings, unit_or_guess
-from bayesdamp.types import UNITS, InputError, Signal
+from bayesdamp.types import UNITS, InputError
 
 if TYPE_CHECKING:
     from bayesdamp.config.load import RecordOptions
@@ -132,7 +134,7 @@ class FileRecord:
     findings
         Doubts about the unit, the times and the sampling rate of the record.
     signal
-        The part of the record that is used, as `clean` returns it, in the base unit (such as rad). It is the free
+        The part of the record that is used, as `cut` returns it, in the base unit (such as rad). It is the free
         decay, or the whole oscillation if this is not the free decay of one oscillator. None if the record does not
         contain an oscillation, or if it was not searched for a free decay.
     refusal
@@ -195,15 +197,8 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
 def with_free_decay(record: FileRecord, options: ReadingOptions) -> FileRecord:
     """Return a copy of a record with its free decay as `signal`, or with the reason why it has none as `refusal`."""
     try:
-        signal = clean(
-            record.raw,
-            name=record.path.name,
-            unit=record.unit,
-            quantity=record.quantity,
-            clock=options.clock,
-            start=options.start,
-            stop=options.stop,
-        )
+        window = {name: getattr(options, name) for name in ("clock", "start", "stop")}
+        signal = cut(record.raw, record.path.name, record.unit, record.quantity, **window)
     except InputError as error:
         return replace(record, refusal=str(error))
     return replace(record, signal=signal)
@@ -231,7 +226,9 @@ class SelectedRecords:
     failed: list[InputError]
 
 
-def select_records(paths: Sequence[Path], options: ReadingOptions, *, every: bool = False) -> SelectedRecords:
+def select_records(
+    paths: Sequence[Path], options: ReadingOptions, *, every: bool = False, pool: Executor | None = None
+) -> SelectedRecords:
     """Read several files, and return the records that a command uses.
 
     If a file contains several records and the user did not select any of them, records without a free decay are left
@@ -247,6 +244,8 @@ def select_records(paths: Sequence[Path], options: ReadingOptions, *, every: boo
         The options of the command for reading files.
     every
         Whether every file must contain a usable record. If False, one file with a usable record is enough.
+    pool
+        Executor that reads the files in parallel; None to read them in this process.
 
     Raises
     ------
@@ -254,7 +253,7 @@ def select_records(paths: Sequence[Path], options: ReadingOptions, *, every: boo
         The first error of a file, if no file is usable, or if `every` is true and a file is not usable.
     """
     several = len(paths) > 1
-    chosen, failed = read_each(paths, lambda path: _choose(path, options, several))
+    chosen, failed = read_each(paths, partial(_choose, options=options, cleaned=several), pool)
     if every and failed:
         raise failed[0]
     return SelectedRecords(

@@ -10,7 +10,7 @@ from enum import StrEnum
 from functools import partial
 from pathlib import Path
 
-from bayesdamp.config import Study
+from bayesdamp.config import SignalSpec, Study
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.evidence._method import REFEREE
 from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, answer_key, compute_answer, rank_candidates
@@ -68,14 +68,14 @@ class Depth(StrEnum):
 class Job:
     """A list of tasks that one process computes one after another.
 
-    They are all tasks of one model on one record, or a single task that concerns the record and no single model.
+    They are all tasks of one model on one record, or tasks that concern the record and no single model.
 
     signal: name of the signal.
     repeat: number of the repeat of a simulated signal, from 0.
     model: name of the model (candidate); None if the job is a task on the whole record.
-    task_group: which task on the whole record; None if the job concerns a model. "read": simulate or read the record,
-    and store it. "answer": compare the damping models by linear approximations. "sampled": the same, if it has not been
-    done, and then sample the posteriors of the most probable models.
+    task_group: which tasks on the whole record; None if the job concerns a model. "read": simulate or read the record,
+    and store it. "answer": in addition, compare the damping models by linear approximations. "sampled": in addition,
+    sample the posteriors of the most probable models. What has been done before is not done again.
     is_sampled: for a model, whether the job includes its posteriors, and the evidence by nested sampling and by methods
     that need posterior draws.
     """
@@ -113,28 +113,30 @@ def count_parallel_jobs(jobs: list[Job], depth: Depth) -> int:
 
 
 def jobs_of(study: Study) -> list[Job]:
-    """Return all jobs of a study; the jobs that read records come first, and those on single models last.
+    """Return all jobs of a study; the jobs on single models come last.
 
-    An envelope has a single job, its answer, which also reads it. A run may leave out some of the jobs on single
-    models.
+    An envelope has a single job, its answer. A run may leave out some of the jobs on single models.
     """
     # First repeat 0 of all signals, then repeat 1, and so on: an interrupted run then has results for every signal.
     most = max(s.repeats for s in study.signals)
     records = [(s, r) for r in range(most) for s in study.signals if r < s.repeats]
-    task_groups = ("read", *((ANSWER, SAMPLED_ANSWER) if study.has_answers else ()))
-    # An envelope is read by its answer task.
     jobs = [
         Job(s.name, r, task_group=task_group)
-        for task_group in task_groups
+        for task_group in ((ANSWER, SAMPLED_ANSWER) if study.has_answers else ("read",))
         for s, r in records
         if task_group == ANSWER or not s.is_envelope
     ]
     return jobs + [Job(s.name, r, model) for s, r in records for model in study.compare(s)]
 
 
+def spec_of(study: Study, job: Job) -> SignalSpec:
+    """Return the settings of the signal of a job."""
+    return next(spec for spec in study.signals if spec.name == job.signal)
+
+
 def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]:
     """Return a dictionary of the tasks of a job: by name, the key of the task and the function that computes it."""
-    spec = next(s for s in study.signals if s.name == job.signal)
+    spec = spec_of(study, job)
     record = StudyRecord(study, spec, job.repeat, store)
     if job.model is not None:
         candidate = StudyCandidate(study, spec, job.repeat, job.model, store)
@@ -147,13 +149,12 @@ def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]
         from bayesdamp.pipeline.envelopes import compute_envelope, envelope_key  # imports slowly
 
         return {f"{ANSWER}/{record.name}": (envelope_key(record), partial(compute_envelope, study, spec))}
-    if job.task_group == "read":
-        return {f"signal/{record.name}": (record.key, partial(compute_signal, record))}
-    kinds = (ANSWER, SAMPLED_ANSWER) if job.task_group == SAMPLED_ANSWER else (ANSWER,)
-    return {
-        f"{kind}/{record.name}": (answer_key(record, kind), partial(compute_answer, record, kind))
-        for kind in kinds
+    tasks: dict[str, tuple[str, Make]] = {
+        f"signal/{record.name}": (record.key, partial(compute_signal, record))
     }
+    for kind in {"read": (), ANSWER: (ANSWER,)}.get(job.task_group or "", (ANSWER, SAMPLED_ANSWER)):
+        tasks[f"{kind}/{record.name}"] = (answer_key(record, kind), partial(compute_answer, record, kind))
+    return tasks
 
 
 def _needs_sampling(name: str) -> bool:
@@ -176,7 +177,6 @@ def stages(
     """
     jobs = jobs_of(study)
     sampled = {job.signal for job in jobs if job.task_group == SAMPLED_ANSWER and is_within(job, depth)}
-    # Every other task reads its record from the store.
     for task_group in ("read", ANSWER, SAMPLED_ANSWER):
         later = sampled if task_group == ANSWER and not answer_first else ()
         yield [

@@ -1,8 +1,8 @@
 """Read or simulate, clean and describe the records of a study, and load stored records for other tasks."""
 
-from contextlib import suppress
 from dataclasses import fields, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -45,7 +45,11 @@ RAW_POINTS = 20_000
 """A measured record with at least twice as many raw samples is thinned before it is stored for its plot, but to no
 fewer samples than this."""
 CACHED_RECORDS = 8
-"""Largest number of records that are cached in memory."""
+"""Largest number of signals of stored results that are cached in memory."""
+MOST_CACHED_SAMPLES = 5_000_000
+"""Largest number of samples in free decays that were read from files and not yet stored; 160 MB (conventional)."""
+_DECAYS: dict[tuple[Recording, str, tuple[int, ...]], CutSignal] = {}
+"""Free decays that were read and not yet stored, by the record, the name of the signal, and the state of the file."""
 _SIGNALS: dict[tuple[str, str], Signal] = {}
 """Cache of the last `CACHED_RECORDS` signals, by the name and the key of the stored result."""
 _NOT_OF_THE_RECORD = ("compare", "estimate", "laws", "alternatives", "specimen")
@@ -75,23 +79,39 @@ def read_free_decay(source: Recording, name: str) -> CutSignal:
     """Read a measured record, and return the free decay in it as a signal named `name`, in the base unit (such as rad).
 
     Raises InputError, which names the file, if the file contains no free decay, or for the reasons that `read_raw`
-    states. The last few records are cached until their files change, because a run reads each record twice.
+    states. The result is kept until it is stored (`compute_signal`) or the file changes, because a run first checks all
+    records; but not if these are too large together.
     """
-    stamp: tuple[int, ...] = ()
-    with suppress(OSError):
-        status = source.path.stat()
-        stamp = status.st_mtime_ns, status.st_size, status.st_ino
+    if (decay := _DECAYS.get((source, name, _state_of(source.path)))) is not None:
+        return decay
+    window = {k: getattr(source, k) for k in ("clock", "start", "stop")}
     try:
-        return _read_free_decay(source, name, stamp)
+        decay = cut(read_raw(source), name, source.unit, source.quantity, **window)
     except InputError as error:
         raise InputError(error.what, source.file, error.at, error.arguments) from None
+    keep_free_decay(source, name, decay)
+    return decay
 
 
-@lru_cache(maxsize=CACHED_RECORDS)
-def _read_free_decay(source: Recording, name: str, stamp: tuple[int, ...]) -> CutSignal:
-    del stamp
-    window = {k: getattr(source, k) for k in ("clock", "start", "stop")}
-    return cut(read_raw(source), name, source.unit, source.quantity, **window)
+def keep_free_decay(source: Recording, name: str, decay: CutSignal) -> None:
+    """Keep the free decay of a record for `read_free_decay`, unless those that are kept are too large already."""
+    kept = sum(other.t.size + other.whole_t.size for other in _DECAYS.values())
+    if kept + decay.t.size + decay.whole_t.size <= MOST_CACHED_SAMPLES:
+        _DECAYS[source, name, _state_of(source.path)] = decay
+
+
+def take_free_decay(source: Recording, name: str) -> CutSignal | None:
+    """Return the free decay of a record and stop keeping it; None if it is not kept or if the file has changed."""
+    return _DECAYS.pop((source, name, _state_of(source.path)), None)
+
+
+def _state_of(path: Path) -> tuple[int, ...]:
+    """Return numbers that change if a file is changed or replaced: time of change, size and inode. Empty if missing."""
+    try:
+        status = path.stat()
+    except OSError:
+        return ()
+    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 class StudyRecord:
@@ -187,6 +207,7 @@ def compute_signal(record: StudyRecord) -> Product:
         signal = simulate_source(source, spec.system.restoring, source.truth, spec.name, rng)
     else:
         decay = read_free_decay(source, spec.name)
+        take_free_decay(source, spec.name)
         signal = decay
         if source.least_noise > 0:
             signal = _add_noise(decay, source.least_noise, task_seed(study, f"noise/{name}"))

@@ -13,7 +13,8 @@ from __future__ import annotations
 import pickle
 import threading
 from collections.abc import Callable, Collection
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import nullcontext
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,12 +23,22 @@ from threadpoolctl import threadpool_limits
 
 from bayesdamp.config import Recording, Study
 from bayesdamp.interface.first_words import no_free_decay
+from bayesdamp.interface.signal import Signal
 from bayesdamp.machine import cores
 from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, stored_answer
-from bayesdamp.pipeline.jobs import Depth, Job, count_parallel_jobs, is_within, jobs_of, stages, tasks_of
+from bayesdamp.pipeline.jobs import (
+    Depth,
+    Job,
+    count_parallel_jobs,
+    is_within,
+    jobs_of,
+    spec_of,
+    stages,
+    tasks_of,
+)
 from bayesdamp.pipeline.progress import Progress, describe_stage, progress_bar
-from bayesdamp.pipeline.records import StudyRecord, read_free_decay
+from bayesdamp.pipeline.records import StudyRecord, keep_free_decay, read_free_decay, take_free_decay
 from bayesdamp.pipeline.tables import write_tables, write_verdicts
 from bayesdamp.pipeline.tasks import compute_and_store, digest_of
 from bayesdamp.pipeline.workers import KILLED_OUTCOME, open_pool, restart, run_in_pool
@@ -58,6 +69,7 @@ def run_study(
     on_verdict: Callable[[Verdict], None] | None = None,
     quiet: bool = False,
     checked: bool = False,
+    pool: Executor | None = None,
 ) -> int:
     """Compute those results of a study that are not stored in its folder yet, and write tables and report.
 
@@ -87,6 +99,8 @@ def run_study(
         Whether to show failed tasks only.
     checked
         If true, the caller has already read every record, and the records are not read again before the run begins.
+    pool
+        Executor that runs the tasks, instead of new processes or a scheduler.
 
     Returns
     -------
@@ -112,7 +126,10 @@ def run_study(
         workers = workers or max(1, min(cores(), count_parallel_jobs(jobs, depth)))
         names = {name: None for job in jobs if is_within(job, depth) for name in tasks_of(study, store, job)}
         shown = Console(quiet=True) if quiet else console
-        with progress_bar(shown) as bar, open_pool(workers, scheduler, console.print) as pool:
+        with (
+            progress_bar(shown) as bar,
+            nullcontext(pool) if pool else open_pool(workers, scheduler, console.print) as pool,
+        ):
             progress = Progress(bar)
             for stage in stages(study, store, depth, answer_first=on_verdict is not None):
                 if not stage:
@@ -168,7 +185,12 @@ def read_records(study: Study) -> None:
 
 
 def _run_job(
-    study: Study | bytes, folder: Path, job: Job, given_up: Collection[str] = (), code: str = ""
+    study: Study | bytes,
+    folder: Path,
+    job: Job,
+    given_up: Collection[str] = (),
+    code: str = "",
+    decay: Signal | None = None,
 ) -> None:
     """Compute the tasks of a job that have no result yet, and store their results.
 
@@ -190,11 +212,15 @@ def _run_job(
     code
         Digest of the package's code in the process that started the run; "" if the job runs in that process. Keys
         depend on the code, so a worker must run the same code.
+    decay
+        The free decay of the job's record, if the process that started the run has read it.
     """
     if code and code != package_digest():
         raise InputError("a worker runs another version of bayesdamp than this command; restart the workers")
     study = _unpickle(study) if isinstance(study, bytes) else study
     store = Store(folder)
+    if decay is not None and isinstance(source := spec_of(study, job).source, Recording):
+        keep_free_decay(source, job.signal, decay)
     # One BLAS thread: the number of threads changes the order of sums and so the last digits.
     with _ONE_AT_A_TIME, threadpool_limits(1, "blas"):
         use_modules(study.plugins)
@@ -263,10 +289,15 @@ def _run_jobs(
     def give_up(job: Job, name: str) -> None:
         store.write(TaskResult(name, tasks_of(study, store, job)[name][0], outcome=KILLED_OUTCOME))
 
+    def submit(job: Job, given_up: Collection[str]) -> Future[None]:
+        source = spec_of(study, job).source
+        decay = take_free_decay(source, job.signal) if isinstance(source, Recording) else None
+        return pool.submit(_run_job, pickled, folder, job, given_up, code, decay)
+
     run_in_pool(
         jobs,
         pool,
-        lambda job, given_up: pool.submit(_run_job, pickled, folder, job, given_up, code),
+        submit,
         next_task,
         give_up,
         advance,

@@ -15,7 +15,9 @@ import threading
 import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from difflib import get_close_matches
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from subprocess import DEVNULL, PIPE
@@ -205,7 +207,9 @@ def read_contents(path: Path | str, isolate: bool = True) -> Contents:
         raise file_error(path, f"{what} ({cause}); export it again, or as CSV") from error
 
 
-def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[list[Loaded], list[InputError]]:
+def read_each(
+    paths: Sequence[Path], read: Callable[[Path], Loaded], pool: Executor | None = None
+) -> tuple[list[Loaded], list[InputError]]:
     """Read several files, and continue with the other files if one cannot be read.
 
     Parameters
@@ -214,6 +218,8 @@ def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[li
         The files, at least one.
     read
         Function that takes the path of a file and returns its content. It raises InputError if the file cannot be read.
+    pool
+        Executor that reads files in parallel; None to read them in this process.
 
     Returns
     -------
@@ -227,14 +233,19 @@ def read_each(paths: Sequence[Path], read: Callable[[Path], Loaded]) -> tuple[li
     """
     results: list[Loaded] = []
     errors: list[InputError] = []
-    for path in paths:
-        try:
-            results.append(read(path))
-        except InputError as error:
-            errors.append(error)
+    for result in (map if pool is None else pool.map)(partial(_content_or_error, read), paths):
+        errors.append(result) if isinstance(result, InputError) else results.append(result)
     if not results:
         raise errors[0]
     return results, errors
+
+
+def _content_or_error(read: Callable[[Path], Loaded], path: Path) -> Loaded | InputError:
+    """Return the content of a file, or the InputError that `read` raises."""
+    try:
+        return read(path)
+    except InputError as error:
+        return error
 
 
 def reader_of(path: Path) -> Reader:

@@ -6,7 +6,8 @@ The colours are Okabe and Ito's palette for colour-blind readers.
 import base64
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import matplotlib as mpl
@@ -149,11 +150,20 @@ class Drawings:
     def __init__(self, folder: Path | None) -> None:
         self.folder = folder
         self.files: list[str] = []
+        self._draws = True
+
+    @contextmanager
+    def left_out(self, is_so: bool) -> Iterator[None]:
+        """Leave figures out within this context, if `is_so`."""
+        self._draws = not is_so
+        yield
+        self._draws = True
 
     def add(self, name: str, caption: str, draw: Callable[[], Figure]) -> Markup:
         """Draw a figure in the common style, and return the HTML that shows it.
 
-        If there is a folder, the figure is also saved there, in the same format.
+        If there is a folder, the figure is also saved there, in the same format. Within `left_out`, nothing is drawn,
+        and the HTML is empty.
 
         Parameters
         ----------
@@ -170,6 +180,8 @@ class Drawings:
             The HTML, which contains the figure as SVG, or as PNG if the SVG is larger than `LARGEST_SVG`. A figure that
             is wider than `NARROW_WIDTH` scrolls sideways on a phone.
         """
+        if not self._draws:
+            return Markup()
         name = re.sub(r"[^\w.=+-]+", "-", name)
         with mpl.rc_context(RC):
             figure = draw()

@@ -59,7 +59,7 @@ def test_records_are_sampled_one_by_one_unless_all_answers_are_wanted_first(tmp_
         every = stages(study, store, Depth.SAMPLED, answer_first)
         return [{job.task_group for job in stage} for stage in every if stage]
 
-    assert groups(True) == [{"read"}, {"answer"}, {"sampled"}]
-    assert groups(False) == [{"read"}, {"sampled"}]
+    assert groups(True) == [{"answer"}, {"sampled"}]
+    assert groups(False) == [{"sampled"}]
     tasks = tasks_of(study, store, Job("rig", 0, task_group="sampled"))
-    assert [name.split("/")[0] for name in tasks] == ["answer", "sampled"]
+    assert [name.split("/")[0] for name in tasks] == ["signal", "answer", "sampled"]

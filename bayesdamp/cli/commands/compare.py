@@ -14,7 +14,9 @@ from bayesdamp.cli.options import COMPARED, READING, RUNNING
 from bayesdamp.config import Recording, Study
 from bayesdamp.config.load import RecordOptions, comparison
 from bayesdamp.interface.first_words import first_words, no_free_decay
-from bayesdamp.pipeline.records import read_free_decay
+from bayesdamp.machine import cores
+from bayesdamp.pipeline.records import keep_free_decay, read_free_decay
+from bayesdamp.pipeline.workers import open_pool
 from bayesdamp.plugins import read_modules, use_modules
 from bayesdamp.records.envelope.record import are_envelopes
 from bayesdamp.records.read import read_each
@@ -113,68 +115,83 @@ def compare(
     use_modules(plugins)  # they may contain readers
     chosen, options = r.SelectedRecords([], [], [], []), r.ReadingOptions()
     envelopes = are_envelopes(records, reading["angle"], reading["unit"], reading["quantity"])
-    if envelopes:
-        given = {"restoring": restoring, "exact": exact, "runs": reading["runs"]}
-        given |= {"channel": reading["channels"], "time-unit": reading["time_unit"]}
-        given |= {"deviation": deviation != "auto", "noise": noise != "auto"}
-        given |= {"sensor": sensor is not None}
-        for name, value in given.items():
-            if value:
-                raise InputError(f"--{name}: does not apply to envelope records; remove it")
-        from bayesdamp.pipeline.envelopes import read_recording  # imports slowly
+    in_pool = len(records) > MOST_EARLY_LINES and not (envelopes or plugins or scheduler)
+    width = (workers or min(cores(), len(records))) if in_pool else 1
+    # Many records are read, and later compared, by several processes.
+    with open_pool(width, None) as pool:
+        if envelopes:
+            given = {"restoring": restoring, "exact": exact, "runs": reading["runs"]}
+            given |= {"channel": reading["channels"], "time-unit": reading["time_unit"]}
+            given |= {"deviation": deviation != "auto", "noise": noise != "auto"}
+            given |= {"sensor": sensor is not None}
+            for name, value in given.items():
+                if value:
+                    raise InputError(f"--{name}: does not apply to envelope records; remove it")
+            from bayesdamp.pipeline.envelopes import read_recording  # imports slowly
 
-        keys: dict[str, Any] = {name: reading[name] for name in ("time", "angle", "rate")}
-        keys |= {end: o.parse_time(reading[end], f"--{end}") for end in ("start", "stop")}
-        keys["frequency"] = frequency
+            keys: dict[str, Any] = {name: reading[name] for name in ("time", "angle", "rate")}
+            keys |= {end: o.parse_time(reading[end], f"--{end}") for end in ("start", "stop")}
+            keys["frequency"] = frequency
 
-        def check(path: Path) -> RecordOptions:
-            # Not validated as a [[signal]], because its errors would name keys that the user did not write.
-            unit = reading["unit"]
-            source = Recording.model_construct(file=path.name, path=path.resolve(), unit=unit or "", **keys)
-            read_recording(source, path.name)
-            return {"file": str(path), "unit": unit, "quantity": "envelope", **keys}
+            def check(path: Path) -> RecordOptions:
+                # Not validated as a [[signal]], because its errors would name keys that the user did not write.
+                unit = reading["unit"]
+                source = Recording.model_construct(
+                    file=path.name, path=path.resolve(), unit=unit or "", **keys
+                )
+                read_recording(source, path.name)
+                return {"file": str(path), "unit": unit, "quantity": "envelope", **keys}
 
-        signals, failed = read_each(records, check)
-    else:
-        if frequency is not None:
-            raise InputError("--frequency: applies to envelopes only; give --quantity envelope, or remove it")
-        options = r.ReadingOptions(**reading)
-        chosen = r.select_records(records, options)
-        failed = chosen.failed
-        signals = r.study_signals(chosen.records, options)
-    if repeats and failed and len(signals) == 1:
-        raise InputError(f"--repeats: only one record is usable, but several are needed; {failed[0]}")
-    # A single record is computed by the threads of this process; more processes would not make it faster.
-    alone = len(signals) <= (MOST_ENVELOPES_HERE if envelopes else 1) and not exact and scheduler is None
-    study = comparison(
-        signals,
-        restoring=restoring or (),
-        damping=sums,
-        noise=noise,
-        seed=seed,
-        repeats=repeats,
-        plugins=plugins,
-        deviation=deviation,
-        sensor=SENSOR if sensor is None else sensor,
-    )
-    check_folder(out, study.name)
-    if not quiet:
-        few = 0 < len(chosen.records) <= MOST_EARLY_LINES
-        first = early_lines(read_by_study(chosen.records, study), options) if few else []
-        # First the lines on what may be read wrongly, last the lines on how the file was read.
-        for line in [*chosen.doubted, *first, *chosen.notes]:
-            typer.echo(line, err=True)
-    # Import this here, because it is slow, and the first lines should be printed at once.
-    from bayesdamp.cli.runs import Depth, choose_folder, run_and_print
+            signals, failed = read_each(records, check)
+        else:
+            if frequency is not None:
+                raise InputError(
+                    "--frequency: applies to envelopes only; give --quantity envelope, or remove it"
+                )
+            options = r.ReadingOptions(**reading)
+            chosen = r.select_records(records, options, pool=pool)
+            failed = chosen.failed
+            signals = r.study_signals(chosen.records, options)
+        if repeats and failed and len(signals) == 1:
+            raise InputError(f"--repeats: only one record is usable, but several are needed; {failed[0]}")
+        # A single record is computed by the threads of this process; more processes would not make it faster.
+        alone = len(signals) <= (MOST_ENVELOPES_HERE if envelopes else 1) and not exact and scheduler is None
+        study = comparison(
+            signals,
+            restoring=restoring or (),
+            damping=sums,
+            noise=noise,
+            seed=seed,
+            repeats=repeats,
+            plugins=plugins,
+            deviation=deviation,
+            sensor=SENSOR if sensor is None else sensor,
+        )
+        check_folder(out, study.name)
+        for record, spec in zip(chosen.records, study.signals, strict=not envelopes):
+            if record.signal is not None and isinstance(spec.source, Recording):
+                keep_free_decay(spec.source, spec.name, replace(record.signal, name=spec.name))
+        if not quiet:
+            few = 0 < len(chosen.records) <= MOST_EARLY_LINES
+            first = early_lines(read_by_study(chosen.records, study), options) if few else []
+            # First the lines on what may be read wrongly, last the lines on how the file was read.
+            for line in [*chosen.doubted, *first, *chosen.notes]:
+                typer.echo(line, err=True)
+        # Import this here, because it is slow, and the first lines should be printed at once.
+        from bayesdamp.cli.runs import Depth, choose_folder, run_and_print
 
-    folder = out if out is not None else choose_folder(study)
-    if folder.name != study.name and out is None and not quiet:
-        before = f"{folder.with_name(study.name)} contains a run with other records or settings"
-        typer.echo(f"{before}; this run is written to {folder}", err=True)
-    depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
-    running = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
-    running["checked"] = bool(chosen.records) and all(record.signal is not None for record in chosen.records)
-    return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **running)
+        folder = out if out is not None else choose_folder(study)
+        if folder.name != study.name and out is None and not quiet:
+            before = f"{folder.with_name(study.name)} contains a run with other records or settings"
+            typer.echo(f"{before}; this run is written to {folder}", err=True)
+        depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
+        running = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
+        running["pool"] = pool
+        running["checked"] = bool(chosen.records) and all(
+            record.signal is not None for record in chosen.records
+        )
+        chosen = r.SelectedRecords([], [], [], [])  # frees the memory of the records
+        return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **running)
 
 
 def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileRecord]:

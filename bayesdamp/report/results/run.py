@@ -157,6 +157,11 @@ class RunFolder:
 
         return Drawings(self._figures)
 
+    @cached_property
+    def parts(self) -> dict[tuple[str, str], Markup]:
+        """Parts of the report that other processes have drawn, by the names of the section and of the signal."""
+        return {}
+
     @property
     def study(self) -> Row:
         """The study with all its settings; empty if run.json does not contain it."""
@@ -240,8 +245,23 @@ class RunFolder:
     def task_results(self, *parts: object) -> list[TaskResult]:
         """Return the undamaged results of all tasks whose names begin with these parts (see `task_result`)."""
         prefix = "".join(f"{part}/" for part in parts)
-        results = (self.task_result(name) for name in self._places if name.startswith(prefix))
+        names = self._names.get(parts[:2], ()) if len(parts) > 1 else self._places
+        results = (self.task_result(name) for name in names if name.startswith(prefix))
         return [task_result for task_result in results if task_result is not None]
+
+    @cached_property
+    def _names(self) -> dict[tuple[object, ...], list[str]]:
+        """The names of all stored results, by the kind of the task and the record."""
+        names: dict[tuple[object, ...], list[str]] = {}
+        for name, place in self._places.items():
+            names.setdefault((place.kind, place.record), []).append(name)
+        return names
+
+    @cached_property
+    def only_answered(self) -> bool:
+        """Whether the run contains answers on records, but no fits of single models (tasks of the kind `mode`)."""
+        answered = any(answer_of(self, signal) for signal in self.signals)
+        return answered and not any(self.task_results("mode", signal) for signal in self.signals)
 
 
 def rows_of(rows: Iterable[Row], **wanted: object) -> list[Row]:
@@ -393,19 +413,22 @@ def coefficients(run: RunFolder, model: str) -> list[str]:
     return [parameters[term] for term in candidate_parts(model)[0].split("+") if term in parameters]
 
 
-@lru_cache(3)  # each section reads one record after the other, and at most three kinds of answers on it
 def answer_of(
     run: RunFolder, signal: str, kinds: tuple[str, ...] = ("sampled", "answer")
 ) -> RecordAnswer | None:
     """Return the answer (the comparison of damping models) on the first repeat of a record.
 
     None if there is none with the outcome `ok`. `kinds` lists the kinds of tasks whose answer is accepted, the
-    preferred kind first: "sampled" (from sampling) and "answer" (from linear approximations). The last answers are
-    cached.
+    preferred kind first: "sampled" (from sampling) and "answer" (from linear approximations).
     """
-    task_results = (run.task_result(kind, signal, run.repeats(signal)[0]) for kind in kinds)
-    task_result = next((c for c in task_results if c is not None and c.outcome == OK), None)
-    if task_result is None:
+    return next((a for kind in kinds if (a := _answer(run, signal, kind)) is not None), None)
+
+
+@lru_cache(3)  # each section reads one record after the other
+def _answer(run: RunFolder, signal: str, kind: str) -> RecordAnswer | None:
+    """Return the answer on the first repeat of a record by one kind of task; None unless its outcome is `ok`."""
+    task_result = run.task_result(kind, signal, run.repeats(signal)[0])
+    if task_result is None or task_result.outcome != OK:
         return None
     unit, content = run.unit(signal), AnswerContent.of(task_result)
     verdict = in_unit(Verdict.from_dict(content.verdict), unit)
@@ -432,6 +455,7 @@ def no_verdict_sentence(run: RunFolder, signal: str) -> str:
     return f"No verdict on the damping: {why}."
 
 
+@lru_cache(1)
 def answers(run: RunFolder) -> list[RecordAnswer]:
     """Return the answers (comparisons of damping models) on the first repeats of all records, in the study's order.
 
@@ -452,12 +476,6 @@ def specimens(run: RunFolder) -> list[Verdict]:
     verdicts = [v for v in run.verdicts if v.record not in run.signals]
     units = {run.unit(signal) for signal in run.signals}
     return [in_unit(v, next(iter(units))) for v in verdicts] if len(units) == 1 else verdicts
-
-
-def only_answered(run: RunFolder) -> bool:
-    """Return whether a run contains answers on records, but no fits of single models (tasks of the kind `mode`)."""
-    answered = any(answer_of(run, signal) for signal in run.signals)
-    return answered and not any(run.task_results("mode", signal) for signal in run.signals)
 
 
 def curve_of(answer: RecordAnswer) -> Curve | None:

@@ -29,6 +29,15 @@ ENVIRONMENT.filters["symbols"] = symbols
 _MOST = 4
 """Largest number of signals whose content is visible without unfolding it. It is also the largest number of models of a
 signal that are drawn: the most probable ones. The tables contain all models."""
+MOST_DRAWN = 20
+"""Largest number of signals for which the report has figures: the first ones of the study. A figure takes 0.2 s, and
+the figures of a thousand signals would make a page that no browser opens (measured)."""
+DRAWN_AT_ONCE = 3
+"""Number of parts of sections that one process of a pool draws at once."""
+WITHOUT_FIGURES = (
+    f"Only the first {MOST_DRAWN} of {{}} signals have figures. To see others, compare their files alone."
+)
+"""Note in sections whose figures are left out for some signals; the number of signals is inserted."""
 ONE_MODEL = "There are many signals: the figures show only the most probable model of each, the tables show all models."
 """Note in sections with figures of models, if there are more than `_MOST` signals."""
 DRAWN_LIST = ".drawn"
@@ -102,6 +111,8 @@ class SignalSection(Section):
 
     lead: str | Markup = ""
     """Introduction before the parts of the signals; "" for none."""
+    anchor = ""
+    """Prefix of the anchors to which other sections link; the signal's name follows it. "" for no anchors."""
     draws_models = False
     """Whether the section has figures of models. If true and there are many signals, the note `ONE_MODEL` is shown."""
 
@@ -121,7 +132,30 @@ class SignalSection(Section):
         """Return the introduction and the content on each signal."""
         signals = [signal for signal in run.signals if self.shows(run, signal)]
         note = paragraph(ONE_MODEL, "small") if self.draws_models and len(run.signals) > _MOST else ""
-        return stack(self.lead and paragraph(self.lead), note, by_signal(run, self.part, signals))
+        return stack(self.lead and paragraph(self.lead), note, self.by_signal(run, signals))
+
+    def by_signal(self, run: RunFolder, signals: Sequence[str]) -> Markup:
+        """Return the content on each signal as HTML, under the signal's name if there are several signals.
+
+        From the fifth signal on, the content is hidden until the reader clicks on the name.
+        """
+        parts: list[Markup] = []
+        for i, signal in enumerate(signals):
+            body = run.parts.get((self.name, signal)) or self.part_with_figures(run, signal)
+            if i >= _MOST:
+                body = collapsible(signal, body)
+            elif len(signals) > 1:
+                body = heading(signal) + body
+            parts.append(
+                Markup('<div id="{}">{}</div>').format(self.anchor + signal, body) if self.anchor else body
+            )
+        is_partly_drawn = len(run.signals) > MOST_DRAWN and any("<figure" in part for part in parts)
+        return stack(is_partly_drawn and paragraph(WITHOUT_FIGURES.format(len(run.signals)), "small"), *parts)
+
+    def part_with_figures(self, run: RunFolder, signal: str) -> Markup:
+        """Return the section's content on one signal, with figures only for the first `MOST_DRAWN` signals of a run."""
+        with run.drawings.left_out(signal not in run.signals[:MOST_DRAWN]):
+            return self.part(run, signal)
 
 
 def is_drawn(run: RunFolder, place: int) -> bool:
@@ -130,35 +164,6 @@ def is_drawn(run: RunFolder, place: int) -> bool:
     If the run has up to four signals, the four most probable models are shown, otherwise only the most probable one.
     """
     return place == 0 or max(place + 1, len(run.signals)) <= _MOST
-
-
-def by_signal(
-    run: RunFolder, part: Callable[[RunFolder, str], Markup], signals: Sequence[str], anchor: str = ""
-) -> Markup:
-    """Return the content on each signal as HTML, under the signal's name if there are several signals.
-
-    From the fifth signal on, the content is hidden until the reader clicks on the name.
-
-    Parameters
-    ----------
-    run
-        The run.
-    part
-        Function that returns the content of a signal, from the run and the signal's name.
-    signals
-        Names of the signals to show.
-    anchor
-        Prefix of the anchors to which other sections link; the signal's name follows it. Empty for no anchors.
-    """
-    parts: list[Markup] = []
-    for i, signal in enumerate(signals):
-        body = part(run, signal)
-        if i >= _MOST:
-            body = collapsible(signal, body)
-        elif len(signals) > 1:
-            body = heading(signal) + body
-        parts.append(Markup('<div id="{}">{}</div>').format(anchor + signal, body) if anchor else body)
-    return stack(*parts)
 
 
 def by_model(models: Mapping[str, Sequence[object]]) -> Markup:
@@ -217,17 +222,25 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
 def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]]:
     """Return the HTML page of a run, and the names of the files of its figures.
 
-    `pool` draws the sections in parallel. They are drawn in this process if it is None, or if the user has added
-    plug-ins, which exist only in this process. Raises OtherVersionError if an incompatible version of bayesdamp wrote
-    the run.
+    `pool` draws the parts of the sections on single signals in parallel. They are drawn in this process if it is None,
+    or if the user has added plug-ins, which exist only in this process. Raises OtherVersionError if an incompatible
+    version of bayesdamp wrote the run.
     """
     sections = [section for name in SECTIONS.names() if (section := SECTIONS.get(name)).applies(run)]
     sections.sort(key=lambda section: section.order)
-    names = [section.name for section in sections]
-    if pool is None or has_added_plugins():  # a user's own section exists in this process only
-        bodies = [_section(run, name) for name in names]
-    else:
-        bodies = list(pool.map(partial(_section, RunFolder(run.folder.resolve())), names))
+    files: list[str] = []
+    if pool is not None and not has_added_plugins():  # a user's own section exists in this process only
+        drawn = [
+            (section.name, signal)
+            for signal in run.signals[:MOST_DRAWN]
+            for section in sections
+            if isinstance(section, SignalSection) and section.shows(run, signal)
+        ]
+        pieces = [drawn[i : i + DRAWN_AT_ONCE] for i in range(0, len(drawn), DRAWN_AT_ONCE)]
+        for parts, names in pool.map(partial(_parts, RunFolder(run.folder.resolve())), pieces):
+            run.parts |= parts
+            files += names
+    bodies = [section.render(run) for section in sections]
     css, script = (
         Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("style.css", "page.js")
     )
@@ -239,14 +252,22 @@ def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]
         script=script,
         sections=[
             {"name": section.name, "title": section.title, "body": Markup(body)}
-            for section, (body, _) in zip(sections, bodies, strict=True)
+            for section, body in zip(sections, bodies, strict=True)
         ],
     )
-    return page, {name for _, files in bodies for name in files}
+    return page, {*files, *run.drawings.files}
 
 
-def _section(run: RunFolder, name: str) -> tuple[str, tuple[str, ...]]:
-    """Return a section's HTML, and the names of the files of the figures that it drew."""
-    before = len(run.drawings.files)
-    body = SECTIONS.get(name).render(run)
-    return str(body), tuple(run.drawings.files[before:])
+def _parts(
+    run: RunFolder, wanted: Sequence[tuple[str, str]]
+) -> tuple[dict[tuple[str, str], Markup], list[str]]:
+    """Return the content of sections on signals, and the names of the files of the figures in it.
+
+    wanted: pairs of a section's name and a signal, which are also the keys of the result.
+    """
+    parts = {}
+    for name, signal in wanted:
+        section = SECTIONS.get(name)
+        assert isinstance(section, SignalSection)
+        parts[name, signal] = section.part_with_figures(run, signal)
+    return parts, run.drawings.files

@@ -11,7 +11,7 @@ from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
 from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
 from bayesdamp.report.results.run import ANCHOR, RecordAnswer, RunFolder, answer_of, no_verdict_sentence
-from bayesdamp.report.sections import Section, by_signal, collapsible, fill, paragraph
+from bayesdamp.report.sections import SignalSection, collapsible, fill, paragraph
 from bayesdamp.store.results import ComparedCandidate
 from bayesdamp.types import OK, level_unit
 from bayesdamp.verdict.parts import Coefficient, Grade, decay_table, modes_table, ratios_table
@@ -58,23 +58,28 @@ LEAST_SHOWN = 0.005
 """Smallest probability of a sum of damping terms, or of a term, that is listed for an envelope."""
 
 
-class AnswerSection(Section):
+class AnswerSection(SignalSection):
     """The section with the verdict on each record: its sentence, a figure, tables, and checks."""
 
     order = 5
     name = "answer"
     title = "Kind and size of the damping"
+    anchor = ANCHOR
 
     def applies(self, run: RunFolder) -> bool:
         """Return whether the run is a study or a comparison, and not a run of another kind, such as a calibration."""
         return run.info.get("kind") is None
 
-    def render(self, run: RunFolder) -> str:
+    def shows(self, run: RunFolder, signal: str) -> bool:
+        """Return True: every record is shown, also without a verdict."""
+        return True
+
+    def render(self, run: RunFolder) -> Markup:
         """Return the verdict on each record as HTML, or a sentence that there are no results yet."""
         if not run.signals:
             text = "This folder does not contain any results yet. Run the study with bayesdamp study."
             return paragraph(text)
-        return by_signal(run, self.part, run.signals, ANCHOR)
+        return self.by_signal(run, run.signals)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return the verdict on a record as HTML, with its figures, tables and checks."""

@@ -9,14 +9,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
-from bayesdamp.report.results.run import (
-    Row,
-    RunFolder,
-    only_answered,
-    probabilities_by_odds,
-    rank_models,
-    rows_of,
-)
+from bayesdamp.report.results.run import Row, RunFolder, probabilities_by_odds, rank_models, rows_of
 from bayesdamp.report.sections import SignalSection, collapsible, repeat_column, stack
 from bayesdamp.types import OK, Status, status_of
 
@@ -62,7 +55,7 @@ class EvidenceSection(SignalSection):
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether the run has evidence on `signal`; False if it contains only answers (`only_answered`)."""
-        return any(r["signal"] == signal for r in run.evidence) and not only_answered(run)
+        return any(r["signal"] == signal for r in run.evidence) and not run.only_answered
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return tables of each model's evidence, of models that were left out, and of probabilities by prior odds."""

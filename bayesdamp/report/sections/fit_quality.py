@@ -7,7 +7,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.formatting import Table
 from bayesdamp.report import words
-from bayesdamp.report.results.run import Row, RunFolder, models_by_rank, only_answered, rows_of
+from bayesdamp.report.results.run import Row, RunFolder, models_by_rank, rows_of
 from bayesdamp.report.sections import SignalSection, paragraph, repeat_column, stack
 from bayesdamp.report.sections.record import rms_of
 
@@ -37,7 +37,7 @@ class FitQualitySection(SignalSection):
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether models were fitted to a signal; False if the run contains only answers (`only_answered`)."""
         fitted = any(r["signal"] == signal for r in run.fits) or bool(run.task_results("mode", signal))
-        return fitted and not only_answered(run)
+        return fitted and not run.only_answered
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return a table with the checks of each model's fit to a signal."""

@@ -5,8 +5,8 @@ from markupsafe import Markup
 from bayesdamp.formatting import Table
 from bayesdamp.priors import FURTHER_TERM, LEAST_SCALE, MOST_SCALE, OTHER_FORMS_ODDS, SharedHalfNormal
 from bayesdamp.report import words
-from bayesdamp.report.results.run import RunFolder, only_answered
-from bayesdamp.report.sections import SignalSection, bullets, by_signal, paragraph, stack
+from bayesdamp.report.results.run import RunFolder
+from bayesdamp.report.sections import SignalSection, bullets, paragraph, stack
 
 COMPARED = (
     "All single damping terms have the same prior probability; each further term of a sum multiplies the probability "
@@ -53,9 +53,9 @@ class PriorsSection(SignalSection):
         tables = (table for signal in signals for table in run.info["priors"][signal].values())
         default = SharedHalfNormal(per_ratio=1.0).describe()
         is_shared = any(str(prior) == default for table in tables for prior in table.values())
-        sentences = [COMPARED, OTHER_FORMS * only_answered(run), COMMON_SCALE * is_shared, WIDE_PRIOR]
+        sentences = [COMPARED, OTHER_FORMS * run.only_answered, COMMON_SCALE * is_shared, WIDE_PRIOR]
         odds = paragraph(" ".join(filter(None, sentences)))
-        return stack(odds, by_signal(run, self.part, signals), assumed)
+        return stack(odds, self.by_signal(run, signals), assumed)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return a table of a signal's priors: parameter, meaning, prior in words, and the models that have it."""

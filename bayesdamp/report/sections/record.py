@@ -9,7 +9,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.record import ModelFit, draw_raw_record, record
-from bayesdamp.report.results.run import Row, RunFolder, answer_of, models_not_pruned, only_answered, rows_of
+from bayesdamp.report.results.run import RecordAnswer, Row, RunFolder, answer_of, models_not_pruned, rows_of
 from bayesdamp.report.sections import SignalSection, bullets, is_drawn, paragraph, stack
 from bayesdamp.store.results import RecordContent
 from bayesdamp.types import OK
@@ -47,7 +47,7 @@ class RecordSection(SignalSection):
         task_result = run.task_result("signal", signal, repeats[0])
         about, own = run.about(signal), run.provenance(signal)
         notes = list(own.sentences)
-        if about.get("epsilon_note") and not only_answered(run):  # the answer compares several values of ε
+        if about.get("epsilon_note") and not run.only_answered:  # the answer compares several values of ε
             notes.append(str(about["epsilon_note"]))
         if about.get("noise"):
             notes.append(f"The answer uses the noise model {words.method(about['noise'])}.")
@@ -61,7 +61,7 @@ class RecordSection(SignalSection):
         content = RecordContent.of(task_result)
         unit, quantity = run.unit(signal), run.quantity(signal)
         answer = answer_of(run, signal, ("answer",))
-        width = answer.content.epsilon if answer and not only_answered(run) else None
+        width = answer.content.epsilon if answer and not run.only_answered else None
         if width is not None and not math.isclose(width, content.known.get("epsilon", width), rel_tol=1e-3):
             size = f"{fmt.number(width, 3)} {unit.base}/s"
             notes.append(
@@ -79,7 +79,7 @@ class RecordSection(SignalSection):
         fits, missing = [], []
         for place, model in enumerate(models_not_pruned(run, signal, repeats[0])):
             mode = run.task_result("mode", signal, repeats[0], model)
-            if not is_drawn(run, place) or (mode is None and only_answered(run)):
+            if not is_drawn(run, place) or (mode is None and run.only_answered):
                 continue
             if mode is None:
                 missing.append(f"No fit of {words.model(model)} is stored.")
@@ -95,10 +95,15 @@ class RecordSection(SignalSection):
             period = content.features.period if content.features else float(t[-1] - t[0])
             draw = partial(record, t, y, fits, axis, words.divisor(name), period)
             parts.append(run.drawings.add(f"record-{signal}", f"Record “{signal}”: {FITTED}", draw))
-        elif len(parts) == 1:
+        elif len(parts) == 1 and not _is_in_answer(answer):
             draw = partial(draw_raw_record, t, y, axis)
             parts.append(run.drawings.add(f"record-{signal}", f"Record “{signal}”: {WITHOUT_FITS}", draw))
         return stack(*parts, *(paragraph(sentence, "quiet") for sentence in missing))
+
+
+def _is_in_answer(answer: RecordAnswer | None) -> bool:
+    """Return whether the figure of an answer shows the record, and not only its amplitudes, which are positive."""
+    return answer is not None and np.min(answer.arrays.get("record", np.ones(1))) < 0
 
 
 def rms_of(row: Row) -> str:

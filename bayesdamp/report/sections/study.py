@@ -79,7 +79,7 @@ def _signals(run: RunFolder) -> Table | str:
 
     def samples(signal: str) -> tuple[str, str]:
         """Return the number of used samples and their duration in s as texts; dashes if no result is stored."""
-        answer = answer_of(run, signal)
+        answer = answer_of(run, signal) if run.quantity(signal) == "envelope" else None
         task_result = run.task_result("signal", signal, run.repeats(signal)[0])
         if answer is not None and answer.content.envelope is not None:
             w, t = answer.verdict.window, answer.arrays["t"]
