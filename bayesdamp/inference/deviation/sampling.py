@@ -253,7 +253,8 @@ def with_samples(comparison: ModelComparison, seed: int = 0) -> ModelComparison:
     every = [r for r in (*comparison.results, *comparison.forms) if comparison.compares(r)]
     every.sort(key=lambda r: -r.log_evidence)
     close = [r for r in every[:MOST_SAMPLED] if r.log_evidence > every[0].log_evidence - NATS_BEHIND]
-    sampled = {id(r): sampled_result(comparison, r, seed) for r in close}
+    drawn = at_once(lambda r: sampled_result(comparison, r, seed), close)
+    sampled = dict(zip(map(id, close), drawn, strict=True))
     results = tuple(sampled.get(id(r), r) for r in comparison.results)
     return replace(comparison, results=results, forms=tuple(sampled.get(id(r), r) for r in comparison.forms))
 
