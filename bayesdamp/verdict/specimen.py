@@ -9,7 +9,7 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 from bayesdamp.formatting import digits, percentage, with_interval
-from bayesdamp.inference.deviation.draws import quantity
+from bayesdamp.inference.deviation.draws import law_part, quantity
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.specimen import RunComparison, SpecimenComparison, compare_runs
 from bayesdamp.physics.damping import TERMS
@@ -244,7 +244,8 @@ def common_verdict(
     shares = []
     for term in dict.fromkeys(s.term for v in own for s in v.energy):
         each = [s for v in own for s in v.energy if s.term == term]
-        present = sum(p for sum_name, p in damping.items() if term in sum_name.split("+"))
+        # Without a common comparison, the only probability is nan, under the name "".
+        present = sum(p for sum_name, p in damping.items() if term in (sum_name or term).split("+"))
         middle = float(np.median([s.share for s in each]))
         shares.append(Share(term, middle, min(s.low for s in each), max(s.high for s in each), present))
     terms = first.split("+")
@@ -409,7 +410,7 @@ def _ratios(
         noise = float(np.std(law))
         for draws, rows in ((own, specimen_rows), (more, following_rows)):
             value, low, high = (float(q) for q in np.quantile(draws, (0.5, 0.025, 0.975)))
-            rest = float(np.sqrt(max(float(np.std(draws)) ** 2 - noise**2, 0.0)))
+            rest = law_part(float(np.var(draws)), noise)
             rows.append(DampingRatio(amplitude, unit, value, noise, rest, low, high))
     return tuple(specimen_rows), tuple(following_rows)
 
