@@ -3,9 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from bayesdamp.config.checks import (
     PRIORS,
     StudyError,
@@ -21,46 +18,10 @@ from bayesdamp.formatting import show
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.priors import Prior
-from bayesdamp.types import InputError
 
-_NOT_NUMBERS = "bcMmSU"
-"""NumPy's codes of types that it would silently convert to real numbers: booleans, complex numbers, dates, durations
-and text."""
 EPSILON = "epsilon"
 """Name of the parameter ε, the velocity within which Coulomb friction tanh(velocity/ε) changes its sign. A known value
 may be 0, which means the sign function."""
-
-
-def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
-    """Convert an argument to a new array of floats.
-
-    Parameters
-    ----------
-    given
-        Real numbers of any shape.
-    what
-        Name of the argument, for errors.
-    where
-        Name of the signal or of the function, for errors.
-
-    Raises
-    ------
-    InputError
-        If elements are masked or are not real numbers; nan and infinite values are allowed.
-    """
-    try:
-        array = np.asanyarray(given)
-        each = map(np.asarray, array.flat) if array.dtype.kind == "O" else (array,)
-        for dtype in (a.dtype for a in each if a.dtype.kind in _NOT_NUMBERS):
-            right = "give real numbers, and times in s: (t - t[0]) / numpy.timedelta64(1, 's')"
-            kind = {"S": "text", "U": "text", "m": "times", "M": "dates"}.get(dtype.kind, dtype.type.__name__)
-            raise InputError(f"{what} contains {kind}; {right}", where)
-        numbers = np.array(array, float)
-    except (TypeError, ValueError):
-        raise InputError(f"{what} must be an array of numbers", where) from None
-    if masked := np.count_nonzero(np.ma.getmaskarray(array)):
-        raise InputError(f"{what} has {masked} masked values; remove these samples from t and y", where)
-    return numbers
 
 
 def names_of_parameters(terms: Sequence[str], parameters: Sequence[str]) -> dict[str, str]:

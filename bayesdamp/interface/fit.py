@@ -19,7 +19,6 @@ from bayesdamp.inference.deviation.single import FitState, Single, rebuild_singl
 from bayesdamp.inference.mode import Mode, StoredMode, restore_mode, value_intervals, value_sds
 from bayesdamp.inference.model.target import Target
 from bayesdamp.interface.answer import amplitudes_in_base_unit
-from bayesdamp.interface.arguments import numbers_of
 from bayesdamp.interface.model import Density, Model, check_signal, fit_approximate, fit_exact, units_of
 from bayesdamp.interface.result import (
     BLUE,
@@ -31,7 +30,7 @@ from bayesdamp.interface.result import (
     list_axes,
     outcome_notes,
 )
-from bayesdamp.interface.signal import Signal
+from bayesdamp.interface.signal import Signal, numbers_of
 from bayesdamp.physics.kernel.solve import QUANTITIES
 from bayesdamp.physics.oscillator import Oscillator, Trajectories
 from bayesdamp.plugins import nearest

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
 from bayesdamp.formatting import Table, data_frame, digits
-from bayesdamp.interface.arguments import numbers_of
 from bayesdamp.interface.result import FAINT, INK, Result, frame_table, get_axes
 from bayesdamp.records.cleaning.clean import clean, decimate, known_unit, recording_step
 from bayesdamp.records.cleaning.clock import clock_times
@@ -38,6 +37,9 @@ if TYPE_CHECKING:
 
 LEAST_SAMPLES = 10
 """Smallest number of samples that the function `signal` accepts."""
+_NOT_NUMBERS = "bcMmSU"
+"""NumPy's codes of types that it would silently convert to real numbers: booleans, complex numbers, dates, durations
+and text."""
 _EMPTY = np.empty(0)
 Column = str | int
 """A column of a file, by its name or its number from 1."""
@@ -240,6 +242,38 @@ def signal(
     provenance = Provenance(notes=("Used as given, without cleaning.",), unit=unit)
     step = recording_step(values) * scale
     return Signal(times - times[0], values * scale, quantity, base, name, step, provenance)
+
+
+def numbers_of(given: ArrayLike, what: str, where: str) -> NDArray[np.float64]:
+    """Convert an argument to a new array of floats.
+
+    Parameters
+    ----------
+    given
+        Real numbers of any shape.
+    what
+        Name of the argument, for errors.
+    where
+        Name of the signal or of the function, for errors.
+
+    Raises
+    ------
+    InputError
+        If elements are masked or are not real numbers; nan and infinite values are allowed.
+    """
+    try:
+        array = np.asanyarray(given)
+        each = map(np.asarray, array.flat) if array.dtype.kind == "O" else (array,)
+        for dtype in (a.dtype for a in each if a.dtype.kind in _NOT_NUMBERS):
+            right = "give real numbers, and times in s: (t - t[0]) / numpy.timedelta64(1, 's')"
+            kind = {"S": "text", "U": "text", "m": "times", "M": "dates"}.get(dtype.kind, dtype.type.__name__)
+            raise InputError(f"{what} contains {kind}; {right}", where)
+        numbers = np.array(array, float)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} must be an array of numbers", where) from None
+    if masked := np.count_nonzero(np.ma.getmaskarray(array)):
+        raise InputError(f"{what} has {masked} masked values; remove these samples from t and y", where)
+    return numbers
 
 
 def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> Signal:

@@ -84,7 +84,8 @@ def simulate_signal(
         raise InputError(f"unknown noise {noise!r}; valid are {', '.join(NOISES)}", name)
     free = samples - gaps * (length + 1) - 2
     if gaps * length > samples / 2 or free < 0:
-        raise InputError(f"{gaps} gaps take more than half of the record; give fewer", name)
+        many = f"{gaps} gaps of {length} sample{'s' if length > 1 else ''} do not fit in {samples} samples"
+        raise InputError(f"{many}, or take more than half of them; give fewer", name)
     t = np.linspace(0.0, duration, samples)
     clean = np.asarray(simulate(osc, dict(p), t, quantity=quantity), float)
     if not np.all(np.isfinite(clean)):

@@ -30,8 +30,7 @@ out.smallest = Math.min(...[...document.querySelectorAll("main *")].filter((e) =
   && e.textContent.trim() && !e.closest("svg, sub")).map((e) => parseFloat(getComputedStyle(e).fontSize)));
 out.scrolled = [...document.querySelectorAll(".scroll, figure > div")].filter((e) => e.scrollWidth > e.clientWidth + 1
   && getComputedStyle(e).overflowX !== "auto").length;
-out.scales = [...document.images].filter(visible).map((i) => box(i).width
-  / (i.currentSrc === i.src ? parseFloat(i.style.width) : 430));
+out.scales = [...document.images].filter(visible).map((i) => box(i).width / parseFloat(i.style.width));
 const table = [...document.querySelectorAll("table")].find((t) => visible(t) && t.tHead.querySelector("[aria-sort]"));
 const column = (i) => [...table.tBodies[0].rows].map((r) => r.cells[i].textContent);
 if (table) {
