@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from bayesdamp.report import sections
 from bayesdamp.report.results.estimators import estimates_of
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.sections import render
 from bayesdamp.report.terminal import print_conclusion
 from bayesdamp.store.files import write_json
 from bayesdamp.store.results import ComparedCandidate, Store, TaskResult, claim
@@ -48,13 +48,24 @@ def folder(tmp_path: Path, sketchy: None) -> Path:
 
 
 def test_the_overview_has_the_common_answer_first_and_a_link_to_each_record(folder: Path) -> None:
-    page = render(folder).read_text(encoding="utf-8")
+    page = sections.render(folder).read_text(encoding="utf-8")
     section = page[page.index('id="overview"') : page.index('id="answer"')]
     assert "Viscous damping (probability 0.98)" in section
     assert section.index("Viscous damping (probability 0.98)") < section.index("<figure")
     for name in SIZES:
         assert section.count(f'href="#answer-{name}"') == 1
         assert f'id="answer-{name}"' in page
+
+
+def test_only_the_first_of_many_records_have_figures(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their tables are complete. Control: with a larger limit, every record has a figure."""
+    for most, drawn in ((2, {"rig_run_1", "rig_run_2"}), (3, set(SIZES))):
+        monkeypatch.setattr(sections, "MOST_DRAWN", most)
+        page = sections.render(folder).read_text(encoding="utf-8")
+        names = {path.stem for path in (folder / "figures").glob("answer-*.svg")}
+        assert names == {f"answer-{name}" for name in drawn}
+        assert ("of 3 signals have figures" in page) == (most == 2)
+        assert page.count("All damping models that were compared") == 3
 
 
 def test_the_terminal_has_the_common_answer_first_and_a_line_for_each_record(folder: Path) -> None:
