@@ -80,7 +80,9 @@ def compute_answer(record: StudyRecord, kind: str) -> Product:
     missing = [t for t in _terms_of(study, spec) if TERMS.get(t).kernel is DampingTerm.kernel]
     if missing:
         what = f"damping {', '.join(missing)} has no `kernel` (a force function that can be compiled)"
-        raise Refusal(f"the damping models are not compared, because {what}; add one to the plug-in of the term")
+        raise Refusal(
+            f"the damping models are not compared, because {what}; add one to the plug-in of the term"
+        )
 
     def known(law: str) -> Mapping[str, float]:
         system = record.system(law)

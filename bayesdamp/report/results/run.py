@@ -210,9 +210,13 @@ class RunFolder:
 
     def simulation(self, signal: str) -> Row:
         """Return the study's settings of a simulated signal (damping, true values, ...); {} for a measured one."""
-        studied = (s for s in self.study.get("signals") or [] if isinstance(s, dict) and s["name"] == signal)
-        source = next(studied, {}).get("source") or {}
+        source = self._studied.get(signal, {}).get("source") or {}
         return source if "damping" in source else {}
+
+    @cached_property
+    def _studied(self) -> dict[str, Row]:
+        """The study's settings of each signal, by its name."""
+        return {s["name"]: s for s in self.study.get("signals") or [] if isinstance(s, dict)}
 
     def repeats(self, signal: str) -> list[int]:
         """Return the numbers of a signal's repeats, from 0; [0] if no result is stored."""
@@ -459,11 +463,12 @@ def no_verdict_sentence(run: RunFolder, signal: str) -> str:
 def answers(run: RunFolder) -> list[RecordAnswer]:
     """Return the answers (comparisons of damping models) on the first repeats of all records, in the study's order.
 
-    To save memory, their `arrays` contain only the damping curve (`CURVE`).
+    To save memory, their `arrays` contain only the damping curve (`CURVE`), and their `content` is empty.
     """
-    every = (answer_of(run, signal) for signal in run.signals)
+    every = (a for signal in run.signals if (a := answer_of(run, signal)) is not None)
     return [
-        replace(a, arrays={n: a.arrays[n] for n in CURVE if n in a.arrays}) for a in every if a is not None
+        replace(a, content=AnswerContent({}), arrays={n: a.arrays[n] for n in CURVE if n in a.arrays})
+        for a in every
     ]
 
 
