@@ -199,8 +199,7 @@ def with_interval(value: float, low: float, high: float, unit: str = "", scale: 
         return NONE
     if not (math.isfinite(low) and math.isfinite(high)):
         return f"{digits(value * scale, n=3)}{unit}, interval unbounded"
-    width = (high - low) * scale
-    shown = [digits(x * scale, width / 2) for x in (value, low, high)]
+    shown = [digits(x * scale, (high - low) * scale / 2) for x in (value, low, high)]
     return f"{shown[0]}{unit} ({shown[1]} to {shown[2]})"
 
 

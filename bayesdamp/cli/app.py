@@ -204,8 +204,7 @@ def _usage_error(error: Any, given: Sequence[str]) -> str:
         line += suggest_option(getattr(error, "option_name", None) or "")
     if not line:
         return ""
-    known = given[:1] and given[0] in COMMANDS
-    help_on = f"bayesdamp {given[0]} --help" if known else "bayesdamp --help"
+    help_on = f"bayesdamp {given[0]} --help" if given and given[0] in COMMANDS else "bayesdamp --help"
     return f"{line}{'' if line.endswith('?') else ';'} see {help_on}"
 
 

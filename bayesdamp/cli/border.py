@@ -40,10 +40,9 @@ def machine_refusal(error: BaseException) -> str | None:
 
     Errors of the machine are too little memory, a full disk, and an OSError with the path of a file.
     """
-    number = getattr(error, "errno", None)
     if (
         isinstance(error, MemoryError)
-        or number == errno.ENOMEM
+        or getattr(error, "errno", None) == errno.ENOMEM
         or any(mark in str(error) for mark in _MEMORY_TEXTS)
     ):
         return "not enough memory; close other programs, use fewer --workers, or use a part of the record"

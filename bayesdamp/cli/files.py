@@ -23,8 +23,7 @@ def check_folder(out: Path | None, name: str) -> Path:
         If the operating system refuses the path.
     """
     folder = Path("reports") / name if out is None else out
-    places = (folder, *folder.absolute().parents)
-    present = next(place for place in places if place.is_symlink() or place.exists())
+    present = next(p for p in (folder, *folder.absolute().parents) if p.is_symlink() or p.exists())
     if not present.is_dir():
         what = f"the results would be written to {str(folder)!r}, and {present} is not a folder"
         raise InputError(f"{what}; give another folder with --out")

@@ -252,8 +252,7 @@ def select_records(
     InputError
         The first error of a file, if no file is usable, or if `every` is true and a file is not usable.
     """
-    several = len(paths) > 1
-    chosen, failed = read_each(paths, partial(_choose, options=options, cleaned=several), pool)
+    chosen, failed = read_each(paths, partial(_choose, options=options, cleaned=len(paths) > 1), pool)
     if every and failed:
         raise failed[0]
     return SelectedRecords(

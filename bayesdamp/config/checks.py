@@ -65,8 +65,7 @@ def read_section(model: type[Model], raw: object, key: str) -> Model:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         if not first["loc"]:
-            inner = first.get("ctx", {}).get("error")
-            raise StudyError(key, str(inner or first["msg"])) from None
+            raise StudyError(key, str(first.get("ctx", {}).get("error") or first["msg"])) from None
         name = str(first["loc"][0])
         right = fields[name].description
         must = f"it must be {right}" if right else first["msg"].lower()

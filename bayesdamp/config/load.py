@@ -508,8 +508,7 @@ def comparison_tables(
         raise InputError("--repeats: there is one record; give two or more of one specimen")
     signals: dict[str, dict[str, Any]] = {}
     for record in records:
-        label = f"{Path(record['file']).stem} {record.get('label', '')}".strip()
-        stem = _as_name(label) or "record"
+        stem = _as_name(f"{Path(record['file']).stem} {record.get('label', '')}".strip()) or "record"
         name, number = stem, 2
         while name in signals:
             name, number = f"{stem}-{number}", number + 1

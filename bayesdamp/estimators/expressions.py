@@ -30,11 +30,9 @@ def without_the_negligible(expression: Any, v: np.ndarray, share: float) -> Any:
 
     A term is dropped if its rms over v is at most `share` times the rms of the whole expression.
     """
-    whole, *sizes = (
-        np.sqrt(np.mean(values_of(part, v) ** 2)) for part in (expression, *sympy.Add.make_args(expression))
-    )
-    terms = zip(sympy.Add.make_args(expression), sizes)
-    return sympy.Add(*(term for term, size in terms if size > share * whole))
+    terms = sympy.Add.make_args(expression)
+    whole, *sizes = (np.sqrt(np.mean(values_of(part, v) ** 2)) for part in (expression, *terms))
+    return sympy.Add(*(term for term, size in zip(terms, sizes) if size > share * whole))
 
 
 def text_of(expression: Any) -> str:

@@ -88,8 +88,7 @@ class _TrajectoryFit:
     @cached_property
     def trajectories(self) -> Trajectories:
         """Return the solver of trajectories at the record's times, with the tolerance `TOLERANCE`."""
-        tolerance = TOLERANCE * self.size
-        return Trajectories(self.osc, self.signal.t, self.signal.quantity, self.base, tolerance)
+        return Trajectories(self.osc, self.signal.t, self.signal.quantity, self.base, TOLERANCE * self.size)
 
     def until(self, time: float) -> _TrajectoryFit:
         """Return the same fit for only those samples that are not later than `time` (s)."""
@@ -264,8 +263,7 @@ def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Fe
     ]
     if not any(name in first.values for name in fit.names if name not in damping):
         return candidates[0]
-    early = fit.until(3 * features.period)
-    return min(candidates, key=early.mean_square)
+    return min(candidates, key=fit.until(3 * features.period).mean_square)
 
 
 def misfit(residual: np.ndarray, signal: Signal, features: Features) -> str | None:

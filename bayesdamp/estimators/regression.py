@@ -93,8 +93,7 @@ def candidates(
         if unit == "rad" or name not in ("cos θ", "sin θ"):
             library.append(CandidateTerm(name, lambda x, v, f=f: f(x), restoring=True))
     if mixed:
-        library.append(CandidateTerm("θ̇²", lambda x, v: v**2))
-        library.append(CandidateTerm("θθ̇", lambda x, v: x * v))
+        library += [CandidateTerm("θ̇²", lambda x, v: v**2), CandidateTerm("θθ̇", lambda x, v: x * v)]
     return library
 
 
@@ -108,9 +107,7 @@ def restoring_values(problem: Problem, theta: np.ndarray, force: np.ndarray) -> 
     is θ̈ + F_rest(θ) + damping = 0.
     """
     form = oscillator(problem).law.linear_form(theta, known_restoring(problem))
-    if form.columns.shape[1] == 0:
-        return {}
-    return form.decode(solve(form.columns, force, 1e-12))
+    return form.decode(solve(form.columns, force, 1e-12)) if form.columns.shape[1] else {}
 
 
 def damping_values(problem: Problem, library: list[CandidateTerm], x: np.ndarray) -> dict[str, float]:
@@ -169,8 +166,7 @@ def residual_squares(
     is replaced by this value.
     """
     size = np.array([np.ptp(record.theta) / 2, np.abs(record.omega).max()])
-    start = np.array([record.theta[0], record.omega[0]])
-    points = np.column_stack([np.tile(start, (len(x), 1)), x])
+    points = np.column_stack([np.tile([record.theta[0], record.omega[0]], (len(x), 1)), x])
     steps = np.diag(np.r_[0.1 * STEP * size, STEP * unit])
     changes = [steps[np.r_[True, True, coefficients != 0]] for coefficients in x]
     trials = np.vstack([points, *(point + move for point, move in zip(points, changes))])
@@ -299,8 +295,7 @@ def test_function_weights(n: int, h: float, width: float, order: int) -> sparse.
     before. m is 0 if none fits.
     """
     half = max(int(width / h) // 2, POWER)
-    step = max(2 * half // OVERLAP, 1)
-    centres = np.arange(half, n - half, step)
+    centres = np.arange(half, n - half, max(2 * half // OVERLAP, 1))
     s = np.arange(-half, half + 1) / half
     norm = h * half * float(np.sum(derivatives(s, 0))) / half
     row = (-1) ** order * h * derivatives(s, order) / (h * half) ** order / norm
@@ -339,8 +334,7 @@ def velocity_map(n: int, h: float, half: int) -> sparse.csr_matrix:
     """
     half = min(half, (n - 1) // 2)
     width = 2 * half + 1
-    degree = min(DEGREE, 2 * half)
-    window = np.asarray(savgol_filter(np.eye(width), width, degree, deriv=1, delta=h, axis=0))
+    window = np.asarray(savgol_filter(np.eye(width), width, min(DEGREE, 2 * half), deriv=1, delta=h, axis=0))
     middle = np.tile(window[half], (n - 2 * half, 1))
     columns = np.clip(np.arange(n) - half, 0, n - width)[:, None] + np.arange(width)
     values = np.vstack([window[:half], middle, window[half + 1 :]])

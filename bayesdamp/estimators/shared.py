@@ -140,9 +140,8 @@ def further_values(problem: Problem, features: Features) -> dict[str, float]:
     scales follow from `reference_of`, which prefers specified values to measured ones, and raises InputError if no
     oscillation is possible with the known restoring parameters.
     """
-    osc, reference = oscillator(problem), reference_of(problem.system, features)
+    osc, scales = oscillator(problem), reference_of(problem.system, features).scales(features.rest)
     epsilon = {"epsilon": epsilon_of(problem, features)} if osc.switches else {}
-    scales = reference.scales(features.rest)
     return {**epsilon, **{n: scales[n] for n in osc.scales}}
 
 
@@ -263,8 +262,7 @@ def noise_level(signal: Signal) -> float:
     left = []
     for part in parts:
         spline = _fit_spline(t[part], y[part], t[part][4:-4:4])
-        freedom = 1.0 - (spline.c.size / t[part].size)
-        left.append(np.abs(y[part] - spline(t[part])) / np.sqrt(freedom))
+        left.append(np.abs(y[part] - spline(t[part])) / np.sqrt(1.0 - spline.c.size / t[part].size))
     return max(1.4826 * float(np.median(np.concatenate(left))), signal.step / np.sqrt(12.0))
 
 

@@ -354,8 +354,7 @@ def basis_integrals(s: np.ndarray, count: int) -> np.ndarray:
     Basis function k is 1 at knot k, 0 at all other knots, and linear between knots. The `count` ≥ 2 knots are
     equidistant from 0 to 1. Values s outside of [0, 1] are replaced by the nearer end.
     """
-    at = np.clip(s, 0.0, 1.0) * (count - 1)
-    u = at[:, None] - np.arange(count)
+    u = np.clip(s, 0.0, 1.0)[:, None] * (count - 1) - np.arange(count)
     rising = np.clip(u + 1.0, 0.0, 1.0)
     falling = np.clip(u, 0.0, 1.0)
     integrals = 0.5 * rising**2 + falling - 0.5 * falling**2
@@ -383,13 +382,9 @@ def parameter(p: FreeParameter, score: float, scale: Scale) -> float:
     the prior depends.
     """
     prior = p.prior(scale.amplitude, scale.frequency)
-    return float(
-        prior.value(
-            np.asarray(
-                scipy.special.ndtri(0.5 + 0.5 * scipy.special.ndtr(score)) if prior.reflected else score
-            )
-        )
-    )
+    if prior.reflected:
+        score = float(scipy.special.ndtri(0.5 + 0.5 * scipy.special.ndtr(score)))
+    return float(prior.value(np.asarray(score)))
 
 
 def parameters(term: DampingTerm, scores: tuple[float, ...], scale: Scale) -> dict[str, float]:
@@ -434,13 +429,11 @@ def log_loss(
             f"damping term {term.name!r}: the energy lost per cycle must be finite and positive, but a decay rate is "
             f"{wrong:g}; correct its kernel or the priors of its parameters"
         )
-    log = np.log(np.maximum(loss, MIN_RELATIVE_LOSS * most))
+    least = MIN_RELATIVE_LOSS * most
+    log = np.log(np.maximum(loss, least))
     # A cubic spline would overshoot if the loss is zero at some amplitudes; PCHIP (monotonic) does not.
-    table = (
-        scipy.interpolate.CubicSpline(LOSS_GRID, log)
-        if loss.min() > MIN_RELATIVE_LOSS * most
-        else scipy.interpolate.PchipInterpolator(LOSS_GRID, log)
-    )
+    spline = scipy.interpolate.CubicSpline if loss.min() > least else scipy.interpolate.PchipInterpolator
+    table = spline(LOSS_GRID, log)
     ends = LOSS_GRID[[0, -1]]
     slopes = table(ends, 1)
 

@@ -132,8 +132,7 @@ class Oscillator:
         - epsilon, the width of the velocity within which dry friction changes its sign; 0 if it is missing.
         """
         p = self.with_equilibrium(p)
-        epsilon = p.get("epsilon", 0.0)
-        return [t.force(theta, omega, epsilon, *(p[n] for n in t.further)) for t in self.terms]
+        return [t.force(theta, omega, p.get("epsilon", 0.0), *(p[n] for n in t.further)) for t in self.terms]
 
     def with_equilibrium(self, p: Parameters) -> Parameters:
         """Return the parameters with the approximate equilibrium `rest` replaced by the exact one (`newton_many`).
@@ -164,8 +163,7 @@ class Oscillator:
         restoring law are used. Raises ValueError if there is no stable equilibrium within the distance `SEARCH_REACH`
         of `near`.
         """
-        at = self.equilibrium(p, near)
-        return float(np.sqrt(self.law.slope(at, p)))
+        return float(np.sqrt(self.law.slope(self.equilibrium(p, near), p)))
 
     def rough_frequency(self, p: Parameters, near: float = 0.0, reach: float = SEARCH_REACH) -> float:
         """Return the natural frequency in rad/s with an error of about 0.1 %, with less work than `natural_frequency`.
@@ -331,11 +329,8 @@ class Trajectories:
             order = QUANTITIES.index(quantity)
             cycles = max(1.0, t[-1] * frequency / (2 * np.pi))
             share = tolerance / (amplitude * frequency**order)
-            self._tolerance = float(
-                np.clip(
-                    share / (STEPS_PER_CYCLE * cycles * DERIVATIVE_LOSS**order), MIN_TOLERANCE, MAX_TOLERANCE
-                )
-            )
+            share /= STEPS_PER_CYCLE * cycles * DERIVATIVE_LOSS**order
+            self._tolerance = float(np.clip(share, MIN_TOLERANCE, MAX_TOLERANCE))
 
     def record(self, p: Mapping[str, float]) -> np.ndarray:
         """Return the samples of the quantity, (n,), for one set of parameters; all NaN if the trajectory diverges.
@@ -437,7 +432,6 @@ def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, floa
     """
     theta0, omega0 = float(p["theta0"]), float(p["omega0"])
     law = np.array([float(p[name]) for name in osc.law.parameters])
-    force = _force(osc, p)
     try:
         rest = rest_near(
             by_kernel(osc.law.kernel, law), theta0, SEARCH_REACH * max(1.0, abs(theta0)), SEARCH_POINTS
@@ -446,7 +440,7 @@ def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, floa
         raise Refusal(
             f"the restoring law {osc.restoring!r} has no `kernel`; define this method to compute trajectories"
         ) from None
-    squared_frequency = 0.0 if rest is None else _slope(force, rest)
+    squared_frequency = 0.0 if rest is None else _slope(_force(osc, p), rest)
     if rest is None or not squared_frequency > 0.0:
         return theta0, abs(theta0), 1.0
     frequency = float(np.sqrt(squared_frequency))

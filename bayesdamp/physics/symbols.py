@@ -73,5 +73,4 @@ def parameter_unit(name: str, restoring: str, unit: str = "rad", quantity: str =
     for term in map(TERMS.get, TERMS.present()):
         units[term.parameter] = term.unit
         units |= {p.name: p.unit for p in term.inferred}
-    own = units.get(name) or LAWS.get(restoring).unit(name)
-    return own.replace("rad", unit)
+    return (units.get(name) or LAWS.get(restoring).unit(name)).replace("rad", unit)

@@ -125,12 +125,11 @@ def measure_oscillation(y: np.ndarray) -> OscillationMeasure:
         smooth = np.convolve(sizes, np.full(SMOOTHING_PERIODS, 1 / SMOOTHING_PERIODS), "valid")
         falling = smooth[int(np.argmax(smooth)) :]
         growth = float((falling - np.minimum.accumulate(falling)).max() / smooth.max())
-    periods_filled = float(np.sum(sizes**2) ** 2 / np.sum(sizes**4))
     return OscillationMeasure(
         period,
         size,
         oscillates=share >= LEAST_SHARE and y.size / period >= MIN_CYCLES,
-        fills_periods=periods_filled >= MIN_CYCLES,
+        fills_periods=float(np.sum(sizes**2) ** 2 / np.sum(sizes**4)) >= MIN_CYCLES,
         decays=last < MAX_FINAL_SIZE * size,
         grows_again=growth > MAX_REGROWTH,
     )
@@ -258,10 +257,9 @@ def choose_columns(
             run, group = split_run(column)[1], column.group
             home = [b for b in blocks if any(c is column for c in b.columns)]
             home = home or [b for b in blocks if not run and any(c.group == group for c in b.columns)]
-            if not home:
-                continue
-            record = replace(home[0].record(column), run=run)
-            chosen.append(_with_clock(record, content))
+            if home:
+                record = replace(home[0].record(column), run=run)
+                chosen.append(_with_clock(record, content))
         if not chosen:
             raise InputError(
                 "the selected column is not in the selected runs; select other runs or another column"
@@ -305,8 +303,7 @@ def _make_block(content: Contents, run: str, group: str, timed: list[Column], ra
     if rate is not None:
         return _Block(run, own, None, rate)
     if timed:
-        mine = [c for c in timed if split_run(c)[1] == run] or timed
-        return _Block(run, own, mine[0])
+        return _Block(run, own, next((c for c in timed if split_run(c)[1] == run), timed[0]))
     size = max((c.values.size for c in own), default=0)
     outside = [
         c for c in content.columns if c.group == "" and group and names_time(c) and c.values.size == size
@@ -414,8 +411,7 @@ def _time_score(column: Column, first: bool) -> int:
     if back:
         return int(names_time(column))  # a clock that was set back, which the cleaning repairs or refuses
     if names_time(column):
-        unit = seconds_of_unit(column) is not None
-        return 4 + 2 * unit - column.clock
+        return 4 + 2 * (seconds_of_unit(column) is not None) - column.clock
     return 2 if first and np.all(steps > 0) else 0
 
 
@@ -545,11 +541,8 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
     if len(chosen) > 1:
         out = ", ".join([repr(selector(content.columns, c)) for c in values if c not in chosen][:6])
         return chosen, f"Columns that do not oscillate and decay are left out: {out}." if out else ""
-    used = f"Using column {selector(content.columns, chosen[0])!r}"
-    return (
-        chosen,
-        f"{used}: of the {len(values)} columns that change, it is the one that oscillates and decays.",
-    )
+    why = f"of the {len(values)} columns that change, it is the one that oscillates and decays."
+    return chosen, f"Using column {selector(content.columns, chosen[0])!r}: {why}"
 
 
 def _independent(candidates: list[_Candidate]) -> list[_Candidate]:

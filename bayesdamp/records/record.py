@@ -104,8 +104,7 @@ def choose_unit(unit: str | None, quantity: str | None, stated: str, what: str) 
     used instead of that of the file. A unit of the file that is not in UNITS is ignored.
     """
     only = UNITS[unit].quantity if unit in UNITS else None
-    chosen = unit or (stated if stated in UNITS else "rad")
-    return chosen, quantity or only or what or "angle"
+    return unit or (stated if stated in UNITS else "rad"), quantity or only or what or "angle"
 
 
 def unit_or_guess(raw: RawRecord, unit: str | None, quantity: str | None) -> tuple[str, str]:
@@ -324,8 +323,7 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
     step = float(np.median(steps))
     if np.all(steps == 1.0) and float(t[0]).is_integer():
         sentence = f"its times are {t[0]:.0f}, {t[1]:.0f}, {t[2]:.0f}, ...: are they sample numbers?"
-        option = "--rate HZ, or --time-unit s if they are seconds"
-        return Finding(Kind.SAMPLE_NUMBERS, sentence, option)
+        return Finding(Kind.SAMPLE_NUMBERS, sentence, "--rate HZ, or --time-unit s if they are seconds")
     unknown = _BRACKETS.search(raw.provenance.time_column)
     if unknown is not None and unknown[1].lower() not in _NO_UNITS:
         sentence = f"the unit of its times, {unknown[1]!r}, is not known; the times are read as s"
@@ -369,5 +367,4 @@ def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
         f"implausible; are its times in {better}?"
     )
     known = next(u for u in ("ms", "us", "ns", "ps") if SECONDS[u] == own)
-    option = f"--time-unit {better}, or {known} if they are in {known}"
-    return Finding(Kind.TIME_UNIT, sentence, option)
+    return Finding(Kind.TIME_UNIT, sentence, f"--time-unit {better}, or {known} if they are in {known}")

@@ -101,8 +101,7 @@ def simulate_signal(
     spikes = round(outliers * samples) if outliers < 1 else int(outliers)
     if spikes:
         at = rng.choice(samples, spikes, replace=False)
-        half = float(np.ptp(clean)) / 2
-        y[at] += rng.choice([-1.0, 1.0], spikes) * rng.uniform(0.3, 1.0, spikes) * half
+        y[at] += rng.choice([-1.0, 1.0], spikes) * rng.uniform(0.3, 1.0, spikes) * (np.ptp(clean) / 2)
     if quantum:
         y = np.round(y / quantum) * quantum
         notes.append(f"The values are rounded to steps of {quantum:.4g}.")

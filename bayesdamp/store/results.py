@@ -323,9 +323,8 @@ class Store:
                 ) from fault
             with name_in_errors(self.folder):
                 handle.truncate(0)
-                os.write(
-                    handle.fileno(), str(os.getpid()).encode()
-                )  # unbuffered: a full disk is reported once
+                # Unbuffered: a full disk is reported once.
+                os.write(handle.fileno(), str(os.getpid()).encode())
             remove_temporary(self.folder)
             yield
 

@@ -38,10 +38,8 @@ def parse_pairs(texts: Sequence[str], option: str) -> dict[str, float]:
     InputError for other texts, and for a repeated name.
     """
     values: dict[str, float] = {}
-    for part in ",".join(texts).split(","):
+    for part in filter(str.strip, ",".join(texts).split(",")):
         name, _, value = (piece.strip() for piece in part.partition("="))
-        if not part.strip():
-            continue
         try:
             number = float(value)
         except ValueError:

@@ -109,8 +109,7 @@ class _EnvelopeMatch:
                 if stop - start > max(3 * gap, 0.1 * period):  # a gap
                     inside &= (self.times < start - period / 2) | (self.times > stop + period / 2)
         # The record is used until its envelope first comes near the noise.
-        loud = observed > options.above * noise_level(signal)
-        quiet = np.flatnonzero(inside & ~loud)
+        quiet = np.flatnonzero(inside & ~(observed > options.above * noise_level(signal)))
         self.used = np.flatnonzero(inside & (self.times < (self.times[quiet[0]] if quiet.size else np.inf)))
         if self.used.size * gap < period:
             much = f"{options.above:g} times the noise"
@@ -133,8 +132,7 @@ class _EnvelopeMatch:
         recorded velocity or acceleration), are multiplied by `scale`.
         """
         p = {**self.base, **dict(zip(self.osc.coefficients, map(float, x)))}
-        theta0 = self.rest + scale * (p["theta0"] - self.rest)
-        return p | {"theta0": theta0, "omega0": scale * p["omega0"]}
+        return p | {"theta0": self.rest + scale * (p["theta0"] - self.rest), "omega0": scale * p["omega0"]}
 
     def log_difference(self, x: np.ndarray, scale: float = 1.0) -> np.ndarray:
         """Return ln A_simulated − ln A_observed at the used samples, (u,).

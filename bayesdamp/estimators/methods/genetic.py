@@ -178,8 +178,7 @@ class Genes:
         p |= {name: value for name, value in x.items() if name not in self.balanced}
         if self.balanced:
             law = {name: p[name] for name in self.osc.law.parameters}
-            wanted = {name: x[name] for name in self.balanced}
-            p |= _balance(self.osc.law, law, wanted, self.size)
+            p |= _balance(self.osc.law, law, {name: x[name] for name in self.balanced}, self.size)
         return p
 
 

@@ -172,8 +172,7 @@ def decompose(
     forwards = np.linalg.lstsq(before, after, rcond=None)[0].T
     backwards = np.linalg.lstsq(after, before, rcond=None)[0].T
     generator = (_log(forwards) - _log(backwards)) / (2.0 * lag)
-    back = (vectors[explored] * sizes[explored, None]) * scale
-    return generator, turn / scale[:, None], back
+    return generator, turn / scale[:, None], (vectors[explored] * sizes[explored, None]) * scale
 
 
 def _log(matrix: np.ndarray) -> np.ndarray:

@@ -140,8 +140,7 @@ def _solve_total(
     noise = np.r_[
         np.maximum(slopes, 1e-6), restoring, np.full(drift, 1e-6), smoothed.bandwidth**2 / np.sqrt(5.0)
     ]
-    scaled = np.column_stack([a, b]) / noise
-    vector = np.linalg.svd(np.linalg.qr(scaled, mode="r"))[2][-1]
+    vector = np.linalg.svd(np.linalg.qr(np.column_stack([a, b]) / noise, mode="r"))[2][-1]
     if abs(vector[-1]) < 1e-12:
         raise Refusal(
             "total least squares has no solution: the record does not determine the unknown parameters"

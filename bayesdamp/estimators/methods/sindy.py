@@ -144,8 +144,7 @@ def _design(knots: np.ndarray, x: np.ndarray, order: int) -> sparse.csr_matrix:
     Its shape is (n, number of coefficients). knots: all knots, with repeated ends, in the unit of x. order: order of
     the derivative; 0 for the spline itself.
     """
-    size = knots.size - DEGREE - 1
-    down = sparse.identity(size, format="csr")
+    down = sparse.identity(knots.size - DEGREE - 1, format="csr")
     for d in range(order):
         degree, inner = DEGREE - d, knots[d : knots.size - d]
         gaps = inner[degree + 1 : -1] - inner[1 : -degree - 1]
@@ -165,10 +164,9 @@ def _penalty(knots: np.ndarray, frequency: float) -> sparse.csr_matrix:
     ends = knots[DEGREE : knots.size - DEGREE]
     half = np.diff(ends)[:, None] / 2
     x = ((ends[:-1, None] + ends[1:, None]) / 2 + half * nodes).ravel()
-    w = (half * weights).ravel()
     first, third, fifth = (_design(knots, x, d) / frequency**d for d in (1, 3, 5))
     rough = first + 2.0 * third + fifth
-    return sparse.csr_matrix(rough.T @ sparse.diags(w) @ rough)
+    return sparse.csr_matrix(rough.T @ sparse.diags((half * weights).ravel()) @ rough)
 
 
 def _band(matrix: sparse.csr_matrix) -> np.ndarray:
@@ -321,8 +319,7 @@ def _differentiate(signal: Signal, problem: Problem, features: Features) -> Deri
     t, y = signal.t, signal.y
     if plain.clean:
         rows = np.flatnonzero(np.isin(t, plain.t))
-        freedom = float(rows.size)
-        return Derivatives(rows, t, y, *plain.everywhere, plain.project, plain.integrated, freedom)
+        return Derivatives(rows, t, y, *plain.everywhere, plain.project, plain.integrated, float(rows.size))
     spline = OscillationSpline(t, y, features.period)
     end = min(END * features.period, 0.15 * float(t[-1] - t[0]))
     rows = np.flatnonzero((t >= t[0] + end) & (t <= t[-1] - end))
@@ -370,8 +367,7 @@ def sparse_models(
         x = np.zeros(mask.size)
         x[mask] = np.linalg.lstsq(a[:, mask], b, rcond=1e-12)[0]
         sound = bool(np.all(x[dissipates] >= 0) and np.abs(x).sum() <= MOST_CANCELLATION)
-        model = SparseModel(mask, x / (scale / size), sound)
-        return model, float(np.sum((b - a @ x) ** 2))
+        return SparseModel(mask, x / (scale / size), sound), float(np.sum((b - a @ x) ** 2))
 
     config_context = optional_package("sklearn").config_context
     stlsq = optional_package("pysindy").STLSQ

@@ -159,9 +159,8 @@ class Force:
         known, t = known_restoring(problem), self.motion.t
         form = oscillator(problem).law.linear_form(theta, known)
         self.target = -(self.motion.alpha + self.motion.project(form.offset))
-        drift = self.motion.integrated if len(known) else 0
         columns = [self.motion.project(column) for column in form.columns.T]
-        columns += [(t - t[0]) ** j for j in range(drift)]
+        columns += [(t - t[0]) ** j for j in range(self.motion.integrated if len(known) else 0)]
         self._count, self._decode = form.columns.shape[1], form.decode
         self._columns = np.column_stack(columns) if columns else np.zeros((t.size, 0))
         columns_of_unit_length = self._columns / np.maximum(np.linalg.norm(self._columns, axis=0), 1e-300)
@@ -214,8 +213,7 @@ class Force:
         """
         if self._count == 0:
             return {}
-        left = self.target - self.motion.project(values)
-        return self._decode(solve(self._columns, left)[: self._count])
+        return self._decode(solve(self._columns, self.target - self.motion.project(values))[: self._count])
 
 
 def _polish(force: Force, expression: Any) -> Any:

@@ -35,9 +35,8 @@ COLLINEAR = 1e-3
 """Fraction of the largest singular value below which singular values are left out when the output layer of the
 untrained network is fitted to the record."""
 with warnings.catch_warnings():
-    warnings.simplefilter(
-        "ignore", DeprecationWarning
-    )  # torch uses deprecated functions of its own for the first derivative
+    # torch uses deprecated functions of its own for the first derivative.
+    warnings.simplefilter("ignore", DeprecationWarning)
     jvp(torch.sin, (torch.zeros(1),), (torch.ones(1),))
 
 
@@ -122,8 +121,7 @@ class Collocation(ScaledRecord):
         damping, restoring = physical.tensor_split([len(self.coefficients)], dim=-1)
         force = self.restoring_force(self.rest + self.a * angle, restoring)
         force = force + (self.damping_shapes(self.a * self.w * velocity) * damping).sum(-1)
-        residuals = acceleration + force / (self.a * self.w**2)
-        return (self.physics_weight / angle.numel()) ** 0.5 * residuals
+        return (self.physics_weight / angle.numel()) ** 0.5 * (acceleration + force / (self.a * self.w**2))
 
     def motion(self, x: Tensor, inputs: Tensor) -> Tensor:
         """Return the angle from the equilibrium and its time derivatives up to order j − 1, (n, j).

@@ -179,8 +179,7 @@ class Shooting(ScaledRecord):
         gaps[:, self.physical + 2 :] -= torch.eye(len(joins), dtype=REAL)
         begin = torch.zeros(2, len(unknowns), dtype=REAL)
         begin[:, self.physical : self.physical + 2] = self.is_given.diag()
-        slopes = torch.cat([self.weight[0] * data, self.weight[1] * gaps, self.weight[1] * begin])
-        return slopes.numpy()
+        return torch.cat([self.weight[0] * data, self.weight[1] * gaps, self.weight[1] * begin]).numpy()
 
     def _by_unknowns(self, slopes: Tensor, segment: Tensor) -> Tensor:
         """Return the derivatives of n residuals by all k unknowns, (n, k), with zeros for the starts of other segments.
@@ -190,8 +189,7 @@ class Shooting(ScaledRecord):
         """
         full = torch.zeros(len(slopes), self.physical + 2 * self.segments, dtype=REAL)
         full[:, : self.physical] = slopes[:, 2:]
-        starts = self.physical + 2 * segment[:, None] + torch.arange(2)
-        return full.scatter_(1, starts, slopes[:, :2])
+        return full.scatter_(1, self.physical + 2 * segment[:, None] + torch.arange(2), slopes[:, :2])
 
     @torch.no_grad()
     def project(self, x: np.ndarray) -> np.ndarray:
@@ -266,11 +264,10 @@ def estimate(
     values |= free_start(problem, loss.rest + loss.a * angle, loss.a * loss.w * velocity)
     peak = loss.paths(torch.from_numpy(x))[..., 1].abs().max().item()
     grid = torch.linspace(-peak, peak, GRID, dtype=REAL)
-    law = loss.damping_shapes(loss.a * loss.w * grid) @ torch.from_numpy(coefficients)
     details = {
         "velocity": (loss.a * loss.w * grid).tolist(),
         "force": (loss.a * loss.w**2 * loss.force(torch.from_numpy(x), grid)).tolist(),
-        "law": law.tolist(),
+        "law": (loss.damping_shapes(loss.a * loss.w * grid) @ torch.from_numpy(coefficients)).tolist(),
     }
     count, outcome = training.evaluations, training.outcome
     return Estimate("neural_ode", "initial", values, details=details, evaluations=count, outcome=outcome)

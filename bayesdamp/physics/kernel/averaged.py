@@ -248,8 +248,7 @@ class AveragedSolver(Solver):
         places = np.searchsorted(t, ends)
         places[0], places[-1] = 0, t.size
         p, read = np.array(p, float), [np.empty(0)]
-        for i in range(len(ends) - 1):
-            begin, end = ends[i], ends[i + 1]
+        for i, (begin, end) in enumerate(pairwise(ends)):
             span = np.array([0.0, end - begin])
             inside = t[places[i] : places[i + 1]] - begin
             plain = self._plain(inside if inside.size else span, span)

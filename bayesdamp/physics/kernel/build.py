@@ -413,12 +413,11 @@ def _function(plugin: DampingTerm | RestoringLaw, base: type, name: str, what: s
     if type(plugin).kernel is base.kernel:  # type: ignore[attr-defined]
         raise Refusal(f"the {what} has no `kernel`; define this method to compute trajectories")
     try:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+        definition = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     except (OSError, SyntaxError):
         raise Refusal(
             f"the source of the `kernel` of the {what} cannot be read; define it with `def` in a file"
         ) from None
-    definition = tree.body[0]
     if not isinstance(definition, ast.FunctionDef):
         raise Refusal(f"the `kernel` of the {what} must be a plain function, defined with `def`")
     foreign = sorted(set(function.__code__.co_names) & set(function.__globals__) - {"math", "np"})

@@ -44,17 +44,13 @@ class Pendulum(RestoringLaw):
         the coefficient is k, and the offset is 0. If both are known, there is no coefficient, and the offset is the
         force. known: values of the known parameters, by name.
         """
-        k, rest = known.get("stiffness"), known.get("rest_angle")
+        rest = known.get("rest_angle")
         if rest is not None:
             return LinearForm.of_sum({"stiffness": np.sin(theta - rest)}, known)
 
         def decode(c: np.ndarray) -> dict[str, float]:
-            rest = math.atan2(-c[1], c[0])
-            return (
-                {"rest_angle": rest}
-                if k is not None
-                else {"stiffness": float(np.hypot(*c)), "rest_angle": rest}
-            )
+            stiffness = {} if "stiffness" in known else {"stiffness": float(np.hypot(*c))}
+            return {**stiffness, "rest_angle": math.atan2(-c[1], c[0])}
 
         return LinearForm(np.column_stack([np.sin(theta), np.cos(theta)]), np.zeros_like(theta), decode)
 

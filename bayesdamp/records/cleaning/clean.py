@@ -78,8 +78,7 @@ def recording_step(y: np.ndarray) -> float:
     for _ in range(3):
         count = np.concatenate([[0], np.cumsum(np.round(gaps / step))])
         step, start = (float(c) for c in np.polyfit(count, values, 1))
-    off = np.abs(values - start - step * count)
-    return step if np.quantile(off, 0.95) < 0.2 * step else 0.0
+    return step if np.quantile(np.abs(values - start - step * count), 0.95) < 0.2 * step else 0.0
 
 
 def sensor_offset(signal: Signal, features: Features) -> float:
@@ -191,11 +190,7 @@ def clean(
     notes, warnings = [*raw.provenance.notes, *clock_notes, *window.notes], list(raw.provenance.warnings)
     named = unit_and_quantity(raw.provenance.value_column)
     # Compare base unit and factor, not the names: deg/s and dps are the same unit.
-    if named is not None and (UNITS[named[0]].base, UNITS[named[0]].factor, named[1]) != (
-        base,
-        scale,
-        quantity,
-    ):
+    if named is not None and (*known_unit(*named, name), named[1]) != (scale, base, quantity):
         warnings.append(
             f"the column is named {raw.provenance.value_column!r}, but its values are used as {PLURAL[quantity]} in "
             f"{label}; if this is wrong, give another unit or quantity."
@@ -357,5 +352,4 @@ def filter_and_decimate(y: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
     taps = np.asarray(scipy.signal.firwin(2 * half + 1, (1 + PASS_BAND) / 2 / factor, window=kaiser))
     middle = float(np.mean(y))
     # Sample k of the result is centred on sample k - half of y.
-    whole = scipy.signal.upfirdn(taps, y - middle, 1, 1)
-    return whole[2 * half : y.size : factor] + middle, half
+    return scipy.signal.upfirdn(taps, y - middle, 1, 1)[2 * half : y.size : factor] + middle, half

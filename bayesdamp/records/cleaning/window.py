@@ -445,10 +445,8 @@ def _find_start(series: Series, swings: Swings, why: Reason | None, before: floa
         if far.whole and begins_late and abs(far.at - before) >= 0.08 * gap:
             at, what = far.at, "the release"
         elif not far.whole and decay.times.size <= FEW_TURNS and far.share > 0.5:
-            at, what = (
-                far.at + START_MARGIN * gap,
-                "where the motion begins to agree with the later half cycles",
-            )
+            at = far.at + START_MARGIN * gap
+            what = "where the motion begins to agree with the later half cycles"
     touched = not far.whole and far.share < HAND_REACH and decay.times.size > LEAST_TURNS
     if (
         at == decay.times[0]

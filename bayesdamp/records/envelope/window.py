@@ -173,8 +173,7 @@ class NoiseFloor:
             sd = float(np.hypot(CONSTANT_FLOOR_SD * constant, 0.5 * self.error * fluctuating))
             return float(fluctuating), float(constant), sd, float(np.log(fluctuating / self.power))
         most = a * self.power**2 + 2.0 * b * self.power
-        off = np.log(self.semivariance / most) / self.error
-        return self.power, 0.0, 0.0, float(-0.5 * off**2)
+        return self.power, 0.0, 0.0, float(-0.5 * (np.log(self.semivariance / most) / self.error) ** 2)
 
 
 def measure_floor(t: np.ndarray, power: np.ndarray, decay: np.ndarray, rate: float) -> NoiseFloor:
@@ -224,8 +223,7 @@ def average_in_blocks(t: np.ndarray, y: np.ndarray, most: int) -> tuple[np.ndarr
     Return mean times and mean values, (blocks,) each, and the bounds, (blocks + 1,): block i consists of the samples
     with indices bounds[i] to bounds[i + 1] − 1.
     """
-    count = min(most, t.size)
-    edges = np.linspace(0, t.size, count + 1).round().astype(int)
+    edges = np.linspace(0, t.size, min(most, t.size) + 1).round().astype(int)
     size = np.diff(edges)
     return np.add.reduceat(t, edges[:-1]) / size, np.add.reduceat(y, edges[:-1]) / size, edges
 
@@ -590,8 +588,7 @@ def _lines(t: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray) -> t
     rms misfits in dB, (k,) each.
     """
     t = t - t.mean()
-    terms = (np.ones_like(t), t, t * t, y, y * t, y * y)
-    sums = [np.concatenate([[0.0], np.cumsum(term)]) for term in terms]
+    sums = [np.concatenate([[0.0], np.cumsum(term)]) for term in (np.ones_like(t), t, t * t, y, y * t, y * y)]
     n, st, stt, sy, sty, syy = (total[high] - total[low] for total in sums)
     spread = np.maximum(stt - st * st / n, 1e-300)
     slope = (sty - st * sy / n) / spread
@@ -636,8 +633,7 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
         return end, None
     if _steepens(t, y, int(edges[begin]), int(edges[floor_at]), stop):
         return end, None
-    limit = 10.0 ** (ABOVE_FLOOR / 10.0) * floor
-    above = np.flatnonzero(np.exp(2.0 * x) < limit)
+    above = np.flatnonzero(np.exp(2.0 * x) < 10.0 ** (ABOVE_FLOOR / 10.0) * floor)
     end = min(end, begin + int(above[0])) if above.size else end
     return end, measured.scaled(10.0 ** (scale / 10.0))
 

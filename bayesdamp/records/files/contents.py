@@ -293,15 +293,13 @@ def _unit_candidates(name: str) -> list[str]:
         return ["".join(groups).strip() for groups in inside]
     behind = re.search(r"(?:^[^/\s]+/|\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
     if behind:
-        unsure = behind[0][0] == "_" and behind[1] in _AMBIGUOUS_UNITS
-        return [] if unsure else [behind[1].strip("()[]{}")]
+        return [] if behind[0][0] == "_" and behind[1] in _AMBIGUOUS_UNITS else [behind[1].strip("()[]{}")]
     last = re.search(r"(?:^|\s)([^\W\d_]+)\s*$", name)
     if last and (_normalise_time_unit(last[1]) in SECONDS or _normalise_unit(last[1]) in _WRITTEN):
         # A unit without brackets or a separator: `Angle degrees`, `adc`.
-        word, alone = last[1], last[1] == name.strip()
-        if (len(word) > 2 and word not in _AMBIGUOUS_UNITS and word != "min") or (
-            word in _TWO_LETTER_UNITS and not alone
-        ):
+        word = last[1]
+        is_clear = len(word) > 2 and word not in _AMBIGUOUS_UNITS and word != "min"
+        if is_clear or (word in _TWO_LETTER_UNITS and word != name.strip()):
             return [word]
     return []
 
@@ -539,11 +537,9 @@ def find_columns(columns: Sequence[Column], wanted: str | int) -> list[Column]:
     close = get_close_matches(name, [*valid, *bare], n=1, cutoff=0.6)
     if close:
         raise InputError(f"unknown column {name[:60]!r}; did you mean {close[0]!r}?")
-    what = (
-        f"valid are {', '.join(valid)}"
-        if 0 < len(valid) <= MOST_NAMES
-        else f"columns are {list_names(columns)}"
-    )
+    what = f"columns are {list_names(columns)}"
+    if 0 < len(valid) <= MOST_NAMES:
+        what = f"valid are {', '.join(valid)}"
     raise InputError(f"unknown column {name[:60]!r}; {what}")
 
 

@@ -103,9 +103,8 @@ def is_clipped(y: np.ndarray, per_cycle: float) -> bool:
     usual = np.arccos(max(1.0 - step / size, -1.0)) / np.pi * per_cycle
     limit = max(MIN_FLAT_SAMPLES, FLAT_RATIO * usual + 1) * repeats
     runs = [run for edge in (levels[0], levels[-1]) for run in true_runs(np.abs(y - edge) <= 1e-9 * size)]
-    runs = [
-        (a, b) for a, b in runs if a > 0 and b < y.size
-    ]  # at the ends of the record the body may be held or stick
+    # At the ends of the record the body may be held or stick.
+    runs = [(a, b) for a, b in runs if a > 0 and b < y.size]
     return any(limit <= b - a < 0.5 * per_cycle and _has_corners(y, a, b, per_cycle, step) for a, b in runs)
 
 
@@ -143,8 +142,7 @@ def is_rectified(y: np.ndarray) -> bool:
     half_cycle, _ = coarse_period(np.arange(y.size, dtype=float), y)  # the period of |y|
     if y.size < MIN_HALF_CYCLES * half_cycle or half_cycle < 2:
         return False
-    edges = np.arange(0.0, y.size, half_cycle).astype(int)
-    halves = [y[begin:end] for begin, end in pairwise(edges)]
+    halves = [y[begin:end] for begin, end in pairwise(np.arange(0.0, y.size, half_cycle).astype(int))]
     peaks = np.array([half.max() for half in halves])
     first = int(np.argmax(peaks))
     small = np.flatnonzero(peaks[first:] < MIN_PEAK * peaks[first])

@@ -207,8 +207,7 @@ def refine(
             few &= (at - wider * half >= t[0]) & (at + wider * half <= t[-1])
         width[few] = wider * half[few]
     begins = np.searchsorted(t, at - width)
-    sizes = np.searchsorted(t, at + width) - begins
-    for n, same in group_by_size(sizes, 5, GRID_POINTS):
+    for n, same in group_by_size(np.searchsorted(t, at + width) - begins, 5, GRID_POINTS):
         rows = begins[same][:, None] + np.arange(n)
         scale = 2 * np.pi / period[same]
         x = scale[:, None] * (t[rows] - at[same][:, None])

@@ -157,15 +157,11 @@ def sinusoids(signal: Signal) -> Sinusoids:
         # Windows that hardly overlap do not determine the number of cycles between them; the turning points do.
         # Therefore use only the part of the record between the first and the last turning point.
         first, last = max(first, float(turns[0])), min(last, float(turns[-1]))
-    span = (last - first) / measured.period
-    periods = max(
-        min(float(np.clip(WINDOW_FRACTION * measured.cycles, SHORTEST_WINDOW, LONGEST_WINDOW)), span - 1.5),
-        1.0,
-    )
+    periods = float(np.clip(WINDOW_FRACTION * measured.cycles, SHORTEST_WINDOW, LONGEST_WINDOW))
+    periods = max(min(periods, (last - first) / measured.period - 1.5), 1.0)
     inside = last - first - periods * measured.period
-    count = int(
-        np.clip(STARTS_PER_WINDOW * inside / (periods * measured.period) + 1, FEWEST_WINDOWS, MOST_WINDOWS)
-    )
+    wanted = STARTS_PER_WINDOW * inside / (periods * measured.period) + 1
+    count = int(np.clip(wanted, FEWEST_WINDOWS, MOST_WINDOWS))
     middles = first + 0.5 * periods * measured.period + np.linspace(0, 1, count) * max(inside, 0.0)
     # First estimate of the local period, from neighbouring turning points; smoothed, because a turning point may be
     # wrong.
@@ -173,9 +169,8 @@ def sinusoids(signal: Signal) -> Sinusoids:
     if turns.size >= 3:
         local = turns[2:] - turns[:-2]
         if local.size >= 5:
-            local = scipy.ndimage.uniform_filter1d(
-                scipy.ndimage.median_filter(local, 5, mode="nearest"), 5, mode="nearest"
-            )
+            local = scipy.ndimage.median_filter(local, 5, mode="nearest")
+            local = scipy.ndimage.uniform_filter1d(local, 5, mode="nearest")
         local = np.interp(middles, turns[1:-1], local)
     # Fit again with the frequency from the slope of the phases, which is more precise than turning points.
     constant = np.zeros(middles.size)
@@ -245,8 +240,7 @@ def _fit_windows(
     ahead = np.diff(times) * 0.5 * (used[1:] + used[:-1])
     if turns.size > 1:
         counted = np.diff(np.interp(times, turns, np.pi * np.arange(turns.size)))
-        within = (times[:-1] >= turns[0]) & (times[1:] <= turns[-1])
-        ahead = np.where(within, counted, ahead)
+        ahead = np.where((times[:-1] >= turns[0]) & (times[1:] <= turns[-1]), counted, ahead)
     steps = np.diff(phases)
     steps = steps + 2 * np.pi * np.round((ahead - steps) / (2 * np.pi))
     phases = phases[0] + np.concatenate([[0.0], np.cumsum(steps)])
@@ -540,9 +534,8 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
         inverse = np.linalg.pinv(white)
         aim = np.linalg.solve(root, windows.phases)
         c = inverse @ aim
-        variance = (float(np.sum((aim - white @ c) ** 2)) + NOISE_WEIGHT) / (
-            t.size - count - 1 + NOISE_WEIGHT
-        )
+        freedom = t.size - count - 1 + NOISE_WEIGHT
+        variance = (float(np.sum((aim - white @ c) ** 2)) + NOISE_WEIGHT) / freedom
         wide = float(scipy.special.stdtrit(independent - count - 1 + NOISE_WEIGHT, 0.975)) / NORMAL_95
         covariance = (inverse @ inverse.T)[1:, 1:] * max(variance, 1.0) * wide**2
         fits.append((independent * np.log(variance) + (count + 1) * np.log(independent), c[1:], covariance))
@@ -612,7 +605,6 @@ def _smooth_power(windows: Sinusoids, logs: np.ndarray, power: float) -> tuple[n
         line = np.array([0.0, 1.0]) - WALKS[:, None, None] * (walk_slope @ weighted)
         spread = WALKS[:, None] * (w - WALKS[:, None] * (precision @ walk_slope.T**2))
         spread += np.sum(line @ inverse * line, axis=2)
-        sds = wide * np.sqrt(variance[:, None] * np.maximum(spread, 0.0)) / stretched
-        return sizes, slopes, sds
+        return sizes, slopes, wide * np.sqrt(variance[:, None] * np.maximum(spread, 0.0)) / stretched
 
     return log, curves

@@ -241,8 +241,7 @@ def _add_mode(
 
     fits: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
     for omega in starts:
-        is_near = np.any(np.abs(points[:, 0] - omega) < MIN_SEPARATION * bin_width)
-        if omega <= 0 or (fits and is_near):
+        if omega <= 0 or (fits and np.any(np.abs(points[:, 0] - omega) < MIN_SEPARATION * bin_width)):
             continue
         start = np.vstack([points, [omega, 1.0 / t[-1]]]).ravel() / scale
         start = np.clip(start, low + 1e-6, high - 1e-6)
@@ -468,5 +467,4 @@ def relative_rise(ranges: np.ndarray, noise: float, together: int = SUCCESSIVE_P
         return 0.0
     runs = np.lib.stride_tricks.sliding_window_view(ranges, together)
     before, later = np.minimum.accumulate(runs.max(axis=1))[:-together], runs.min(axis=1)[together:]
-    rises = later - before - RISE_SIGMAS * noise
-    return float(max(np.max(rises / np.maximum(later, 1e-300)), 0.0))
+    return float(max(np.max((later - before - RISE_SIGMAS * noise) / np.maximum(later, 1e-300)), 0.0))

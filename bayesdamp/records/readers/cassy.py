@@ -79,9 +79,8 @@ class CassyReader(Reader):
                 if named[name] != 1:
                     name = f"{name} {_text(channel, 'symbol')}".strip()
                 if (seconds_written(unit) or 1.0) < 1.0:
-                    notes[
-                        f"Times are read in s: CASSY Lab stores times in s, although it displays {unit}."
-                    ] = None
+                    note = f"Times are read in s: CASSY Lab stores times in s, although it displays {unit}."
+                    notes[note] = None
                     unit = "s"
                 column = make_column(rows, 0, ".", f"{label}.{name}" if label else name, label, unit)
                 columns.append(replace(column, run=label))

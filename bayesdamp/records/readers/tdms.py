@@ -47,10 +47,8 @@ class TdmsReader(Reader):
         if status is not None and status.incomplete_final_segment:
             lost = [c.expected_length - c.read_length for c in (status.channel_statuses or {}).values()]
             many = f", {max(lost)} samples of a channel are missing" if lost and max(lost) > 0 else ""
-            what = (
-                f"the file is cut off in its last segment{many}: it was not closed, or not copied completely."
-            )
-            warnings = (what,)
+            cut = f"the file is cut off in its last segment{many}"
+            warnings = (f"{cut}: it was not closed, or not copied completely.",)
         return Contents("TDMS", tuple(columns), trim_facts(facts), warnings=warnings, channels=True)
 
 

@@ -84,8 +84,7 @@ class TextReader(Reader):
         """
         if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             return True
-        controls = len(head) - len(head.translate(None, _CONTROLS))
-        return b"\0" not in head and controls <= 0.01 * len(head)
+        return b"\0" not in head and len(head) - len(head.translate(None, _CONTROLS)) <= 0.01 * len(head)
 
     def read(self, path: Path) -> Contents:
         """Return the table's columns. Raises InputError if the text is too large, or `parse_table` refuses it."""
@@ -268,7 +267,7 @@ def _choose_separator(lines: list[str]) -> tuple[str, str, int] | None:
     if not filled:
         return None
     sample = filled[len(filled) // 2 :][:: max(1, len(filled) // 120)]
-    best: tuple[tuple[float, int], tuple[str, str, int]] | None = None
+    options: list[tuple[tuple[float, int], tuple[str, str, int]]] = []
     for separator, decimal in (";,", ";.", "\t,", "\t.", ",.", " ,", " ."):
         rows = [split_cells(line, separator) for line in sample]
         columns = Counter(map(len, rows)).most_common(1)[0][0]
@@ -277,9 +276,8 @@ def _choose_separator(lines: list[str]) -> tuple[str, str, int] | None:
         numbers = sum(parse_number(cell, decimal) is not None for cell in cells)
         if numbers > 0:
             score = (round(numbers / len(cells) * len(rows) / len(sample), 2), columns)
-            if best is None or score > best[0]:
-                best = (score, (separator, decimal, columns))
-    return None if best is None else best[1]
+            options.append((score, (separator, decimal, columns)))
+    return max(options, key=lambda option: option[0], default=(None, None))[1]
 
 
 def find_layout(lines: list[str]) -> Layout | None:
