@@ -320,8 +320,7 @@ def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
     weight = np_.exp(each - top)
     total = weight.sum(axis=-1)
     constant = count * (math.log(2.0) - _HALF_LOG_2PI) - math.log(scales.size)
-    precision = (weight / scales**2).sum(axis=-1) / total
-    return np_.log(total) + top[..., 0] + constant, precision
+    return np_.log(total) + top[..., 0] + constant, (weight / scales**2).sum(axis=-1) / total
 
 
 def log_prior_of(z: np.ndarray, shared: np.ndarray, scales: ArrayLike = SHARED_SIGMAS) -> np.ndarray:

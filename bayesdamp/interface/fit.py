@@ -353,17 +353,15 @@ class Fit(Result, Storable):
             rms = float(np.sqrt(np.nanmean(self.residuals**2))) * unit.scale
             title += f": {self.noise} noise, residual {digits(rms, n=3)} {unit.of(self.signal.quantity)} rms"
         known = ", ".join(f"{n} = {digits(v, n=6)}" for n, v in self.known.items())
-        both = (("damping", self.deviation), ("frequency", self.frequency_deviation))
         deviates = tuple(
             f"No deviation of the {what} from its law is detected (95 %: below {percentage(q.high)} %)."
             if q.value < UNDETECTED_DEVIATION
             else f"The {what} follows its law within {percentage(q.value)} % (95 %: below {percentage(q.high)} %)."
-            for what, q in both
+            for what, q in (("damping", self.deviation), ("frequency", self.frequency_deviation))
             if q is not None
         )
-        notes = outcome_notes(
-            self.outcome, (*([f"Known: {known}."] if known else []), *self.notes, *deviates)
-        )
+        named = [f"Known: {known}."] if known else []
+        notes = outcome_notes(self.outcome, (*named, *self.notes, *deviates))
         return frame_table(self.summary().drop(columns="prior"), title, notes)
 
     def _reduced(self) -> StoredFit:

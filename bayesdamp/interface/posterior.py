@@ -213,8 +213,7 @@ class Posterior(Result, types.Posterior):
         self._require_draws()
         chosen = list(self.names if names is None else names)
         check_keys(chosen, self.names, "plot.names")
-        size = (9.0, 1.6 * len(chosen))
-        axes = get_axes(ax, 2 * len(chosen), columns=2, size=size)
+        axes = get_axes(ax, 2 * len(chosen), columns=2, size=(9.0, 1.6 * len(chosen)))
         for i, name in enumerate(chosen):
             draws = self.draws[..., self.names.index(name)]
             trace, density = axes[2 * i], axes[2 * i + 1]

@@ -335,9 +335,8 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
         scale = columns / np.linalg.norm(columns, axis=0)
         triangle = np.linalg.cholesky((whole + 1e2 * scale @ scale.T)[::-1, ::-1])
         innovations = np.linalg.solve(triangle, (b.x - fit)[::-1])[::-1][:early]
-        total = np.append(
-            np.cumsum(innovations[::-1])[::-1], 0.0
-        )  # sums from each block to the last early one
+        # Sums from each block to the last early one.
+        total = np.append(np.cumsum(innovations[::-1])[::-1], 0.0)
         surprises = np.zeros(early, bool)
         for count in (1, 2, 4, 8):
             if count <= early:

@@ -78,9 +78,8 @@ class Importance(EvidenceMethod):
             proposal = refitted
             y, log_weights = self._weights(mode, proposal, shear, rng, PILOT_DRAWS)
             evaluations += PILOT_DRAWS
-        final = (
-            FINAL_DRAWS if mode.linear is None else FINAL_DRAWS // 2
-        )  # a likelihood with deviations takes longer
+        # A likelihood with deviations takes longer.
+        final = FINAL_DRAWS if mode.linear is None else FINAL_DRAWS // 2
         y, log_weights = self._weights(mode, proposal, shear, rng, final)
         evaluations += final
         k, share = pareto_k(log_weights), effective_size(log_weights) / final
