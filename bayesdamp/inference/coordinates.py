@@ -368,16 +368,14 @@ def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.nda
     return top
 
 
-def _profile(
-    target: Target, mode: Mode, first: int, second: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _profile(target: Target, mode: Mode, first: int, second: int) -> np.ndarray:
     """Compute the marginal posterior of the second of two tied noise parameters, in steps to both sides of the mode.
 
     At each value of this parameter, the log posterior is maximised over all other parameters. A side ends at
     `RIDGE_END_NATS`, after `MOST_STEPS` steps, or where the posterior is not finite. first, second: indices of the two
     parameters.
 
-    Returns three arrays for the m values, (m,) each, which are empty if the posterior at the mode is not finite: the
+    Returns an array, (3, m), for the m values; m is 0 if the posterior at the mode is not finite. Its rows are the
     standard normal scores of the second parameter, increasing; their marginal log density by Laplace's approximation,
     up to a constant; and the most probable score of the first parameter given each.
     """

@@ -330,8 +330,7 @@ class Fit(Result, Storable):
         above.plot(t, self.signal.y * scale, ".", color=QUIET, ms=2, label="record")
         above.plot(t, self.fitted * scale, color=BLUE, lw=1.0, label=f"fit of {self.model.damping}")
         if end > t[-1]:
-            gap = float(np.median(np.diff(t)))
-            ahead = self.predict(np.arange(float(t[-1]), end, gap))
+            ahead = self.predict(np.arange(float(t[-1]), end, float(np.median(np.diff(t)))))
             value, sd = ahead.value * scale, ahead.sd * scale
             above.plot(ahead.t, value, color=BLUE, lw=1.0, ls="--", label="beyond the record")
             low, high = value - 2 * sd, value + 2 * sd

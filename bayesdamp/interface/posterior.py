@@ -318,8 +318,7 @@ def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
     g, h = law.deviations(flat)
     both = ((DAMPING, np.expm1(g)), (FREQUENCY, h))
     for (name, values), size in zip(both, law.sizes(flat), strict=True):
-        shaped = values.reshape(chains, count, -1)
-        variables[name] = (("chain", "draw", "knot"), shaped, {"units": "1"})
+        variables[name] = (("chain", "draw", "knot"), values.reshape(chains, count, -1), {"units": "1"})
         variables[f"{name}_size"] = (("chain", "draw"), size.reshape(chains, count), {"units": "1"})
     return variables, coords
 

@@ -208,8 +208,7 @@ class EnvelopeCandidate:
         weights = self.posterior.weights[used] / self.posterior.weights[used].sum()
         curves = motion.y - motion.tangents[:, :d] @ self.rates + means @ columns.T
         mean = weights @ curves
-        variance = weights @ ((curves - mean) ** 2 + np.sum((columns @ factors) ** 2, axis=2))
-        return mean, np.sqrt(variance)
+        return mean, np.sqrt(weights @ ((curves - mean) ** 2 + np.sum((columns @ factors) ** 2, axis=2)))
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -416,9 +415,7 @@ class FitPosteriors:
         which: mask of the combinations of hyperparameters (noise, its scale, size and correlation length of the
         deviation from the law) to use, (c,); by default all.
         """
-        normals = self.normals
-        if which is not None:
-            normals = normals.only(which)
+        normals = self.normals if which is None else self.normals.only(which)
         return with_priors(normals, self.positive, self.positive)
 
 

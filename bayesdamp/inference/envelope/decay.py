@@ -207,8 +207,8 @@ def free_decay(
         chosen = replace(chosen, start=chosen.start + later * size // b.t.size, stop=behind)
         tries += 1
     if chosen.start > first:
-        begins = f"{record.t[chosen.start]:.4g} s"
-        why[0] = f"starts at {begins}, because the readings before it do not fit the decay"
+        begins = record.t[chosen.start]
+        why[0] = f"starts at {begins:.4g} s, because the readings before it do not fit the decay"
     if chosen.stop < stop:
         last = f"{record.t[chosen.stop - 1]:.4g} s"
         why[1] = (

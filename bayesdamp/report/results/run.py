@@ -353,8 +353,7 @@ def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
     is compared under several restoring laws.
     """
     ranked = rank_models(run, signal, repeat)
-    rows = (*run.estimates, *run.posteriors, *run.evidence, *run.fits)
-    models = {r["model"] for r in rows if r["signal"] == signal}
+    models = {r["model"] for r in run._rows if r["signal"] == signal}
     models |= {task_result.parts.candidate for task_result in run.task_results("mode", signal, repeat)}
     first = [row["model"] for row in ranked.rows] if ranked else []
     return list(dict.fromkeys([*first, *(m for m in run.models if m in models), *sorted(models)]))
@@ -363,8 +362,7 @@ def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
 def models_not_pruned(run: RunFolder, signal: str, repeat: int) -> list[str]:
     """Return the names of the models that were not left out as far too improbable (pruned), as in `models_by_rank`."""
     ranked = rank_models(run, signal, repeat)
-    rows = ranked.rows if ranked else []
-    pruned = {r["model"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
+    pruned = {r["model"] for r in (ranked.rows if ranked else []) if status_of(r["outcome"]) is Status.PRUNED}
     return [model for model in models_by_rank(run, signal, repeat) if model not in pruned]
 
 
@@ -461,10 +459,8 @@ def answers(run: RunFolder) -> list[RecordAnswer]:
 
     To save memory, their `arrays` contain only the damping curve (`CURVE`).
     """
-    every = (answer_of(run, signal) for signal in run.signals)
-    return [
-        replace(a, arrays={n: a.arrays[n] for n in CURVE if n in a.arrays}) for a in every if a is not None
-    ]
+    every = filter(None, (answer_of(run, signal) for signal in run.signals))
+    return [replace(a, arrays={n: a.arrays[n] for n in CURVE if n in a.arrays}) for a in every]
 
 
 def specimens(run: RunFolder) -> list[Verdict]:
