@@ -372,14 +372,11 @@ def joint_slope(priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHAR
     """
     scores = {i: float(p.score(x[i])) for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)}
     precision = shared_precision(sum(z * z for z in scores.values()), len(scores), scales) if scores else 1.0
-    return np.array(
-        [
-            -precision * scores[i] / prior.numbers[0]
-            if isinstance(prior, SharedHalfNormal)
-            else float(prior.slope(x[i]))
-            for i, prior in enumerate(priors)
-        ]
-    )
+    slopes = [
+        -precision * scores[i] / prior.numbers[0] if i in scores else float(prior.slope(x[i]))
+        for i, prior in enumerate(priors)
+    ]
+    return np.array(slopes)
 
 
 class LogNormal(_Prior):

@@ -90,8 +90,7 @@ class Prediction(Result):
     def _table(self) -> Table:
         rows = np.linspace(0, self.t.size - 1, min(PRINTED_TIMES, self.t.size)).astype(int)
         shown = self.summary().take(rows.tolist())
-        caption = f"Predicted {self.quantity}: {len(shown)} of {self.t.size} times"
-        return frame_table(shown, caption)
+        return frame_table(shown, f"Predicted {self.quantity}: {len(shown)} of {self.t.size} times")
 
 
 @dataclass(frozen=True)

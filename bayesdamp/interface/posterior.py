@@ -223,9 +223,8 @@ class Posterior(Result, types.Posterior):
             grid = np.linspace(*density.get_xlim(), 200)
             prior = np.exp(self.fit.priors[name].log_density(grid))
             density.plot(grid, prior, color=QUIET, ls="--", label="prior")
-            unit = self.fit.units[name]
             trace.set_ylabel(name)
-            density.set_xlabel(f"{name} / {unit}")
+            density.set_xlabel(f"{name} / {self.fit.units[name]}")
             trace.set_xlabel("draw")
             density.set_yticks([])
             density.locator_params(axis="x", nbins=5)

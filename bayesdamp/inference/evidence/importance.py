@@ -90,12 +90,11 @@ class Importance(EvidenceMethod):
             few = f"a few draws have all the weight (effective number {share * final:.0f})"
             outcome = f"not to be trusted: {few}"
         log_evidence = float(scipy.special.logsumexp(log_weights) - np.log(final))
-        relative = np.exp(log_weights - log_evidence)
         return Evidence(
             model=model,
             method=self.name,
             log_evidence=log_evidence,
-            stderr=float(np.std(relative, ddof=1) / np.sqrt(final)),
+            stderr=float(np.std(np.exp(log_weights - log_evidence), ddof=1) / np.sqrt(final)),
             diagnostic=f"Pareto k {k:.2f}, effective share {share:.2f}",
             evaluations=evaluations,
             outcome=outcome,

@@ -92,8 +92,7 @@ class Sampler(ABC):
         converged or are too short. Raises Refusal like `sample`.
         """
         began = time.perf_counter()
-        posterior = self.sample(target, mode, settings)
-        posterior = replace(posterior, seconds=time.perf_counter() - began)
+        posterior = replace(self.sample(target, mode, settings), seconds=time.perf_counter() - began)
         if posterior.summaries or not posterior.draws.size:
             return posterior
         columns = zip(posterior.names, np.moveaxis(posterior.draws, -1, 0), strict=True)

@@ -39,8 +39,7 @@ class StudyCandidate:
     @property
     def methods(self) -> tuple[str, ...]:
         """Names of the estimators that the study applies to this candidate on this repeat of the record, if any."""
-        on = self.study.estimators.on(self.repeat)
-        return on if self.model in self.study.estimate(self.spec) else ()
+        return self.study.estimators.on(self.repeat) if self.model in self.study.estimate(self.spec) else ()
 
     @property
     def problem(self) -> Problem:
