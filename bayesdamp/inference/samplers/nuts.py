@@ -487,7 +487,7 @@ class Nuts(Sampler):
         u, log_densities = seeded_starts(target, mode, at, settings.chains, settings)
         space, step = WhitenedPosterior.of(mode, at, exact), factor * LEAPFROG_STEP
         rngs = [np.random.default_rng([settings.seed, i]) for i in range(settings.chains)]
-        chains = [Chain(space, step, rng) for rng in rngs]
+        chains: list[Chain] = [Chain(space, step, rng) for rng in rngs]
         if target.deviation is not None:
             given: dict[int, WhitenedPosterior] = {}
             chains = [MixtureChain(mode, space, given, step, rng) for rng in rngs]
