@@ -447,8 +447,8 @@ def _posteriors_about(
         # The constant part of the noise floor is subtracted; its error is an additional unknown.
         floor = 0.5 * noise.constant * np.exp(-2.0 * motion.y)
         unsure = noise.constant_sd / noise.constant if noise.constant > 0 else 0.0
-        parts = [columns[:, : d + 1], unsure * floor, columns[:, d + 1 :], residual - floor]
-        white, log_det = whiten_columns(covariance, parts)
+        whole = [columns[:, : d + 1], unsure * floor, columns[:, d + 1 :], residual - floor]
+        white, log_det = whiten_columns(covariance, whole)
         part = normals_of(condense(white[:, :-1], white[:, -1], positive), grid, variance, n)
         parts.append(replace(part, log=part.log + log_weight - log_det))
     every = Normals(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Normals)))
