@@ -320,8 +320,7 @@ def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
     weight = np_.exp(each - top)
     total = weight.sum(axis=-1)
     constant = count * (math.log(2.0) - _HALF_LOG_2PI) - math.log(scales.size)
-    precision = (weight / scales**2).sum(axis=-1) / total
-    return np_.log(total) + top[..., 0] + constant, precision
+    return np_.log(total) + top[..., 0] + constant, (weight / scales**2).sum(axis=-1) / total
 
 
 def log_prior_of(z: np.ndarray, shared: np.ndarray, scales: ArrayLike = SHARED_SIGMAS) -> np.ndarray:
@@ -373,14 +372,11 @@ def joint_slope(priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHAR
     """
     scores = {i: float(p.score(x[i])) for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)}
     precision = shared_precision(sum(z * z for z in scores.values()), len(scores), scales) if scores else 1.0
-    return np.array(
-        [
-            -precision * scores[i] / prior.numbers[0]
-            if isinstance(prior, SharedHalfNormal)
-            else float(prior.slope(x[i]))
-            for i, prior in enumerate(priors)
-        ]
-    )
+    slopes = [
+        -precision * scores[i] / prior.numbers[0] if i in scores else float(prior.slope(x[i]))
+        for i, prior in enumerate(priors)
+    ]
+    return np.array(slopes)
 
 
 class LogNormal(_Prior):

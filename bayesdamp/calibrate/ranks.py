@@ -93,8 +93,7 @@ class Generator:
         escaped, osc = InputError("nothing was drawn"), self.blank.oscillator
         source = self.source.model_copy(update={"damping": osc.damping, "noise": self.blank.noise_model.name})
         for _ in range(MOST_ESCAPES):
-            z = self.blank.prior_draws(1, rng)[0]
-            truth = {k: float(v) for k, v in self.blank.values(z).items()}
+            truth = {k: float(v) for k, v in self.blank.values(self.blank.prior_draws(1, rng)[0]).items()}
             try:
                 signal = simulate_source(source, osc.restoring, {**self.blank.known, **truth}, name, rng)
             except InputError as fault:

@@ -67,8 +67,7 @@ class RecordSeries:
         # Plug-ins are looked up by name, not imported, so their source is added to the key.
         sources = [*map(TERMS.source, terms), *map(LAWS.source, laws), *map(NOISES.source, study.noises)]
         sources += [*map(SAMPLERS.source, study.calibration.samplers), EVIDENCES.source("importance")]
-        parts = self.module.key_parts(study)
-        key = task_key("calibration", self.name, first, parts, sources)
+        key = task_key("calibration", self.name, first, self.module.key_parts(study), sources)
         return f"{self.name}/{first:06d}", key
 
 
@@ -131,8 +130,7 @@ def run_calibration(
         every = [RecordSeries(study.recovery.records)]
     else:
         ranks.check(study)
-        compared = study.compare(study.signals[0])
-        every = [RecordSeries(study.calibration.records, model) for model in compared]
+        every = [RecordSeries(study.calibration.records, m) for m in study.compare(study.signals[0])]
     store = Store(out)
     with store.lock():
         if fresh:

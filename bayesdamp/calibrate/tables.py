@@ -181,8 +181,7 @@ def calibration_summary(study: Study, results: Results, rows: Sequence[Row]) -> 
     bands = {str(n): binom.interval(1 - FALSE_ALARM, n, 1 / table.bins) for n in sorted(numbers)}
     families = {}
     for family, classical in {"posterior": False, "classical": True}.items():
-        own = [r for r in rows if (r["method"] == CLASSICAL) is classical]
-        verdicts = Counter(r["verdict"] for r in own)
+        verdicts = Counter(r["verdict"] for r in rows if (r["method"] == CLASSICAL) is classical)
         families[family] = {"tests": verdicts["passes"] + verdicts["wrong"], "wrong": verdicts["wrong"]}
     return {
         "counts": counts,
@@ -336,8 +335,7 @@ def holm(tests: Sequence[float]) -> np.ndarray:
     adjusted = np.full(p.size, np.nan)
     tested = np.flatnonzero(np.isfinite(p))
     order = tested[np.argsort(p[tested], kind="stable")]
-    factors = np.arange(order.size, 0, -1)
-    adjusted[order] = np.minimum(np.maximum.accumulate(factors * p[order]), 1.0)
+    adjusted[order] = np.minimum(np.maximum.accumulate(np.arange(order.size, 0, -1) * p[order]), 1.0)
     return adjusted
 
 

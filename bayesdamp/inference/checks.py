@@ -204,8 +204,7 @@ def laplace_draws(mode: Mode, count: int, seed: int) -> np.ndarray:
     the Gauss–Newton covariance of `Mode.factor`. Scores of coefficients that cannot be negative (reflected scores) are
     truncated at zero.
     """
-    normal = truncated_near(mode.near, mode.z, mode.factor)
-    return normal.draw(np.random.default_rng(seed), count)
+    return truncated_near(mode.near, mode.z, mode.factor).draw(np.random.default_rng(seed), count)
 
 
 def kurtosis(x: np.ndarray) -> np.ndarray:
@@ -250,8 +249,7 @@ def tangents(target: Target, mode: Mode) -> np.ndarray:
     """
     at_zero = target.reflected & (np.abs(mode.z) <= ZERO_SCORE)
     free = [i for i in target.moving if not at_zero[i]]
-    steps = DIFFERENCE_STEP * mode.sd()
-    shifted = mode.z + np.diag(steps)[free]
+    shifted = mode.z + np.diag(DIFFERENCE_STEP * mode.sd())[free]
     residuals = mode.likelihood.residuals(np.stack([mode.z, *shifted]))
     if not target.noise_model.heavy_tailed:
         residuals = [mode.likelihood.whitened(r, mode.z) for r in residuals]
@@ -290,21 +288,19 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
         residuals, (n,), which should be independent and standard normal; `autocorrelation`: that of the whitened
         residuals, (l,), from lag 0 to three times the largest lag of the predictive check, but at most n/2.
     """
-    t, n, r = target.signal.t, target.signal.t.size, mode.likelihood.residual(mode.z)
-    white = mode.likelihood.whitened(r, mode.z)
+    likelihood, t, n = mode.likelihood, target.signal.t, target.signal.t.size
+    r = likelihood.residual(mode.z)
+    white = likelihood.whitened(r, mode.z)
     lags = int(np.clip(period / np.median(np.diff(t)), 4, max(n // 5, 4)))
     # Posterior predictive p values of the autocorrelation and of the kurtosis of whitened residuals.
-    parts = np.array_split(
-        laplace_draws(mode, PREDICTIVE_DRAWS, seed), max(4, PREDICTIVE_DRAWS * n // MOST_RESIDUALS)
-    )
-    scores = (
-        np.stack([mode.likelihood.whitened(mode.likelihood.residual(z), z) for z in part]) for part in parts
-    )
+    draws = laplace_draws(mode, PREDICTIVE_DRAWS, seed)
+    parts = np.array_split(draws, max(4, PREDICTIVE_DRAWS * n // MOST_RESIDUALS))
+    scores = (np.stack([likelihood.whitened(likelihood.residual(z), z) for z in part]) for part in parts)
     observed = np.concatenate([_statistics(s, lags) for s in scores], axis=1)
     # A draw with an unbounded motion gives nan, which counts as more extreme than any noise.
     beyond = np.sum(_null_statistics(n, lags, seed) >= np.nan_to_num(observed, nan=np.inf), axis=1)
     p, p_tails = ((1 + beyond) / (PREDICTIVE_DRAWS + 1)).tolist()
-    tails = float(kurtosis(white))
+    outliers = p_tails < P_LIMIT and float(kurtosis(white)) > OUTLIER_KURTOSIS
     line = find_spectral_line(t, white, period, orthonormal(tangents(target, mode).T))
     # Whitening has removed the peaks, so describe the largest peak of the residuals themselves.
     if line.chance > NAMED_PEAK_LIMIT:
@@ -322,9 +318,7 @@ def check_fit(target: Target, mode: Mode, period: float, seed: int) -> tuple[Fit
         residual_autocorrelation=float(autocorrelation(r, 1)[1]),
         predictive_p=p,
         window_spread=shift,
-        verdict=_verdict(
-            target.noise_model, p, line, window_p, p_tails < P_LIMIT and tails > OUTLIER_KURTOSIS
-        ),
+        verdict=_verdict(target.noise_model, p, line, window_p, outliers),
     )
     return check, arrays
 

@@ -226,12 +226,8 @@ class NoiseMap:
         scores, log_densities, firsts = _profile(target, mode, first, second)
         if scores.size <= LEAST_STEPS:
             return cls()
-        fine = np.append(
-            (
-                scores[:-1, None] + np.diff(scores)[:, None] * np.arange(PARTS_PER_STEP) / PARTS_PER_STEP
-            ).ravel(),
-            scores[-1],
-        )
+        away = np.diff(scores)[:, None] * np.arange(PARTS_PER_STEP) / PARTS_PER_STEP
+        fine = np.append((scores[:-1, None] + away).ravel(), scores[-1])
         log_densities = scipy.interpolate.Akima1DInterpolator(scores, log_densities)(fine)
         density = np.exp(log_densities - np.max(log_densities))
         parts = 0.5 * (density[1:] + density[:-1]) * np.diff(fine)
@@ -239,21 +235,16 @@ class NoiseMap:
         # tails are accurate. Both ends are infinite.
         below = np.append(0.0, np.cumsum(parts)) / parts.sum()
         above = np.append(np.cumsum(parts[::-1])[::-1], 0.0) / parts.sum()
-        level = np.where(
-            below < above,
-            scipy.special.ndtri(np.minimum(below, 0.5)),
-            -scipy.special.ndtri(np.minimum(above, 0.5)),
-        )
+        lower, upper = (scipy.special.ndtri(np.minimum(tail, 0.5)) for tail in (below, above))
+        level = np.where(below < above, lower, -upper)
         inside = np.abs(level) < LARGEST_LEVEL
         shift = scipy.interpolate.Akima1DInterpolator(scores, firsts)(fine) - mode.z[first]
         level, values = level[inside], np.stack([fine, shift], axis=1)[inside]
         # Monotone interpolation between the points, linear extrapolation beyond them.
         low = values[0] - (values[1] - values[0]) / (level[1] - level[0]) * (level[0] + LINEAR_END)
         high = values[-1] + (values[-1] - values[-2]) / (level[-1] - level[-2]) * (LINEAR_END - level[-1])
-        level, values = (
-            np.concatenate([[-LINEAR_END], level, [LINEAR_END]]),
-            np.concatenate([[low], values, [high]]),
-        )
+        level = np.concatenate([[-LINEAR_END], level, [LINEAR_END]])
+        values = np.concatenate([[low], values, [high]])
         return cls(first, second, scipy.interpolate.PchipInterpolator(level, values))
 
     def scores(self, level: np.ndarray) -> np.ndarray:
@@ -377,16 +368,14 @@ def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.nda
     return top
 
 
-def _profile(
-    target: Target, mode: Mode, first: int, second: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _profile(target: Target, mode: Mode, first: int, second: int) -> np.ndarray:
     """Compute the marginal posterior of the second of two tied noise parameters, in steps to both sides of the mode.
 
     At each value of this parameter, the log posterior is maximised over all other parameters. A side ends at
     `RIDGE_END_NATS`, after `MOST_STEPS` steps, or where the posterior is not finite. first, second: indices of the two
     parameters.
 
-    Returns three arrays for the m values, (m,) each, which are empty if the posterior at the mode is not finite: the
+    Returns an array, (3, m), for the m values; m is 0 if the posterior at the mode is not finite. Its rows are the
     standard normal scores of the second parameter, increasing; their marginal log density by Laplace's approximation,
     up to a constant; and the most probable score of the first parameter given each.
     """
@@ -409,8 +398,7 @@ def _profile(
             z[second] += sign * step
             step *= STEP_GROWTH
     _, unique = np.unique([p[0] for p in points], return_index=True)  # both sides begin at the mode
-    scores, log_densities, firsts = np.reshape(points, (-1, 3))[unique].T
-    return scores, log_densities, firsts
+    return np.reshape(points, (-1, 3))[unique].T
 
 
 @dataclass(frozen=True)
@@ -559,8 +547,7 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
     # The second derivative along (e_a + e_b)/√2 is the mixed derivative plus half the sum of the other two.
     for a in range(k):
         for b in range(a):
-            mixed = curve[:, a, b] - 0.5 * (curve[:, a, a] + curve[:, b, b])
-            curve[:, a, b] = curve[:, b, a] = mixed
+            curve[:, a, b] = curve[:, b, a] = curve[:, a, b] - 0.5 * (curve[:, a, a] + curve[:, b, b])
     sheared = np.linalg.solve(mode.factor, noise.slope(noise.level(mode.z)) @ curve.reshape(d, -1))
     if 0.5 * np.max(np.abs(sheared)) < VISIBLE_BEND:
         return None

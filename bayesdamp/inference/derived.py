@@ -68,9 +68,8 @@ class Motions:
     def _numbers(self) -> dict[str, np.ndarray]:
         """All parameters of the oscillator except theta0 and omega0, by name, broadcast to arrays of the same shape."""
         names = [n for n in self.osc.inputs if n not in ("theta0", "omega0")]
-        return dict(
-            zip(names, np.broadcast_arrays(*[np.asarray(self.values[n], float) for n in names]), strict=True)
-        )
+        arrays = np.broadcast_arrays(*[np.asarray(self.values[n], float) for n in names])
+        return dict(zip(names, arrays, strict=True))
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -296,9 +296,7 @@ def covariance_factor(information: np.ndarray) -> np.ndarray:
         reversed_factor = np.linalg.cholesky(0.5 * (information + information.T)[::-1, ::-1])
     except np.linalg.LinAlgError:
         raise Refusal("the posterior's information matrix is not positive definite at its mode") from None
-    return scipy.linalg.solve_triangular(
-        reversed_factor[::-1, ::-1], np.eye(len(information)), trans=1, lower=False
-    )
+    return scipy.linalg.solve_triangular(reversed_factor[::-1, ::-1], np.eye(len(information)), trans=1)
 
 
 def restore_mode(target: Target, stored: StoredMode) -> Mode:

@@ -454,17 +454,14 @@ def _row(comparison: ModelComparison, result: CandidateResult) -> ComparedCandid
     averages over cycles were fitted instead of the samples of the record.
     """
     data, noise = comparison.data, comparison.variance / comparison.inflation
+    approximate = result.approximate_posterior is not None
     # The fit uses means of `thinned` samples. Add the noise that averaging removed, to get the residual of the samples.
     squares = result.fit.squares / result.fit.residual.size + (data.thinned - 1) * noise
     return ComparedCandidate(
         damping="+".join(result.candidate.damping),
         restoring=result.candidate.restoring,
-        log_evidence=None if result.approximate_posterior is None else result.log_evidence,
-        log_evidence_exact=(
-            result.log_evidence
-            if result.approximate_posterior is None
-            else result.exact_posterior.log_evidence
-        ),
+        log_evidence=result.log_evidence if approximate else None,
+        log_evidence_exact=result.exact_posterior.log_evidence if approximate else result.log_evidence,
         rms=None if data.averaged is not None else float(np.sqrt(squares)),
         parameters=result.fit.parameters.damping_names,
     )

@@ -208,8 +208,9 @@ class Comparison(Result):
             own, quantity = unit.displacement, answer.verdict.quantity
             recorded = f"{own.quantity_name(quantity)} / {divisor(own.of(quantity))}"
             four = get_axes(ax, 4, columns=2, size=(WIDTH, ANSWER_HEIGHT))
-            arrays = picture_in_unit(answer.arrays, unit)
-            draw_answer(four, arrays, unit.displacement.name, answer.verdict.damping, recorded)
+            draw_answer(
+                four, picture_in_unit(answer.arrays, unit), own.name, answer.verdict.damping, recorded
+            )
         return four
 
     def report(self, path: str | Path) -> Path:

@@ -1,6 +1,7 @@
 """Compute the answer on an envelope (amplitude against time), and the verdict on several envelopes of one specimen."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -59,11 +60,8 @@ def analyse(
             decay, scaled_sums = free_decay(record, window, sums)
             return answer(decay, scaled_sums, seed)
     except Refusal as refusal:
-        why = f"No free decay: {refusal}."
-        nan = float("nan")
-        return EnvelopeAnswer(
-            Verdict(record.name, Grade.NO_FREE_DECAY, False, "", nan, quantity="envelope", sentence=why)
-        )
+        verdict = Verdict(record.name, Grade.NO_FREE_DECAY, False, "", float("nan"), quantity="envelope")
+        return EnvelopeAnswer(replace(verdict, sentence=f"No free decay: {refusal}."))
 
 
 def answer_envelope(

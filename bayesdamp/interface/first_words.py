@@ -125,10 +125,8 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
     own = other.modes
     ratios, half = own.ratios, NORMAL_95 * own.errors / (2 * np.pi * own.frequencies)
     scale = (2 * np.pi * own.frequencies) ** DERIVATIVES[signal.quantity]
-    columns = np.column_stack(
-        [own.frequencies, ratios, ratios - half, ratios + half, own.first / scale, own.last / scale]
-    )
-    modes = tuple(Oscillation(*row, unit=signal.unit) for row in columns.tolist())
+    columns = [own.frequencies, ratios, ratios - half, ratios + half, own.first / scale, own.last / scale]
+    modes = tuple(Oscillation(*row, unit=signal.unit) for row in np.column_stack(columns).tolist())
     first = signal.provenance.start
     duration = float(signal.t[-1] - signal.t[0])
     spread = (modes[0].high - modes[0].low) * modes[0].frequency

@@ -90,8 +90,7 @@ class Prediction(Result):
     def _table(self) -> Table:
         rows = np.linspace(0, self.t.size - 1, min(PRINTED_TIMES, self.t.size)).astype(int)
         shown = self.summary().take(rows.tolist())
-        caption = f"Predicted {self.quantity}: {len(shown)} of {self.t.size} times"
-        return frame_table(shown, caption)
+        return frame_table(shown, f"Predicted {self.quantity}: {len(shown)} of {self.t.size} times")
 
 
 @dataclass(frozen=True)
@@ -330,8 +329,7 @@ class Fit(Result, Storable):
         above.plot(t, self.signal.y * scale, ".", color=QUIET, ms=2, label="record")
         above.plot(t, self.fitted * scale, color=BLUE, lw=1.0, label=f"fit of {self.model.damping}")
         if end > t[-1]:
-            gap = float(np.median(np.diff(t)))
-            ahead = self.predict(np.arange(float(t[-1]), end, gap))
+            ahead = self.predict(np.arange(float(t[-1]), end, float(np.median(np.diff(t)))))
             value, sd = ahead.value * scale, ahead.sd * scale
             above.plot(ahead.t, value, color=BLUE, lw=1.0, ls="--", label="beyond the record")
             low, high = value - 2 * sd, value + 2 * sd
@@ -353,17 +351,15 @@ class Fit(Result, Storable):
             rms = float(np.sqrt(np.nanmean(self.residuals**2))) * unit.scale
             title += f": {self.noise} noise, residual {digits(rms, n=3)} {unit.of(self.signal.quantity)} rms"
         known = ", ".join(f"{n} = {digits(v, n=6)}" for n, v in self.known.items())
-        both = (("damping", self.deviation), ("frequency", self.frequency_deviation))
         deviates = tuple(
             f"No deviation of the {what} from its law is detected (95 %: below {percentage(q.high)} %)."
             if q.value < UNDETECTED_DEVIATION
             else f"The {what} follows its law within {percentage(q.value)} % (95 %: below {percentage(q.high)} %)."
-            for what, q in both
+            for what, q in (("damping", self.deviation), ("frequency", self.frequency_deviation))
             if q is not None
         )
-        notes = outcome_notes(
-            self.outcome, (*([f"Known: {known}."] if known else []), *self.notes, *deviates)
-        )
+        named = [f"Known: {known}."] if known else []
+        notes = outcome_notes(self.outcome, (*named, *self.notes, *deviates))
         return frame_table(self.summary().drop(columns="prior"), title, notes)
 
     def _reduced(self) -> StoredFit:

@@ -294,8 +294,7 @@ class Model(Result):
     def __post_init__(self) -> None:
         LAWS.get(self.restoring, "Model")
         object.__setattr__(self, "damping", canonical_model(self.damping, "Model.damping"))
-        noise = check_settings("Model", self.noise, self.deviation, self.sensor)
-        object.__setattr__(self, "noise", noise)
+        object.__setattr__(self, "noise", check_settings("Model", self.noise, self.deviation, self.sensor))
         known, priors = known_and_priors("Model", self.known, self.priors, self.terms, self.parameters)
         object.__setattr__(self, "known", {n: v for n, v in known.items() if n in self.parameters})
         object.__setattr__(self, "priors", dict(self.priors))
@@ -546,14 +545,13 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
     enough, a record of at most `MOST_CYCLES` cycles is fitted again without averages. A record with a known initial
     displacement or velocity is not reduced. Raises Refusal if the model cannot be fitted to the record.
     """
-    case = Case.with_noise(signal, model)
     fit = partial(
         fit_single,
         damping=model.terms,
         restoring=model.restoring,
         known=model.known,
         priors=model.parameter_priors,
-        reference=case.reference,
+        reference=Case.with_noise(signal, model).reference,
         noises=model.noises,
     )
     average = not any(n in model.known for n in START)

@@ -213,8 +213,7 @@ class Posterior(Result, types.Posterior):
         self._require_draws()
         chosen = list(self.names if names is None else names)
         check_keys(chosen, self.names, "plot.names")
-        size = (9.0, 1.6 * len(chosen))
-        axes = get_axes(ax, 2 * len(chosen), columns=2, size=size)
+        axes = get_axes(ax, 2 * len(chosen), columns=2, size=(9.0, 1.6 * len(chosen)))
         for i, name in enumerate(chosen):
             draws = self.draws[..., self.names.index(name)]
             trace, density = axes[2 * i], axes[2 * i + 1]
@@ -224,9 +223,8 @@ class Posterior(Result, types.Posterior):
             grid = np.linspace(*density.get_xlim(), 200)
             prior = np.exp(self.fit.priors[name].log_density(grid))
             density.plot(grid, prior, color=QUIET, ls="--", label="prior")
-            unit = self.fit.units[name]
             trace.set_ylabel(name)
-            density.set_xlabel(f"{name} / {unit}")
+            density.set_xlabel(f"{name} / {self.fit.units[name]}")
             trace.set_xlabel("draw")
             density.set_yticks([])
             density.locator_params(axis="x", nbins=5)
@@ -319,8 +317,7 @@ def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
     g, h = law.deviations(flat)
     both = ((DAMPING, np.expm1(g)), (FREQUENCY, h))
     for (name, values), size in zip(both, law.sizes(flat), strict=True):
-        shaped = values.reshape(chains, count, -1)
-        variables[name] = (("chain", "draw", "knot"), shaped, {"units": "1"})
+        variables[name] = (("chain", "draw", "knot"), values.reshape(chains, count, -1), {"units": "1"})
         variables[f"{name}_size"] = (("chain", "draw"), size.reshape(chains, count), {"units": "1"})
     return variables, coords
 

@@ -150,8 +150,7 @@ def draw(
     own = factor[rows, places]
     part = own @ np.swapaxes(own, 1, 2)
     part = part + (1e-14 * np.diagonal(part, axis1=1, axis2=2) + 1e-300)[:, :, None] * np.eye(places.shape[1])
-    lower = np.linalg.cholesky(part)
-    constrained = _truncated_draws(rng, mean[rows, places], lower, counts)
+    constrained = _truncated_draws(rng, mean[rows, places], np.linalg.cholesky(part), counts)
     gain = np.swapaxes(np.linalg.solve(part, own @ np.swapaxes(factor, 1, 2)), 1, 2)
     at = places[owner]
     off = constrained - np.take_along_axis(free, at, axis=1)

@@ -111,8 +111,7 @@ def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[Sig
     own = [a.of_specimen() for a in answers if a.content.candidates]
     if len(own) < 2:
         return None
-    seed = task_seed(study, f"specimen/{name}")
-    return specimen(name, own, study.priors, study.posterior.sensor, seed)
+    return specimen(name, own, study.priors, study.posterior.sensor, task_seed(study, f"specimen/{name}"))
 
 
 def _population(specimens: Sequence[Verdict | None]) -> Iterator[Row]:
@@ -319,8 +318,7 @@ def _fits(study: Study, store: Store) -> Iterator[Row]:
             continue
         row = dict(head)
         if smc is not None:
-            names = ("deviation_low", "deviation", "deviation_high")
-            row |= dict(zip(names, smc.deviation, strict=True))
+            row["deviation_low"], row["deviation"], row["deviation_high"] = smc.deviation
             row["unexplained_pct"] = 100 * smc.unexplained
         if result is not None and result.outcome == OK:
             mode = ModeContent.of(result)

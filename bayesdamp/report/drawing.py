@@ -206,20 +206,19 @@ def _svg(figure: Figure) -> bytes:
     svg = io.BytesIO()
     FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": "bayesdamp"})
     figure.set_layout_engine("none")
+    # Formulas need further fonts.
+    text = svg.getvalue().decode().replace("'DejaVu Sans';", "'DejaVu Sans', Verdana, sans-serif;")
     # Matplotlib derives the names of markers from memory addresses; numbers make the file reproducible.
-    text = svg.getvalue().decode()
-    text = text.replace("'DejaVu Sans';", "'DejaVu Sans', Verdana, sans-serif;")  # in formulas
     marks = dict.fromkeys(re.findall(r'id="([a-z][0-9a-f]{10})"', text))
     names = {mark: f"mark{i}" for i, mark in enumerate(marks)}
     text = re.sub(r"\b[a-z][0-9a-f]{10}\b", lambda match: names.get(match[0], match[0]), text)
     # Round coordinates to a hundredth of a point, which makes the file shorter.
     number = re.compile(r"-?\d+\.\d{3,}")
-    text = re.sub(
+    return re.sub(
         r' d="[^"]*"',
         lambda path: number.sub(lambda x: f"{float(x[0]):.2f}".rstrip("0").rstrip("."), path[0]),
         text,
-    )
-    return text.encode()
+    ).encode()
 
 
 def _png(figure: Figure) -> bytes:

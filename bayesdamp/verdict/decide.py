@@ -116,8 +116,7 @@ def decide(
         if by_law is not None and abs(log(by_law.amplitude / own.amplitude)) < thresholds.SAME_AMPLITUDE:
             off = _contradicts(by_law, own, thresholds.CONTRADICTS_FREQUENCY)
             narrower = own.high - own.low < by_law.high - by_law.low
-    grade = grade_of(findings) if approximate else Grade.EXACT
-    grade = Grade.DEVIATES if contradicted else grade
+    grade = Grade.DEVIATES if contradicted else grade_of(findings) if approximate else Grade.EXACT
     instead = law_free is not None and grade is Grade.DEVIATES  # law-free values replace those of the law
     natural = None if instead or off else interval_of(findings.frequency, "Hz")
     if natural is not None and natural.high - natural.low > thresholds.UNDETERMINED * natural.value:
@@ -126,9 +125,8 @@ def decide(
     if own_frequency is not None and (by_law is None or off or instead or narrower):
         frequency_at = own_frequency
     twins = possible_twins(findings, first)
-    decided = (
-        grade is not Grade.DEVIATES and findings.damping[first] >= thresholds.DECIDED and same and not twins
-    )
+    certain = findings.damping[first] >= thresholds.DECIDED and same and not twins
+    decided = grade is not Grade.DEVIATES and certain
     shares = [Share(t, q.value, q.low, q.high, findings.term[t]) for t, q in findings.energy.items()]
     # The parameters of the best damping and restoring law, but not those of the start of the motion and of the noise.
     law, terms = findings.best.restoring, [TERMS.get(t) for t in findings.best.damping]

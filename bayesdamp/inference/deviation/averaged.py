@@ -473,16 +473,12 @@ def _walk_rate(
         root = np.linalg.cholesky(covariance + np.exp(log_rate) * walk)
         whole = np.linalg.solve(root, np.column_stack([columns, phases]))
         triangle = np.abs(np.diag(np.linalg.qr(whole, mode="r")))
-        return 2 * float(np.sum(np.log(np.diag(root))) + np.sum(np.log(triangle[:-1]))) + float(
-            triangle[-1] ** 2
-        )
+        logs = np.sum(np.log(np.diag(root))) + np.sum(np.log(triangle[:-1]))
+        return 2 * float(logs) + float(triangle[-1] ** 2)
 
-    rough = float(
-        np.sum(np.diff(phases - np.polynomial.Polynomial.fit(t, phases, 2)(t)) ** 2) / (t[-1] - t[0])
-    )
-    best = scipy.optimize.minimize_scalar(
-        cost, bounds=(np.log(rough) - 10, np.log(rough) + 5), method="bounded"
-    )
+    trend = np.polynomial.Polynomial.fit(t, phases, 2)
+    rough = np.log(float(np.sum(np.diff(phases - trend(t)) ** 2) / (t[-1] - t[0])))
+    best = scipy.optimize.minimize_scalar(cost, bounds=(rough - 10, rough + 5), method="bounded")
     return float(np.exp(best.x))
 
 
@@ -491,8 +487,7 @@ def _knots(t: np.ndarray, pieces: int, end: float) -> np.ndarray:
 
     Each of the `pieces` polynomial pieces contains equally many of the times t, (m,). All times are in s.
     """
-    inner = np.quantile(t, np.linspace(0.0, 1.0, pieces + 1)[1:-1])
-    return np.concatenate([[0.0] * 4, inner, [end] * 4])
+    return np.concatenate([[0.0] * 4, np.quantile(t, np.linspace(0.0, 1.0, pieces + 1)[1:-1]), [end] * 4])
 
 
 def _smooth(t: np.ndarray, values: np.ndarray, weight: np.ndarray, knots: np.ndarray) -> BSpline:
@@ -508,8 +503,7 @@ def _plus(curve: BSpline, t: np.ndarray, values: np.ndarray, weight: np.ndarray)
 
     Both splines have the knots of `curve`. weight: 1/sd of each value, up to a factor, (m,).
     """
-    more = _smooth(t, values, weight, curve.t)
-    return scipy.interpolate.BSpline(curve.t, curve.c + more.c, 3)
+    return scipy.interpolate.BSpline(curve.t, curve.c + _smooth(t, values, weight, curve.t).c, 3)
 
 
 def _scatter(values: np.ndarray, weight: np.ndarray) -> float:

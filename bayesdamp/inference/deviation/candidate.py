@@ -195,9 +195,8 @@ def start_values(candidate: MotionCandidate, parameters: Parameters) -> list[dic
     """
     terms = [TERMS.get(t) for t in candidate.damping]
     simple = {n: value for t in terms for n, value in t.reduces if n in parameters.priors}
-    names = [
-        p.name for t in terms for p in t.inferred if p.name in parameters.priors and p.name not in simple
-    ]
+    free = parameters.priors.keys() - simple.keys()
+    names = [p.name for t in terms for p in t.inferred if p.name in free]
     scores = STARTS if len(names) == 1 else STARTS[::2]
     return [
         simple
@@ -229,8 +228,7 @@ def search(
     for start in starts:
         z = parameters.scores({**dict.fromkeys(parameters.free_names, 0.0), **start})
         z[parameters.positive] = np.maximum(z[parameters.positive], 0.0)
-        rough = len(starts) > 1
-        new = fit(solver, parameters, active, data.y, z, noise=data.noise, rough=rough)
+        new = fit(solver, parameters, active, data.y, z, noise=data.noise, rough=len(starts) > 1)
         if new is not None and (best is None or new.squares < best.squares):
             best = new
     return best if best is None or len(starts) == 1 else refit(solver, data, best)
@@ -331,8 +329,7 @@ def exact_model(fit: LeastSquaresFit) -> LinearModel:
 
     Its unknowns are the d inferred parameters, transformed so that their priors are standard normal (scores).
     """
-    target = fit.residual + fit.tangents @ fit.z
-    return condense(fit.tangents, target, *fit.parameters.masks)
+    return condense(fit.tangents, fit.residual + fit.tangents @ fit.z, *fit.parameters.masks)
 
 
 def linearise(
@@ -346,8 +343,7 @@ def linearise(
     the active terms of `at` are used. Return None if |g| or |h| is larger than `MOST_G` or `MOST_H`, or if the motion
     is unbounded.
     """
-    n = solver.knots.size
-    u = np.concatenate([at.z, np.zeros(2 * n)]) if u is None else u
+    u = np.concatenate([at.z, np.zeros(2 * solver.knots.size)]) if u is None else u
     g, h = np.split(u[at.z.size :], 2)
     if np.max(np.abs(g), initial=0.0) > MOST_G or np.max(np.abs(h), initial=0.0) > MOST_H:
         return None
@@ -464,5 +460,4 @@ def mode_of(
     d, total, sd = model.positive.size, model.root.shape[1], np.sqrt(variance)
     stacked = np.concatenate([model.root @ root / sd, np.eye(total), np.sqrt(hold) * np.eye(d, total)])
     aim = np.concatenate([model.target / sd, np.zeros(total), np.sqrt(hold) * scores])
-    positive = np.concatenate([model.positive, np.zeros(total - d, bool)])
-    return root @ nonnegative(stacked, aim, positive)
+    return root @ nonnegative(stacked, aim, np.concatenate([model.positive, np.zeros(total - d, bool)]))

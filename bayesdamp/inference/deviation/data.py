@@ -240,8 +240,7 @@ def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise 
     thinned = max(1, int(shape.samples_per_cycle // A_CYCLE))
     if thinned > 1:
         # Windows start again after a gap in the samples; the last few samples before it are left out.
-        holes = np.flatnonzero(np.diff(t) > HOLE * shape.period / A_CYCLE) + 1
-        ends = [0, *holes.tolist(), t.size]
+        ends = [0, *(np.flatnonzero(np.diff(t) > HOLE * shape.period / A_CYCLE) + 1).tolist(), t.size]
         firsts = np.concatenate([np.arange(a, b - thinned + 1, thinned) for a, b in pairwise(ends)])
         rows = firsts[:, None] + np.arange(thinned)
         t, y = t[rows].mean(axis=1), y[rows].mean(axis=1)

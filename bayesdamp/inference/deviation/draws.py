@@ -312,8 +312,7 @@ def time_fraction(result: CandidateResult, amplitude: float) -> float:
     at, sizes = result.motion.half_cycles
     if at.size < 2:
         return 0.5
-    t = np.interp(-np.log(amplitude), -np.log(sizes), at)
-    return float(np.clip(t / result.data.end, 0.0, 1.0))
+    return float(np.clip(np.interp(-np.log(amplitude), -np.log(sizes), at) / result.data.end, 0.0, 1.0))
 
 
 def orbits_of(result: CandidateResult, amplitudes: Sequence[float]) -> list[Orbit | None]:
@@ -343,8 +342,7 @@ def unit_works(
     solver.
     """
     x, v = np.concatenate([orbit.x, orbit.x]), np.concatenate([orbit.velocity, -orbit.velocity])
-    weight = np.concatenate([orbit.weight, -orbit.weight])
-    return solver.works(x, v, weight, further, active, epsilon)
+    return solver.works(x, v, np.concatenate([orbit.weight, -orbit.weight]), further, active, epsilon)
 
 
 def ratios_per_unit(d: CandidateDraws, orbit: Orbit | None) -> np.ndarray:
@@ -497,8 +495,7 @@ def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
     frequency).
     """
     weight = _energies(result, values.shape[1])
-    centred = values - (values @ weight)[:, None]
-    return np.abs(centred) @ weight
+    return np.abs(values - (values @ weight)[:, None]) @ weight
 
 
 def ratio_over_law(

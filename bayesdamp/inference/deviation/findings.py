@@ -205,25 +205,20 @@ def compute_findings(
     along = tuple(map(float, np.geomspace(data.amplitude, data.final_amplitude, CURVE_AMPLITUDES)))
     drawn = draw_candidates(comparison, chosen, rng)
     # Average ratios, frequencies and deviations over all candidates, and over rivals too if they are probable.
-    every = (
-        draw_candidates(comparison, everything, rng) if sum(other_forms.values()) > PROBABLE_RIVALS else drawn
-    )
+    probable = sum(other_forms.values()) > PROBABLE_RIVALS
+    every = draw_candidates(comparison, everything, rng) if probable else drawn
     best, leading = (comparison.result(max(each, key=lambda c: each[c])) for each in (chosen, everything))
     shares = shares_of(comparison, drawn)
     absent = _limits_of_absent_terms(comparison, best, rng)
     forms = bound_other_forms(comparison, best, np.random.default_rng([seed, 1]))
     size_g = np.concatenate([mean_deviation(d.result, d.g) for d in every])
     size_h = np.concatenate([mean_deviation(d.result, d.h) for d in every])
-    floor = sensor if approximate else 0.0
-    ratios = ratios_at(comparison, every, (*along, *wanted), floor, rng)
+    ratios = ratios_at(comparison, every, (*along, *wanted), sensor if approximate else 0.0, rng)
     of_best = next((d for d in drawn if d.result is best), None)
     exponent = quantity(np.array(comparison.exponents)) if comparison.exponents else None
-    coefficients, undetermined, inseparable = (
-        ({}, (), ()) if of_best is None else _parameters(comparison, of_best)
-    )
-    if exponent and exponent.high - exponent.low > 0.95 * UNDETERMINED_WIDTH * (
-        MOST_EXPONENT - LEAST_EXPONENT
-    ):
+    coefficients, undetermined, inseparable = _parameters(comparison, of_best) if of_best else ({}, (), ())
+    wide = 0.95 * UNDETERMINED_WIDTH * (MOST_EXPONENT - LEAST_EXPONENT)
+    if exponent and exponent.high - exponent.low > wide:
         undetermined = (*undetermined, "exponent")
     unexplained, noise = unexplained_and_noise(leading)
     frequency = frequency_of_draws(every, None)

@@ -238,8 +238,7 @@ def bound_other_forms(
     for i in np.flatnonzero(sizes):
         own = np.isin(np.arange(positive.size), np.append(np.arange(d), d + i))
         only = normals.given(~own, np.zeros(own.size))
-        posterior = with_priors(only, positive[own], np.append(parameters.shared, True))
-        u = posterior.draws(FEW, rng)[0]
+        u = with_priors(only, positive[own], np.append(parameters.shared, True)).draws(FEW, rng)[0]
         lost = np.abs(u[:, d]) * SCORE_RATIO * viscous
         rest = np.maximum(parameters.values(u[:, :d])[:, : works.size] @ works, 0.0)
         share = float(np.quantile(lost / np.maximum(lost + rest, 1e-300), 0.95))

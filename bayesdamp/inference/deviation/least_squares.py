@@ -86,9 +86,8 @@ def nonnegative(root: np.ndarray, target: np.ndarray, positive: np.ndarray) -> n
     basis, triangle = np.linalg.qr(root[:, ~positive])
     part, u = root[:, positive], np.zeros(root.shape[1])
     if positive.any():
-        u[positive] = scipy.optimize.nnls(
-            part - basis @ (basis.T @ part), target - basis @ (basis.T @ target)
-        )[0]
+        outside = part - basis @ (basis.T @ part)
+        u[positive] = scipy.optimize.nnls(outside, target - basis @ (basis.T @ target))[0]
     u[~positive] = np.linalg.solve(triangle, basis.T @ (target - part @ u[positive]))
     return u
 

@@ -352,14 +352,12 @@ class LinearPosterior:
         Its log evidence is the log of the sum of their evidences, and its `damping_likelihood` is None.
         """
         log = self.log_each[which]
-        scales = None if self.scales is None else self.scales[which]
-        total = float(np.logaddexp.reduce(log))
         return replace(
             self,
             log_each=log,
-            log_evidence=total,
+            log_evidence=float(np.logaddexp.reduce(log)),
             combos=self.combos[which],
-            scales=scales,
+            scales=None if self.scales is None else self.scales[which],
             damping_likelihood=None,
         )
 
@@ -549,9 +547,8 @@ class _Triangles:
         # With hardly any noise, sums of products lose digits: minimise |white w − target|² + |w + about|² by QR.
         prior = np.broadcast_to(np.column_stack([np.eye(total), -about]), white.shape)
         upper = np.asarray(np.linalg.qr(np.concatenate([white, prior], axis=1), mode="r"))
-        return cls(
-            np.swapaxes(upper[:, :total, :total], 1, 2), upper[:, :total, total], upper[:, total, total] ** 2
-        )
+        lower = np.swapaxes(upper[:, :total, :total], 1, 2)
+        return cls(lower, upper[:, :total, total], upper[:, total, total] ** 2)
 
     @classmethod
     def of_products(cls, products: np.ndarray, about: np.ndarray) -> _Triangles:
@@ -576,9 +573,8 @@ class _Triangles:
         A grid point is one combination of sizes (prior sds) and correlation lengths of the deviations. `grid` contains
         its prior probability, which is not a density. The arguments are those of `normals`.
         """
-        log = grid.log_prior - 0.5 * (
-            self.left + model.rest / variance + samples * np.log(2 * np.pi * variance)
-        )
+        squares = self.left + model.rest / variance
+        log = grid.log_prior - 0.5 * (squares + samples * np.log(2 * np.pi * variance))
         return log - np.sum(np.log(np.abs(np.diagonal(self.lower, axis1=1, axis2=2))), axis=1)
 
 

@@ -674,9 +674,8 @@ class _CandidateFits:
         minus the averaged motion, both for the fit with the most damping terms. Laws for which it cannot be computed
         are left out.
         """
-        most = {
-            c.restoring: fit for c, fit in sorted(self.fits.items(), key=lambda item: len(item[0].damping))
-        }
+        by_size = sorted(self.fits.items(), key=lambda item: len(item[0].damping))
+        most = {c.restoring: fit for c, fit in by_size}
 
         def corrected(law: str) -> AveragedSolver | None:
             solver = self.solvers[law]
@@ -781,9 +780,8 @@ class _CandidateFits:
         if not tried:
             return (), self.epsilon
         for _ in range(BETWEEN if len(tried) > 2 else 0):
-            between = _between(
-                np.log([e / peak for e, _, _ in tried]), np.array([log for _, log, _ in tried])
-            )
+            logs = np.array([log for _, log, _ in tried])
+            between = _between(np.log([e / peak for e, _, _ in tried]), logs)
             new = None if between is None else under(float(np.exp(between)))
             if new is None:
                 break

@@ -168,5 +168,4 @@ def averaging_of(comparison: ModelComparison) -> Averaging | None:
     shifts = posterior.factors @ (pull @ posterior.factors)[:, :, None]
     rows = [i for i, name in enumerate(result.fit.parameters.free_names) if name not in START]
     shares = np.abs(posterior.weights @ shifts[:, rows, 0]) / posterior.sds(np.eye(pull.size)[rows])
-    error = float(np.max(shares, initial=0.0))
-    return Averaging(cycles, error)
+    return Averaging(cycles, float(np.max(shares, initial=0.0)))

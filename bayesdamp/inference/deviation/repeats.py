@@ -173,10 +173,8 @@ def join_runs(
     problem = _Problem(log, slope, information, values - slopes * about, slopes, runs[0].coefficients)
     probable = every = np.arange(log_sizes.size)
     if every.size > 1:  # keep grid points that are probable at the smallest or the largest spread
-        ends = {spreads[0], spreads[-1]}
-        logs = np.stack(
-            [problem.integrate_factors(every, np.full(every.size, s)).log + log_sizes for s in ends]
-        )
+        ends = (problem.integrate_factors(every, np.full(every.size, s)) for s in {spreads[0], spreads[-1]})
+        logs = np.stack([end.log + log_sizes for end in ends])
         probable = np.flatnonzero((logs.max(axis=1, keepdims=True) - logs).min(axis=0) < NATS_BEHIND)
     combo, at = (a.ravel() for a in np.meshgrid(probable, np.arange(spreads.size), indexing="ij"))
     normals = problem.integrate_factors(combo, spreads[at])

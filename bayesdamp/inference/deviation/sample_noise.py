@@ -148,9 +148,8 @@ def _choose_noise(
     gain = predictable_nats(residual)
     best = max(models, key=lambda model: model.log_evidence)
     plain = next((model for model in models if model.name == GAUSSIAN), None)
-    if plain is not None and (
-        best.name == CORRELATED or best.log_evidence - plain.log_evidence < max(LEAD_NATS, gain)
-    ):
+    lead = max(LEAD_NATS, gain)
+    if plain is not None and (best.name == CORRELATED or best.log_evidence - plain.log_evidence < lead):
         best = plain
     return SampleNoise(best, tuple(models)), gain
 

@@ -190,7 +190,7 @@ class Single:
             raise Refusal(ESCAPED)
         tangents = solution[1]
         # Integrate out the deviations, linearised about the mode, over the probable grid points.
-        d, grid = linearisation.z.size, result.grid()
+        z, d, grid = linearisation.z, linearisation.z.size, result.grid()
         basis, upper = np.linalg.qr(tangents[:, d:])
         probability = np.bincount(posterior.combos, posterior.weights, minlength=grid.log_prior.size)
         probable = np.flatnonzero(probability > NEGLIGIBLE_PROBABILITY)
@@ -212,13 +212,11 @@ class Single:
         signal = Signal(data.t, data.y, data.quantity)
         known = {**parameters.known, "epsilon": solver.epsilon, **self.known}
         target = Target(signal, self.oscillator, "gaussian", parameters.priors, known, deviation=deviation)
-        likelihood = Likelihood.near(target, linearisation.z, TOLERANCE * data.recorded_amplitude)
+        likelihood = Likelihood.near(target, z, TOLERANCE * data.recorded_amplitude)
         scores = self.scores[:, :d]
         information = np.linalg.inv(np.atleast_2d(np.cov(scores.T)))
         linear = LinearDraws(scores, float(posterior.log_evidence))
-        return Mode(
-            linearisation.z, likelihood.log_posterior(linearisation.z), information, likelihood, linear=linear
-        )
+        return Mode(z, likelihood.log_posterior(z), information, likelihood, linear=linear)
 
     @cached_property
     def scores(self) -> Array:

@@ -90,16 +90,14 @@ def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLi
     steps = DERIVATIVE_STEP * np.maximum(np.abs(result.further[0, own]), 1e-3)
     further = np.repeat(result.further, 1 + len(own), axis=0)
     further[np.arange(1, 1 + len(own)), own] += steps
-    columns, own_columns = (
-        [names.index(n) for n in each] for each in (coefficients, [solver.further[i] for i in own])
-    )
-    active = result.fit.active
+    columns = [names.index(n) for n in coefficients]
+    own_columns = [names.index(solver.further[i]) for i in own]
     per_unit, growth = np.zeros((amplitudes.size, len(names))), np.zeros((amplitudes.size, len(names)))
     for row, orbit in enumerate(orbits_of(result, amplitudes.tolist())):
         if orbit is None:
             per_unit[row] = np.nan
             continue
-        each = unit_works(orbit, solver, further, active) / (4 * np.pi * orbit.energy)
+        each = unit_works(orbit, solver, further, result.fit.active) / (4 * np.pi * orbit.energy)
         per_unit[row, columns] = each[0, [solver.names.index(n) for n in coefficients]]
         whole = each @ result.values[: len(solver.terms)]
         if whole[0] > 0:
@@ -299,10 +297,8 @@ def compare_runs(
         rest = sum(r.missing(*model, limits.get(model[0], "")) for r, run in pairs if run is None)
         each = [run.likelihood for run in known]
         # The maxima of the log likelihoods over all parameters and grid points; coefficients may be negative there.
-        largest = [
-            np.max(x.log + 0.5 * np.sum(x.slope * solve(x.information, x.slope), axis=1)) for x in each
-        ]
-        most = rest + float(np.sum(largest))
+        maxima = (x.log + 0.5 * np.sum(x.slope * solve(x.information, x.slope), axis=1) for x in each)
+        most = rest + float(np.sum([np.max(log) for log in maxima]))
         if not known or most + log_odds[model] < best - NATS_BEHIND:
             logs[model] = min(own[model], most)
             continue
@@ -336,10 +332,8 @@ def _converted(
             continue
 
         def factor(further: Mapping[str, float], term=term) -> float:
-            before, after = (
-                term.work(common.amplitude, common.frequency, {**r.scales(0.0), **further})
-                for r in (own, common)
-            )
+            states = ({**r.scales(0.0), **further} for r in (own, common))
+            before, after = (term.work(common.amplitude, common.frequency, state) for state in states)
             return before / after
 
         further = {p.name: float(mode[names.index(p.name)]) for p in term.inferred}

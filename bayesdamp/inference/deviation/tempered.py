@@ -183,9 +183,8 @@ def sample_posterior(
             acceptance = float(np.mean(accepted))
             step = float(np.clip(step * np.exp(acceptance - WANTED_ACCEPTANCE), LEAST_STEP, 1.0))
     log_evidence += start.log_evidence
-    return TemperedDraws(
-        u, ratios, log_evidence, float(np.sqrt(max(variance, 0.0))), temperatures, beta, acceptance
-    )
+    stderr = float(np.sqrt(max(variance, 0.0)))
+    return TemperedDraws(u, ratios, log_evidence, stderr, temperatures, beta, acceptance)
 
 
 def _importance_resampled(
@@ -208,10 +207,8 @@ def _importance_resampled(
     if share < EFFECTIVE_FRACTION:
         more = start.draws(int(np.ceil(draws * (SAFETY_FACTOR * EFFECTIVE_FRACTION / share - 1.0))), rng)[0]
         u, ratios = np.concatenate([u, more]), np.concatenate([ratios, ratio(more)])
-        if (
-            _effective_share(ratios, 1.0) * ratios.size < EFFECTIVE_FRACTION * draws
-            or pareto_k(ratios) > K_LIMIT
-        ):
+        few = _effective_share(ratios, 1.0) * ratios.size < EFFECTIVE_FRACTION * draws
+        if few or pareto_k(ratios) > K_LIMIT:
             return None
     logs = np.maximum(ratios, -1e300)
     weights = np.exp(logs - float(np.logaddexp.reduce(logs)))

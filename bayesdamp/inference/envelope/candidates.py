@@ -208,8 +208,7 @@ class EnvelopeCandidate:
         weights = self.posterior.weights[used] / self.posterior.weights[used].sum()
         curves = motion.y - motion.tangents[:, :d] @ self.rates + means @ columns.T
         mean = weights @ curves
-        variance = weights @ ((curves - mean) ** 2 + np.sum((columns @ factors) ** 2, axis=2))
-        return mean, np.sqrt(variance)
+        return mean, np.sqrt(weights @ ((curves - mean) ** 2 + np.sum((columns @ factors) ** 2, axis=2)))
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -416,9 +415,7 @@ class FitPosteriors:
         which: mask of the combinations of hyperparameters (noise, its scale, size and correlation length of the
         deviation from the law) to use, (c,); by default all.
         """
-        normals = self.normals
-        if which is not None:
-            normals = normals.only(which)
+        normals = self.normals if which is None else self.normals.only(which)
         return with_priors(normals, self.positive, self.positive)
 
 
@@ -450,9 +447,8 @@ def _posteriors_about(
         # The constant part of the noise floor is subtracted; its error is an additional unknown.
         floor = 0.5 * noise.constant * np.exp(-2.0 * motion.y)
         unsure = noise.constant_sd / noise.constant if noise.constant > 0 else 0.0
-        white, log_det = whiten_columns(
-            covariance, [columns[:, : d + 1], unsure * floor, columns[:, d + 1 :], residual - floor]
-        )
+        whole = [columns[:, : d + 1], unsure * floor, columns[:, d + 1 :], residual - floor]
+        white, log_det = whiten_columns(covariance, whole)
         part = normals_of(condense(white[:, :-1], white[:, -1], positive), grid, variance, n)
         parts.append(replace(part, log=part.log + log_weight - log_det))
     every = Normals(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Normals)))

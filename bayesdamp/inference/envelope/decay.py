@@ -207,8 +207,8 @@ def free_decay(
         chosen = replace(chosen, start=chosen.start + later * size // b.t.size, stop=behind)
         tries += 1
     if chosen.start > first:
-        begins = f"{record.t[chosen.start]:.4g} s"
-        why[0] = f"starts at {begins}, because the readings before it do not fit the decay"
+        begins = record.t[chosen.start]
+        why[0] = f"starts at {begins:.4g} s, because the readings before it do not fit the decay"
     if chosen.stop < stop:
         last = f"{record.t[chosen.stop - 1]:.4g} s"
         why[1] = (
@@ -335,9 +335,8 @@ def infer_noises(b: Blocks, sums: Sequence[Sum] = ()) -> tuple[Blocks, int, int]
         scale = columns / np.linalg.norm(columns, axis=0)
         triangle = np.linalg.cholesky((whole + 1e2 * scale @ scale.T)[::-1, ::-1])
         innovations = np.linalg.solve(triangle, (b.x - fit)[::-1])[::-1][:early]
-        total = np.append(
-            np.cumsum(innovations[::-1])[::-1], 0.0
-        )  # sums from each block to the last early one
+        # Sums from each block to the last early one.
+        total = np.append(np.cumsum(innovations[::-1])[::-1], 0.0)
         surprises = np.zeros(early, bool)
         for count in (1, 2, 4, 8):
             if count <= early:

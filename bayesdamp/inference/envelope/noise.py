@@ -230,8 +230,7 @@ def infer_noise(
             return 1e10
         white_columns = solve_triangular(low_triangle, packed, lower=True, check_finite=False)
         h, r = white_columns[:, :-1], white_columns[:, -1]
-        gram = h.T @ h + ridge
-        factor = np.linalg.cholesky(gram)
+        factor = np.linalg.cholesky(h.T @ h + ridge)
         explained = solve_triangular(factor, h.T @ r, lower=True, check_finite=False)
         value = np.log(np.diag(low_triangle)).sum() + np.log(np.diag(factor)).sum()
         value += 0.5 * (r @ r - explained @ explained) + 0.5 * np.sum(((theta - centre) / width) ** 2)

@@ -409,9 +409,8 @@ def importance_points(
     points, logs = np.empty((0, count)), np.empty(0)
     while True:
         mean, cholesky = proposals[-1]
-        uniform_points = (
-            0.5 + np.arange(len(points) + 1, len(points) + POINTS_PER_ROUND + 1)[:, None] * steps
-        ) % 1.0
+        numbers = np.arange(len(points) + 1, len(points) + POINTS_PER_ROUND + 1)[:, None]
+        uniform_points = (0.5 + numbers * steps) % 1.0
         drawn = np.clip(ndtri(uniform_points) @ cholesky.T + mean, -LARGEST_SCORE, LARGEST_SCORE)
         points = np.vstack([points, drawn])
         logs = np.append(logs, [log_likelihood(tuple(z)) for z in drawn.tolist()])

@@ -92,8 +92,7 @@ class EvidenceMethod(ABC):
     ) -> Evidence:
         """Compute the log evidence by `evidence`, and add the time that this took (in s) to the result."""
         began = time.perf_counter()
-        evidence = self.evidence(model, target, mode, seed, draws)
-        return replace(evidence, seconds=time.perf_counter() - began)
+        return replace(self.evidence(model, target, mode, seed, draws), seconds=time.perf_counter() - began)
 
 
 def disagreement(evidences: Sequence[Evidence]) -> str:

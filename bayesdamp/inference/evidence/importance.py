@@ -78,9 +78,8 @@ class Importance(EvidenceMethod):
             proposal = refitted
             y, log_weights = self._weights(mode, proposal, shear, rng, PILOT_DRAWS)
             evaluations += PILOT_DRAWS
-        final = (
-            FINAL_DRAWS if mode.linear is None else FINAL_DRAWS // 2
-        )  # a likelihood with deviations takes longer
+        # A likelihood with deviations takes longer.
+        final = FINAL_DRAWS if mode.linear is None else FINAL_DRAWS // 2
         y, log_weights = self._weights(mode, proposal, shear, rng, final)
         evaluations += final
         k, share = pareto_k(log_weights), effective_size(log_weights) / final
@@ -91,12 +90,11 @@ class Importance(EvidenceMethod):
             few = f"a few draws have all the weight (effective number {share * final:.0f})"
             outcome = f"not to be trusted: {few}"
         log_evidence = float(scipy.special.logsumexp(log_weights) - np.log(final))
-        relative = np.exp(log_weights - log_evidence)
         return Evidence(
             model=model,
             method=self.name,
             log_evidence=log_evidence,
-            stderr=float(np.std(relative, ddof=1) / np.sqrt(final)),
+            stderr=float(np.std(np.exp(log_weights - log_evidence), ddof=1) / np.sqrt(final)),
             diagnostic=f"Pareto k {k:.2f}, effective share {share:.2f}",
             evaluations=evaluations,
             outcome=outcome,

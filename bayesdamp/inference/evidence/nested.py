@@ -160,11 +160,9 @@ def run_sampler(
         )
         log_compression = 0.0
         while True:
-            limit = (
-                MAX_LIKELIHOODS
-                if needed is None
-                else min(MAX_LIKELIHOODS, sampler.n_like + LIKELIHOODS_PER_CHECK)
-            )
+            limit = MAX_LIKELIHOODS
+            if needed is not None:
+                limit = min(limit, sampler.n_like + LIKELIHOODS_PER_CHECK)
             done = bool(sampler.run(n_eff=EFFECTIVE_DRAWS, n_like_max=limit, discard_exploration=True))
             if done or sampler.n_like >= MAX_LIKELIHOODS:
                 return sampler, done

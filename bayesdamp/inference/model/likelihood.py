@@ -99,8 +99,7 @@ class Likelihood:
         result contain the log prior probability of the combination.
         """
         assert self.target.deviation is not None
-        deviation = self.target.deviation.under(combination)
-        return replace(self, target=replace(self.target, deviation=deviation))
+        return replace(self, target=replace(self.target, deviation=self.target.deviation.under(combination)))
 
     @cached_property
     def y(self) -> np.ndarray:

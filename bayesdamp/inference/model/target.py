@@ -290,13 +290,11 @@ class Scores:
         `NEAR_ZERO_SCORE` replaces a score of 0.
         """
         both = zip(self._functions, z.tolist(), strict=True)
-        return np.array(
-            [
-                rate((z or NEAR_ZERO_SCORE) if reflected else z, *numbers)
-                for (_, rate, numbers, reflected), z in both
-            ],
-            float,
-        )
+        rates = [
+            rate((z or NEAR_ZERO_SCORE) if reflected else z, *numbers)
+            for (_, rate, numbers, reflected), z in both
+        ]
+        return np.array(rates, float)
 
     def retract(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
         """Return the end, (d,), of a step from scores z that is straight in the restoring law's natural coordinates.

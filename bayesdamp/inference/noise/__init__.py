@@ -391,15 +391,12 @@ def fit_noise(
         return -density if np.isfinite(density) else 1e300
 
     start = noise.start(residual, gaps)
-    z = np.array(
-        [float(np.clip(p.score(start[n]), -LARGEST_SCORE, LARGEST_SCORE)) for n, p in inferred.items()]
-    )
+    z = np.clip([float(p.score(start[n])) for n, p in inferred.items()], -LARGEST_SCORE, LARGEST_SCORE)
     if not z.size:
         density = -negative_log_density(z)
         return FittedNoise(name, values(z), density if density > -1e300 else -np.inf)
-    z = scipy.optimize.minimize(
-        negative_log_density, z, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-4}
-    ).x
+    options = {"xatol": 1e-4, "fatol": 1e-4}
+    z = scipy.optimize.minimize(negative_log_density, z, method="Nelder-Mead", options=options).x
     axes = EVIDENCE_STEP * np.eye(z.size)
 
     def mixed(a: np.ndarray, b: np.ndarray) -> float:
@@ -408,6 +405,5 @@ def fit_noise(
 
     hessian = np.array([[mixed(a, b) for b in axes] for a in axes]) / (4 * EVIDENCE_STEP**2)
     sign, log_det = np.linalg.slogdet(hessian)
-    return FittedNoise(
-        name, values(z), (-negative_log_density(z) - 0.5 * float(log_det)) if sign > 0 else -np.inf
-    )
+    log_evidence = -negative_log_density(z) - 0.5 * float(log_det) if sign > 0 else -np.inf
+    return FittedNoise(name, values(z), log_evidence)

@@ -92,8 +92,7 @@ class Sampler(ABC):
         converged or are too short. Raises Refusal like `sample`.
         """
         began = time.perf_counter()
-        posterior = self.sample(target, mode, settings)
-        posterior = replace(posterior, seconds=time.perf_counter() - began)
+        posterior = replace(self.sample(target, mode, settings), seconds=time.perf_counter() - began)
         if posterior.summaries or not posterior.draws.size:
             return posterior
         columns = zip(posterior.names, np.moveaxis(posterior.draws, -1, 0), strict=True)
@@ -151,13 +150,8 @@ def seeded_starts(
     scatter = START_SCATTER * rng.standard_normal((count, seeds.shape[1]))
     chosen = [order[i % len(order)] for i in range(count)]
     # The last two tries are a small scatter about the centre, and the centre itself.
-    tries = np.stack(
-        [
-            *(fraction * seeds[chosen] + scatter for fraction in SEED_FRACTIONS),
-            0.3 * scatter,
-            np.zeros_like(scatter),
-        ]
-    )
+    scattered = [fraction * seeds[chosen] + scatter for fraction in SEED_FRACTIONS]
+    tries = np.stack([*scattered, 0.3 * scatter, np.zeros_like(scatter)])
     z = at.scores(tries)
     z = np.where(reflected, np.abs(z), z)
     log_density = mode.likelihood.log_posteriors(z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])

@@ -360,10 +360,8 @@ class ChainRun:
 
     def continue_chains(self, count: int) -> ChainRun:
         """Return a run with the earlier draws and `count` more of each chain, which continue from its last draw."""
-        more = [
-            chain.sample(u[-1], float(log_density[-1]), count)
-            for chain, u, log_density in zip(self.chains, *self.results[:2], strict=True)
-        ]
+        ends = zip(self.chains, *self.results[:2], strict=True)
+        more = [chain.sample(u[-1], float(log_density[-1]), count) for chain, u, log_density in ends]
         added = zip(self.results, zip(*more, strict=True), strict=True)
         return replace(self, results=tuple(np.concatenate([x, np.stack(y)], axis=1) for x, y in added))
 
@@ -487,21 +485,14 @@ class Nuts(Sampler):
         """
         target, warmup = mode.likelihood.target, settings.warmup_of(mode)
         u, log_densities = seeded_starts(target, mode, at, settings.chains, settings)
-        space, step, given = (
-            WhitenedPosterior.of(mode, at, exact),
-            factor * LEAPFROG_STEP,
-            dict[int, WhitenedPosterior](),
-        )
-        chains = [
-            Chain(space, step, rng)
-            if target.deviation is None
-            else MixtureChain(mode, space, given, step, rng)
-            for rng in (np.random.default_rng([settings.seed, i]) for i in range(settings.chains))
-        ]
-        results = [
-            chain.sample(start, float(log_density), warmup + settings.draws)
-            for chain, start, log_density in zip(chains, u, log_densities, strict=True)
-        ]
+        space, step = WhitenedPosterior.of(mode, at, exact), factor * LEAPFROG_STEP
+        rngs = [np.random.default_rng([settings.seed, i]) for i in range(settings.chains)]
+        chains: list[Chain] = [Chain(space, step, rng) for rng in rngs]
+        if target.deviation is not None:
+            given: dict[int, WhitenedPosterior] = {}
+            chains = [MixtureChain(mode, space, given, step, rng) for rng in rngs]
+        starts = zip(chains, u, log_densities, strict=True)
+        results = [chain.sample(x, float(log), warmup + settings.draws) for chain, x, log in starts]
         return ChainRun(at, exact, warmup, chains, tuple(map(np.stack, zip(*results, strict=True))))
 
     def _run(

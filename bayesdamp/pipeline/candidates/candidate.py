@@ -39,8 +39,7 @@ class StudyCandidate:
     @property
     def methods(self) -> tuple[str, ...]:
         """Names of the estimators that the study applies to this candidate on this repeat of the record, if any."""
-        on = self.study.estimators.on(self.repeat)
-        return on if self.model in self.study.estimate(self.spec) else ()
+        return self.study.estimators.on(self.repeat) if self.model in self.study.estimate(self.spec) else ()
 
     @property
     def problem(self) -> Problem:
@@ -59,9 +58,8 @@ class StudyCandidate:
         priors = {n: p for n, p in study.priors.items() if n in model.parameters}
         free = {n: p for n, p in system.free.items() if n in model.parameters}
         if "epsilon" in free:  # a model infers ε only with a stated prior
-            default = default_prior(
-                "epsilon", Oscillator(self.terms, self.restoring), study.noises[0], scales, record.features
-            )
+            osc = Oscillator(self.terms, self.restoring)
+            default = default_prior("epsilon", osc, study.noises[0], scales, record.features)
             free["epsilon"] = free["epsilon"] or default
         fixed = NOT_INFERRED if model.approximate else ()
         try:

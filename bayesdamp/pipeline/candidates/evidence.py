@@ -44,8 +44,7 @@ def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str
         f"evidence/{path}/{m}": (m, draws) if EVIDENCES.get(m).needs_draws else (m,) for m in methods
     }
     if methods and study.evidence.referee != "never" and REFEREE not in methods:
-        referee = (REFEREE, study.evidence.referee, sorted(methods), draws)
-        parts[f"evidence/{path}/{REFEREE}"] = referee
+        parts[f"evidence/{path}/{REFEREE}"] = (REFEREE, study.evidence.referee, sorted(methods), draws)
     return parts
 
 

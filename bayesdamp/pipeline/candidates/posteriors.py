@@ -36,10 +36,9 @@ def compute_posterior(candidate: StudyCandidate, sampler: str, seed: int) -> Pro
     folder = candidate.store.folder
     file = folder / "posterior" / f"{candidate.path.replace('/', '.')}.{sampler}.nc"
     write_bytes(file, netcdf_bytes(build_tree(whole, MOST_VALUES)))
-    values = {**fit.known, **{n: posterior.draws[..., i] for i, n in enumerate(posterior.names)}}
     motions = Motions(
         fit.oscillator,
-        values,
+        {**fit.known, **{n: posterior.draws[..., i] for i, n in enumerate(posterior.names)}},
         record.features.rest,
         record.content.scales.amplitude,
         candidate.spec.inertia,

@@ -201,8 +201,7 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
     ax.set_ylim(0, 130 * float(np.nanquantile(tops, 0.9)) or 1.0)
     if few:
         columns = legend_columns(list(curves), WIDTH, 3)
-        rows = math.ceil(len(curves) / columns)
-        figure.set_figheight(3.4 + max(rows - 2, 0) * LEGEND_ROW)
+        figure.set_figheight(3.4 + max(math.ceil(len(curves) / columns) - 2, 0) * LEGEND_ROW)
         figure.legend(*ax.get_legend_handles_labels(), loc="outside upper left", ncols=columns)
     return figure
 

@@ -137,9 +137,8 @@ def true_estimates(run: RunFolder) -> Frame:
     truths = true_models(run)
     rows = [r for r in run.estimates if r["model"] == truths.get(r["signal"])]
     table = data_frame(rows, TABLES["estimates.csv"])
-    table["error_pct"] = table["error_pct"].where(
-        table["parameter"].isin(list(damping_parameters(run).values()))
-    )
+    coefficients = list(damping_parameters(run).values())
+    table["error_pct"] = table["error_pct"].where(table["parameter"].isin(coefficients))
     return table
 
 
@@ -373,8 +372,7 @@ def rank_ranges(along: ErrorSeries, stage: str, level: int) -> dict[str, tuple[i
 
 def _leave_out(squares: np.ndarray) -> np.ndarray:
     """Return the mean of the squares with each repeat left out in turn, (n,); always positive, so that it has a log."""
-    left = (squares.sum() - squares) / (squares.size - 1)
-    return np.maximum(left, 1e-12 * squares.mean())
+    return np.maximum((squares.sum() - squares) / (squares.size - 1), 1e-12 * squares.mean())
 
 
 def _half_width(left: np.ndarray) -> float:

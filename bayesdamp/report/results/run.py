@@ -367,8 +367,7 @@ def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
 def models_not_pruned(run: RunFolder, signal: str, repeat: int) -> list[str]:
     """Return the names of the models that were not left out as far too improbable (pruned), as in `models_by_rank`."""
     ranked = rank_models(run, signal, repeat)
-    rows = ranked.rows if ranked else []
-    pruned = {r["model"] for r in rows if status_of(r["outcome"]) is Status.PRUNED}
+    pruned = {r["model"] for r in (ranked.rows if ranked else []) if status_of(r["outcome"]) is Status.PRUNED}
     return [model for model in models_by_rank(run, signal, repeat) if model not in pruned]
 
 
@@ -465,7 +464,7 @@ def answers(run: RunFolder) -> list[RecordAnswer]:
 
     To save memory, their `arrays` contain only the damping curve (`CURVE`), and their `content` is empty.
     """
-    every = (a for signal in run.signals if (a := answer_of(run, signal)) is not None)
+    every = filter(None, (answer_of(run, signal) for signal in run.signals))
     return [
         replace(a, content=AnswerContent({}), arrays={n: a.arrays[n] for n in CURVE if n in a.arrays})
         for a in every

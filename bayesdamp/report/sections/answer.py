@@ -171,9 +171,8 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
     left_out: dict[str, list[str]] = {}
     for r in answer.content.candidates:
         if r.outcome != OK:
-            left_out.setdefault(r.outcome.rstrip("."), []).append(
-                f"{words.model(r.damping)} ({words.law(r.restoring)})"
-            )
+            model = f"{words.model(r.damping)} ({words.law(r.restoring)})"
+            left_out.setdefault(r.outcome.rstrip("."), []).append(model)
     for why, models in left_out.items():
         caption += f" Not fitted ({why}): {fmt.listing(models)}."
     table = Table.of(sorted(rows, key=lambda r: -log[id(r)]), compared, (0, 1), caption)

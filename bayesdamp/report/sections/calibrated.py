@@ -117,8 +117,7 @@ def _model(run: RunFolder, ranks: list[Row], rows: list[Row], model: str) -> Mar
     result = run.info["result"]
     counts: dict[str, dict[str, np.ndarray]] = {}
     for row in ranks:
-        values = np.array(row["ranks"].split(), int)
-        own = np.bincount(values, minlength=result["draws"] + 1)
+        own = np.bincount(np.array(row["ranks"].split(), int), minlength=result["draws"] + 1)
         counts.setdefault(row["sampler"], {})[row["parameter"]] = own
     names = list(dict.fromkeys(r["parameter"] for r in rows_of(rows, check="ranks")))
     caption = (

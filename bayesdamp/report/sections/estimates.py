@@ -58,8 +58,7 @@ class EstimatesSection(SignalSection):
         Further results of the methods are shown under the model with which the signal was simulated, or else the most
         probable one.
         """
-        repeat = run.repeats(signal)[0]
-        ranked = models_by_rank(run, signal, repeat)
+        ranked = models_by_rank(run, signal, run.repeats(signal)[0])
         best = true_models(run).get(signal) or ranked[0]
         models: dict[str, list[object]] = {}
         for place, model in enumerate(ranked):
@@ -152,9 +151,8 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
     for method, d in by_method.items():
         if "selected" in d:
             pairs = zip(d["selected"], d.get("coefficients") or [math.nan] * len(d["selected"]))
-            terms = " + ".join(f"{fmt.number(c, 4)}·{name}" for name, c in pairs) or "none"
-            terms = terms.replace("+ −", "− ")
-            damping.append([words.method(method), terms])
+            terms = " + ".join(f"{fmt.number(c, 4)}·{name}" for name, c in pairs).replace("+ −", "− ")
+            damping.append([words.method(method), terms or "none"])
         elif "chosen" in d:
             damping.append([words.method(method), str(d["chosen"])])
     if damping:

@@ -96,8 +96,7 @@ class OverviewSection(Section):
             )
             if len(curves) > MOST_COLOURED:
                 caption += " All records have the same colour."
-            draw = partial(overview, curves, unit)
-            parts.append(run.drawings.add("overview", caption, draw))
+            parts.append(run.drawings.add("overview", caption, partial(overview, curves, unit)))
         return stack(*parts, replace(overview_table(records), caption=TABLE_CAPTION))
 
 

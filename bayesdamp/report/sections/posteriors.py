@@ -88,10 +88,9 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
     )
     if any(math.isfinite(value) for value in true.values()):
         caption += " Vertical lines: the true values."
-    damping = coefficients(run, model)
     draw = partial(marginals, model, draws, units, true)
     figures = [run.drawings.add(f"marginals-{signal}-{model}", caption, draw)]
-    names = [n for n in damping if all(n in own for own in draws.values())]
+    names = [n for n in coefficients(run, model) if all(n in own for own in draws.values())]
     if len(names) > 1:
         caption = (
             f"Posterior draws of each pair of coefficients of {words.model(model)} damping, from the record "

@@ -54,8 +54,7 @@ class PriorsSection(SignalSection):
         default = SharedHalfNormal(per_ratio=1.0).describe()
         is_shared = any(str(prior) == default for table in tables for prior in table.values())
         sentences = [COMPARED, OTHER_FORMS * run.only_answered, COMMON_SCALE * is_shared, WIDE_PRIOR]
-        odds = paragraph(" ".join(filter(None, sentences)))
-        return stack(odds, self.by_signal(run, signals), assumed)
+        return stack(paragraph(" ".join(filter(None, sentences))), self.by_signal(run, signals), assumed)
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return a table of a signal's priors: parameter, meaning, prior in words, and the models that have it."""

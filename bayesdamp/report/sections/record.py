@@ -9,7 +9,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.record import ModelFit, draw_raw_record, record
-from bayesdamp.report.results.run import RecordAnswer, Row, RunFolder, answer_of, models_not_pruned, rows_of
+from bayesdamp.report.results.run import Row, RunFolder, answer_of, models_not_pruned, rows_of
 from bayesdamp.report.sections import SignalSection, bullets, is_drawn, paragraph, stack
 from bayesdamp.store.results import RecordContent
 from bayesdamp.types import OK
@@ -95,15 +95,11 @@ class RecordSection(SignalSection):
             period = content.features.period if content.features else float(t[-1] - t[0])
             draw = partial(record, t, y, fits, axis, words.divisor(name), period)
             parts.append(run.drawings.add(f"record-{signal}", f"Record “{signal}”: {FITTED}", draw))
-        elif len(parts) == 1 and not _is_in_answer(answer):
+        elif len(parts) == 1 and (answer is None or not np.min(answer.arrays.get("record", np.ones(1))) < 0):
+            # The figure of the answer does not show the record, or only its amplitudes, which are positive.
             draw = partial(draw_raw_record, t, y, axis)
             parts.append(run.drawings.add(f"record-{signal}", f"Record “{signal}”: {WITHOUT_FITS}", draw))
         return stack(*parts, *(paragraph(sentence, "quiet") for sentence in missing))
-
-
-def _is_in_answer(answer: RecordAnswer | None) -> bool:
-    """Return whether the figure of an answer shows the record, and not only its amplitudes, which are positive."""
-    return answer is not None and np.min(answer.arrays.get("record", np.ones(1))) < 0
 
 
 def rms_of(row: Row) -> str:
