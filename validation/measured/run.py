@@ -7,7 +7,7 @@ FOLDER have a row for each answer.
 
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from bayesdamp.cli.records import ReadingOptions, records_in
@@ -27,7 +27,7 @@ RUNS = "ten-runs"
 """Name of the record that consists of ten runs of one rig, which are also answered together as one specimen."""
 
 
-def signals() -> Iterator[tuple[str, list[Signal]]]:
+def signals() -> Iterator[tuple[str, Sequence[Signal]]]:
     """Yield the name of each record and its free decays.
 
     The record `RUNS` gives all decays in its file; every other record gives only the first one.

@@ -116,7 +116,7 @@ def compare(
     chosen, options = r.SelectedRecords([], [], [], []), r.ReadingOptions()
     envelopes = are_envelopes(records, reading["angle"], reading["unit"], reading["quantity"])
     in_pool = len(records) > MOST_EARLY_LINES and not (envelopes or plugins or scheduler)
-    width = (workers or min(cores(), len(records))) if in_pool else 1
+    width = (workers or (cores() if exact else min(cores(), len(records)))) if in_pool else 1
     # Many records are read, and later compared, by several processes.
     with open_pool(width, None) as pool:
         if envelopes:
