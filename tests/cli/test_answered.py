@@ -1,11 +1,14 @@
 """`bayesdamp compare` from a file to its tables."""
 
+import shutil
 from pathlib import Path
 
 import pytest
 
 from bayesdamp.cli import main
+from bayesdamp.pipeline.run import SOME_FAILED
 from bayesdamp.store.files import read_table
+from bayesdamp.verdict.types import load_verdicts
 
 COMPARE = "compare ok.csv --restoring linear --workers 1 --damping viscous --damping coulomb --out out"
 ZETA = 0.1
@@ -35,3 +38,19 @@ def test_a_quick_comparison_samples_nothing(folder: Path, capsys: pytest.Capture
     assert "Viscous damping" in printed
     assert "ampling" not in printed
     assert read_table(folder / "out" / "posteriors.csv") == []
+
+
+def test_many_files_have_the_same_verdicts_in_one_process_and_in_two(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file that cannot be used is reported at the end, and leaves no trace in the run."""
+    files = [shutil.copy("ok.csv", f"run_{i}.csv") for i in range(6)]
+    (folder / "flat.csv").write_text("t,y\n" + "".join(f"{i},0\n" for i in range(99)))
+    verdicts = []
+    for workers in ("1", "2"):
+        options = f"compare flat.csv --restoring linear --damping viscous --quick --workers {workers} --out {workers}"
+        assert main([*options.split(), *files]) == SOME_FAILED
+        assert "failed: flat.csv" in capsys.readouterr().err
+        verdicts.append(load_verdicts(folder / workers / "verdict.json"))
+    assert [v.record for v in verdicts[0]] == [f"run_{i}" for i in range(6)]
+    assert verdicts[0] == verdicts[1]
