@@ -93,11 +93,8 @@ def backward(source: str, module: str) -> list[str]:
     unit = max(units, key=len)
     allowed = MAY_IMPORT[unit] | {"bayesdamp"}
     whole = allowed - REGISTRIES if unit == "config" else allowed
-    return [
-        f"{module} -> {other}"
-        for other in others
-        if other not in allowed and not any(inside(other, unit) for unit in whole)
-    ]
+    wrong = (o for o in others if o not in allowed and not any(inside(o, unit) for unit in whole))
+    return [f"{module} -> {other}" for other in wrong]
 
 
 MODULES = {

@@ -41,11 +41,8 @@ def shown_text(path: Path) -> str:
 
 
 def test_what_a_user_reads_is_in_the_terms_of_the_field() -> None:
-    docs = [
-        path
-        for pattern in ("*.md", "howto/*.md", "notebooks/*.ipynb")
-        for path in (ROOT / "docs").glob(pattern)
-    ]
+    patterns = ("*.md", "howto/*.md", "notebooks/*.ipynb")
+    docs = [path for pattern in patterns for path in (ROOT / "docs").glob(pattern)]
     paths = [ROOT / "README.md", *docs, *PACKAGE.rglob("*.py"), *PACKAGE.glob("report/templates/*.html")]
     shown = [path for path in paths if not path.relative_to(ROOT).as_posix().startswith(EXEMPT)]
     assert len(shown) > 100

@@ -20,13 +20,8 @@ from validation.contest.script import answer
 
 STIFFNESS, NOISE = 20.0, 1e-3
 """(2π × frequency)² of small oscillations in s⁻², and standard deviation of the noise in rad."""
-FIRST, VERDICT, END, CPU, MEMORY = COLUMNS = (
-    "first words, s",
-    "verdict, s",
-    "end, s",
-    "CPU, s",
-    "memory, MB",
-)
+COLUMNS = ("first words, s", "verdict, s", "end, s", "CPU, s", "memory, MB")
+FIRST, VERDICT, END, CPU, MEMORY = COLUMNS
 """What is measured of a command. Memory is the peak of its largest process."""
 RECORDS = 10
 """Number of records in the comparison with the script: two of each group of the contest."""

@@ -46,13 +46,8 @@ def test_the_study_has_every_damping_under_every_law_with_free_parameters(tmp_pa
 
 
 def test_a_record_keeps_the_letters_of_its_file(tmp_path) -> None:
-    files = [
-        "ä.csv",
-        "r 1 u\u0308.csv",
-        "проба №2.csv",
-        "v².csv",
-        "-ö.csv",
-    ]  # the second has ü as two characters
+    # The second has ü as two characters.
+    files = ["ä.csv", "r 1 u\u0308.csv", "проба №2.csv", "v².csv", "-ö.csv"]
     study = comparison([{"file": str(write(tmp_path / file))} for file in files])
     assert [s.name for s in study.signals] == ["ä", "r_1_ü", "проба__2", "v²", "_-ö"]
 

@@ -91,12 +91,8 @@ def test_the_frequency_of_a_fast_or_slow_record_is_printed(tmp_path) -> None:
     """The same motion with the periods of a resonator and of a tide; the unit of the times is given."""
     for period in (1e-9, 44712.0):
         t = period / 40 * np.arange(600)
-        path = write_table(
-            tmp_path / "a.csv",
-            "t (s),x (m)",
-            t,
-            0.3 * np.exp(-0.1 * t / period) * np.cos(2 * np.pi * t / period),
-        )
+        x = 0.3 * np.exp(-0.1 * t / period) * np.cos(2 * np.pi * t / period)
+        path = write_table(tmp_path / "a.csv", "t (s),x (m)", t, x)
         (line,) = early_lines(records_in(path, ReadingOptions()), ReadingOptions())
         frequency, half = numbers(line.partition(" at ")[2].partition(" Hz")[0])
         assert 0 < half.value < 1e-3 / period

@@ -65,14 +65,8 @@ def test_the_damping_ratio_of_a_strongly_nonlinear_spring_is_right(
     """
     omega, drag, noise = 2 * np.pi, 0.3, np.random.default_rng(1)
     t = np.arange(960) / 60
-    p = {
-        "mu_q": drag,
-        "stiffness": omega**2,
-        "rest_angle": 0.0,
-        "cubic": -soft * omega**2,
-        "theta0": 1.0,
-        "omega0": 0.0,
-    }
+    p = {"stiffness": omega**2, "cubic": -soft * omega**2, "rest_angle": 0.0}
+    p |= {"mu_q": drag, "theta0": 1.0, "omega0": 0.0}
     motion = trajectory("duffing", p, t)
     y = motion[:, ("angle", "velocity", "acceleration").index(quantity)]
     y = y + 1e-4 * np.std(y) * noise.standard_normal(t.size)
