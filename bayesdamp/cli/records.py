@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from inspect import Parameter, Signature, signature
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from bayesdamp.cli.options import READING, option, parse_time
 from bayesdamp.formatting import show
 from bayesdamp.interface.signal import Signal, cut
+from bayesdamp.pipeline.workers import restart
 from bayesdamp.records.files.contents import unit_by_name
 from bayesdamp.records.read import FROM_FIRST, read_each, read_records
 from bayesdamp.records.record import QUESTIONS, Finding, RawRecord, findings, unit_or_guess
@@ -252,7 +253,13 @@ def select_records(
     InputError
         The first error of a file, if no file is usable, or if `every` is true and a file is not usable.
     """
-    chosen, failed = read_each(paths, partial(_choose, options=options, cleaned=len(paths) > 1), pool)
+    read = partial(_choose, options=options, cleaned=len(paths) > 1)
+    try:
+        chosen, failed = read_each(paths, read, pool)
+    except BrokenExecutor:  # one of the processes was killed
+        assert pool is not None
+        restart(pool)
+        chosen, failed = read_each(paths, read)
     if every and failed:
         raise failed[0]
     return SelectedRecords(

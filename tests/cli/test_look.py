@@ -1,7 +1,9 @@
 """`bayesdamp look` and `bayesdamp init`, and files with several records in `compare` and in a study."""
 
 import re
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -85,6 +87,13 @@ def test_times_in_an_unlikely_unit_are_refused_unless_the_unit_is_given(tmp_path
     assert select_records([path], ReadingOptions(time_unit="s")).records
     assert bd.read(path, time_unit="s").raw[0].t is not None
     assert read_raw(Recording(file=path.name, path=path, angle=2, time=1, time_unit="s")).t is not None
+
+
+def test_files_are_read_here_if_a_process_that_reads_them_is_killed(tmp_path) -> None:
+    pool = Mock(map=Mock(side_effect=BrokenExecutor))
+    path = write_table(tmp_path / "a.csv", "t,angle", T, Y)
+    assert len(select_records([path], ReadingOptions(), pool=pool).records) == 1
+    pool.restart.assert_called_once_with()
 
 
 def test_the_frequency_of_a_fast_or_slow_record_is_printed(tmp_path) -> None:

@@ -117,6 +117,8 @@ def compare(
     envelopes = are_envelopes(records, reading["angle"], reading["unit"], reading["quantity"])
     in_pool = len(records) > MOST_EARLY_LINES and not (envelopes or plugins or scheduler)
     width = (workers or (cores() if exact else min(cores(), len(records)))) if in_pool else 1
+    if in_pool and not quiet:
+        typer.echo(f"reading {len(records)} files", err=True)
     # Many records are read, and later compared, by several processes.
     with open_pool(width, None) as pool:
         if envelopes:
