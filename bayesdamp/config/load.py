@@ -49,7 +49,7 @@ from bayesdamp.config.study import (
     as_name,
 )
 from bayesdamp.estimators import ESTIMATORS
-from bayesdamp.formatting import show
+from bayesdamp.formatting import listing, show
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.samplers import SAMPLERS
@@ -524,6 +524,7 @@ def comparison_tables(
         elif specimen and len(records) > 1 and not is_envelope:
             signal["specimen"] = specimen
     first, files = next(iter(signals)), list(dict.fromkeys(Path(record["file"]).name for record in records))
+    shown = files if len(files) < 5 else [*files[:3], f"{len(files) - 3} more files"]
     study = first if len(records) == 1 else f"{first}-and-{len(records) - 1}-more"
     if len(records) > 1 and len({record["file"] for record in records}) == 1:
         study = f"{_as_name(Path(records[0]['file']).stem) or 'record'}-{len(records)}-records"
@@ -533,7 +534,7 @@ def comparison_tables(
         "version": 1,
         "name": study,
         "seed": seed,
-        "description": f"Damping of {', '.join(files)}"[:200],
+        "description": f"Damping of {listing(shown)}",
         "signal": list(signals.values()),
         "estimators": {"use": ["least_squares"], "stages": ["initial"]},
         "models": {"compare": list(damping) or sums, "prune": PRUNE_NATS},
