@@ -43,14 +43,15 @@ def test_a_quick_comparison_samples_nothing(folder: Path, capsys: pytest.Capture
 def test_many_files_have_the_same_verdicts_in_one_process_and_in_two(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A file that cannot be used is reported at the end, and leaves no trace in the run."""
+    """And alone. A file that cannot be used is reported at the end, and leaves no trace in the run."""
     files = [shutil.copy("ok.csv", f"run_{i}.csv") for i in range(6)]
     (folder / "flat.csv").write_text("t,y\n" + "".join(f"{i},0\n" for i in range(99)))
-    verdicts = []
+    options, verdicts = ["compare", "--restoring", "linear", "--damping", "viscous", "--quick", "--out"], []
     for workers in ("1", "2"):
-        options = f"compare flat.csv --restoring linear --damping viscous --quick --workers {workers} --out {workers}"
-        assert main([*options.split(), *files]) == SOME_FAILED
+        assert main([*options, workers, "--workers", workers, "flat.csv", *files]) == SOME_FAILED
         assert "failed: flat.csv" in capsys.readouterr().err
         verdicts.append(load_verdicts(folder / workers / "verdict.json"))
     assert [v.record for v in verdicts[0]] == [f"run_{i}" for i in range(6)]
     assert verdicts[0] == verdicts[1]
+    assert main([*options, "alone", *files[:1]]) == 0
+    assert load_verdicts(folder / "alone" / "verdict.json") == verdicts[0][:1]
