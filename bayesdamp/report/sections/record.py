@@ -91,12 +91,13 @@ class RecordSection(SignalSection):
                 autocorrelation = np.asarray(mode.arrays.get("autocorrelation", []), float)
                 fit, residual = (mode.arrays[array] * factor for array in ("fit", "residual"))
                 fits.append(ModelFit(model, fit, residual, autocorrelation, rms))
+        # For a record that was averaged over cycles, the answer shows only the amplitudes, which are positive.
+        is_in_answer = answer is not None and np.min(answer.arrays.get("record", 0.0)) < 0
         if fits:
             period = content.features.period if content.features else float(t[-1] - t[0])
             draw = partial(record, t, y, fits, axis, words.divisor(name), period)
             parts.append(run.drawings.add(f"record-{signal}", f"Record “{signal}”: {FITTED}", draw))
-        elif len(parts) == 1 and (answer is None or not np.min(answer.arrays.get("record", np.ones(1))) < 0):
-            # The figure of the answer does not show the record, or only its amplitudes, which are positive.
+        elif len(parts) == 1 and not is_in_answer:
             draw = partial(draw_raw_record, t, y, axis)
             parts.append(run.drawings.add(f"record-{signal}", f"Record “{signal}”: {WITHOUT_FITS}", draw))
         return stack(*parts, *(paragraph(sentence, "quiet") for sentence in missing))
