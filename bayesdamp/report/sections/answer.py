@@ -6,7 +6,6 @@ from functools import partial
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
 from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
@@ -175,11 +174,11 @@ def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
             left_out.setdefault(r.outcome.rstrip("."), []).append(model)
     for why, models in left_out.items():
         caption += f" Not fitted ({why}): {fmt.listing(models)}."
-    table = Table.of(sorted(rows, key=lambda r: -log[id(r)]), compared, (0, 1), caption)
+    table = fmt.Table.of(sorted(rows, key=lambda r: -log[id(r)]), compared, (0, 1), caption)
     return [*parts, collapsible("All damping models that were compared", table)]
 
 
-def coefficients_table(coefficients: Sequence[Coefficient], caption: str, parts: bool = False) -> Table:
+def coefficients_table(coefficients: Sequence[Coefficient], caption: str, parts: bool = False) -> fmt.Table:
     """Return a table of coefficients with their 95 % intervals.
 
     parts: whether to add two columns: the parts of the standard deviation that are due to the noise and to deviations
@@ -193,7 +192,7 @@ def coefficients_table(coefficients: Sequence[Coefficient], caption: str, parts:
         columns["sd from noise"] = lambda c: fmt.number(c.sd_noise, 2)
         columns["sd from the law"] = lambda c: fmt.number(c.sd_law, 2)
     columns["unit"] = lambda c: words.unit(c.unit)
-    return Table.of(coefficients, columns, (0, len(columns) - 1), caption)
+    return fmt.Table.of(coefficients, columns, (0, len(columns) - 1), caption)
 
 
 PLUGIN = AnswerSection()

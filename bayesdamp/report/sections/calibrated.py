@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.drawing import FAINT, LOOKS, MUTED, WIDTH
 from bayesdamp.report.results.run import Row, RunFolder, rows_of
@@ -96,7 +95,7 @@ class CalibratedSection(Section):
             "records left out, and why": refused,
         }
         parts: list[object] = [paragraph(claim, "lead"), *map(paragraph, EXPLAINED)]
-        parts.append(Table.of(counts, of_model, (0, 5), TRIED))
+        parts.append(fmt.Table.of(counts, of_model, (0, 5), TRIED))
         ranks = _rows(run, "ranks.csv")
         for model in counts:
             parts.append(_model(run, rows_of(ranks, model=model), rows_of(rows, model=model), model))
@@ -143,7 +142,7 @@ def _model(run: RunFolder, ranks: list[Row], rows: list[Row], model: str) -> Mar
         header = f"{name}, {f'{100 * float(level):g} %' if level else 'p of the ranks'}"
         columns[header] = partial(result_of, check=(method, check, level))
     caption = f"Records with {words.model(model)} damping. {CHECKS}"
-    return stack(heading(words.model(model)), figure, Table.of(names, columns, caption=caption))
+    return stack(heading(words.model(model)), figure, fmt.Table.of(names, columns, caption=caption))
 
 
 def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> Figure:

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from functools import partial
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.results.estimators import STAGES, category_of, compare_estimators, printed_error
 from bayesdamp.report.results.run import RunFolder
@@ -65,8 +64,8 @@ class ComparisonSection(Section):
             errors["mean, published"] = lambda m: fmt.number(printed[m], 2)
             times["published"] = lambda m: comparison.times.get(m, fmt.NONE)
         return stack(
-            Table.of(comparison.methods, errors, (0, 1), ERRORS),
-            Table.of(comparison.methods, times, (0,), TIMES),
+            fmt.Table.of(comparison.methods, errors, (0, 1), ERRORS),
+            fmt.Table.of(comparison.methods, times, (0,), TIMES),
         )
 
 

@@ -8,7 +8,6 @@ from typing import Any
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures.estimators import estimate_panels, force
 from bayesdamp.report.results.estimators import estimates_of, true_models
@@ -77,7 +76,7 @@ class EstimatesSection(SignalSection):
         return by_model(models)
 
 
-def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Table:
+def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> fmt.Table:
     """Return a table of the estimated parameters, with a row for each method and stage.
 
     The cell of a parameter is an estimate with its standard error, or the range of the estimates for several repeats.
@@ -133,7 +132,7 @@ def _table(run: RunFolder, signal: str, model: str, rows: Sequence[Row]) -> Tabl
 
     keys = dict.fromkeys((r["estimator"], r["stage"]) for r in rows)
     each = [rows_of(rows, estimator=estimator, stage=stage) for estimator, stage in keys]
-    return Table.of(each, columns, (0, 1, len(columns) - 1), caption, kind)
+    return fmt.Table.of(each, columns, (0, 1, len(columns) - 1), caption, kind)
 
 
 def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
@@ -160,7 +159,7 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
             f"The form of the damping force that each method chose on the record “{signal}”: the terms of a sparse "
             "regression with their coefficients, or the expression of a symbolic regression in the velocity v."
         )
-        parts.append(Table(["method", "damping"], damping, (0, 1), caption))
+        parts.append(fmt.Table(["method", "damping"], damping, (0, 1), caption))
     for method, details in by_method.items():
         if {"velocity", "force", "law"} <= set(details):
             curves = (details[k] for k in ("velocity", "force", "law"))

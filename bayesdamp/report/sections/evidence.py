@@ -6,7 +6,6 @@ from dataclasses import replace
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Row, RunFolder, probabilities_by_odds, rank_models, rows_of
@@ -74,11 +73,11 @@ class EvidenceSection(SignalSection):
             columns: dict[str, Callable[[str], str]] = {"damping": words.model}
             for factor, own in shares.items():
                 columns[f"factor {fmt.number(factor, 3)}"] = lambda d, own=own: fmt.probability(own[d])
-            parts.append(Table.of(ranked.dampings, columns, caption=ODDS))
+            parts.append(fmt.Table.of(ranked.dampings, columns, caption=ODDS))
         return stack(*parts)
 
 
-def _table(run: RunFolder, signal: str, rows: Sequence[Row]) -> Table:
+def _table(run: RunFolder, signal: str, rows: Sequence[Row]) -> fmt.Table:
     """Return a table of rows of evidence.csv on a record, sorted by repeat and by the rank of the model."""
     repeats = run.repeats(signal)
     ranked = {repeat: rank_models(run, signal, repeat) for repeat in repeats}
@@ -106,7 +105,7 @@ def _table(run: RunFolder, signal: str, rows: Sequence[Row]) -> Table:
     methods = {r["method"] for r in rows}
     captions = [EVIDENCE, ADOPTED * ("combined" in methods), ANSWER * ("smc" in methods)]
     left = (len(columns) - 6, len(columns) - 5, len(columns) - 1)
-    return Table.of(sorted(rows, key=rank), columns, left, " ".join(filter(None, captions)), kind)
+    return fmt.Table.of(sorted(rows, key=rank), columns, left, " ".join(filter(None, captions)), kind)
 
 
 PLUGIN = EvidenceSection()

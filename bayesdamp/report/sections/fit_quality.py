@@ -5,7 +5,6 @@ from collections.abc import Callable
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Row, RunFolder, models_by_rank, rows_of
 from bayesdamp.report.sections import SignalSection, paragraph, repeat_column, stack
@@ -54,7 +53,7 @@ class FitQualitySection(SignalSection):
             "verdict": lambda r: r["verdict"] or fmt.NONE,
         }
         fits = sorted(rows_of(run.fits, signal=signal), key=lambda r: (r["repeat"], ranked.index(r["model"])))
-        parts.append(Table.of(fits, checks, (len(checks) - 6, len(checks) - 1), CAPTION))
+        parts.append(fmt.Table.of(fits, checks, (len(checks) - 6, len(checks) - 1), CAPTION))
         return stack(*parts)
 
 

@@ -7,7 +7,6 @@ from functools import partial
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures.answer import MOST_COLOURED, overview
 from bayesdamp.report.results.run import Row, RunFolder, answers, curve_of, overview_table, specimens
@@ -85,7 +84,7 @@ class OverviewSection(Section):
             }
             first = run.population[0]
             caption = POPULATION.format(words.model(first["model"]), first["specimens"])
-            table = Table.of(run.population, columns, (0, 4), caption)
+            table = fmt.Table.of(run.population, columns, (0, 4), caption)
             parts += [heading("Population of the specimens"), table]
         curves = {a.signal: curve for a in records if (curve := curve_of(a)) is not None}
         if curves:

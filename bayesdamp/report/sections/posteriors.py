@@ -8,7 +8,6 @@ import numpy as np
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.figures.posterior import marginals, pairs
 from bayesdamp.report.results.run import Row, RunFolder, coefficients, models_by_rank, rows_of, truth
@@ -103,7 +102,7 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
 
 def _table(
     run: RunFolder, signal: str, rows: Sequence[Row], caption: str, repeats: Sequence[int] = ()
-) -> Table:
+) -> fmt.Table:
     """Return a table of rows of posteriors.csv, with the true values if they are known.
 
     Rows of several `repeats` also have the number of the repeat and the outcome.
@@ -132,16 +131,16 @@ def _table(
         poor = r["rhat"] > 1.01 or r["ess_bulk"] < 400 or r["ess_tail"] < 400 or bool(r["divergences"])
         return "alert" if poor else ""
 
-    return Table.of(rows, columns, left, caption, kind)
+    return fmt.Table.of(rows, columns, left, caption, kind)
 
 
-def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[Table | Markup]:
+def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[fmt.Table | Markup]:
     """Return a table of a model's parameters by sampler, and sentences on what is missing or unreliable; [] if none."""
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
     if not rows:
         return []
     sampled = [r for r in rows if math.isfinite(r["mean"])]
-    parts: list[Table | Markup] = []
+    parts: list[fmt.Table | Markup] = []
 
     if sampled:
         order = [r["parameter"] for r in sampled]

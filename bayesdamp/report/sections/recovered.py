@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.report import words
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.report.sections import Section, paragraph, stack
@@ -57,7 +56,7 @@ class RecoveredSection(Section):
         return stack(*map(paragraph, (*MODELS_EXPLAINED, claim, scores)), *_tables(own))
 
 
-def _tables(result: Mapping[str, Any]) -> list[Table]:
+def _tables(result: Mapping[str, Any]) -> list[fmt.Table]:
     """Return the confusion matrix of the models, and a table that shows whether their probabilities are calibrated.
 
     result: the result of the model recovery in run.json. For groups of records with similar probabilities of the most
@@ -67,7 +66,7 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     names = [words.model(m) for m in result["models"]]
     lines = [[name, *map(str, row)] for name, row in zip(names, result["confusion"], strict=True)]
     caption = "Number of simulated records, by true damping model (rows) and most probable one (columns)."
-    confusion = Table(["", *names], lines, caption=caption)
+    confusion = fmt.Table(["", *names], lines, caption=caption)
 
     def fixed(name: str) -> Callable[[Mapping[str, Any]], str]:
         return lambda row: fmt.fixed_decimals(row[name], 3)
@@ -91,7 +90,7 @@ def _tables(result: Mapping[str, Any]) -> list[Table]:
     def kind(b: Mapping[str, Any]) -> str:
         return "" if b["low"] <= b["share"] <= b["high"] else "alert"
 
-    return [confusion, Table.of(result["bins"], by_probability, (0,), caption, kind)]
+    return [confusion, fmt.Table.of(result["bins"], by_probability, (0,), caption, kind)]
 
 
 PLUGIN = RecoveredSection()

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table, symbols
 from bayesdamp.report import words
 from bayesdamp.report.results.run import RunFolder, answer_of
 from bayesdamp.report.sections import Section, collapsible, paragraph, stack
@@ -42,7 +41,7 @@ class StudySection(Section):
         sentences += _systems(run)
         text = json.dumps(run.study, indent=2, ensure_ascii=False)
         details = collapsible("All settings, with their defaults", Markup("<pre>{}</pre>").format(text))
-        return stack(*(paragraph(symbols(sentence)) for sentence in sentences), _signals(run), details)
+        return stack(*(paragraph(fmt.symbols(sentence)) for sentence in sentences), _signals(run), details)
 
 
 def _systems(run: RunFolder) -> list[str]:
@@ -74,7 +73,7 @@ def _systems(run: RunFolder) -> list[str]:
     return [f"{fmt.listing(names)}: {text}" for text, names in named.items()]
 
 
-def _signals(run: RunFolder) -> Table | str:
+def _signals(run: RunFolder) -> fmt.Table | str:
     """Return a table of what was recorded in each signal, and how much of it was used; "" if there are no signals."""
 
     def samples(signal: str) -> tuple[str, str]:
@@ -103,7 +102,7 @@ def _signals(run: RunFolder) -> Table | str:
         "duration / s": lambda s: used[s][1],
     }
     caption = "The records of this run (signals), and the part of each that was used."
-    return Table.of(run.signals, columns, (0, 1, 2), caption) if used else ""
+    return fmt.Table.of(run.signals, columns, (0, 1, 2), caption) if used else ""
 
 
 PLUGIN = StudySection()
