@@ -154,7 +154,7 @@ class Drawings:
 
     @contextmanager
     def left_out(self, is_so: bool) -> Iterator[None]:
-        """Leave figures out within this context, if `is_so`."""
+        """Draw no figures within this context if `is_so` is True."""
         self._draws = not is_so
         yield
         self._draws = True
