@@ -11,7 +11,7 @@ Words
 - *damping sum*: a sum of damping terms c_i f_i with coefficients c_i ≥ 0. A term may have *own parameters* besides its
   coefficient, such as an exponent. Coefficients may have half-normal priors with a common, unknown scale.
 - *restoring law*: the force F with its parameters. *candidate*: a damping sum under a restoring law.
-- *motion*: a solution of the equation above, at the samples of the record.
+- *motion*: a solution of the equation above, in the form in which the record's values are fitted (see step 1 below).
 - *score*: a number z that stands for a parameter and has the prior N(0, 1). The parameter is a function of z, which is
   defined by the parameter's prior.
 - *deviations*: g, the log deviation of the damping, and h, the relative deviation of the frequency. Both change

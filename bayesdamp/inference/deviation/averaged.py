@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 MOST_CYCLES = 1200.0
 """If a fit to averages over blocks of cycles is not accurate enough, the samples are fitted instead, but only in a
 record of at most this many cycles: the Jacobian of its motion takes 1 GB of memory (measured). From this length on, a
-record may be averaged although its amplitude is not smooth (`average_of`)."""
+record whose phase wanders may be averaged although its amplitude is not smooth (`average_of`)."""
 FEWEST_CYCLES = 400.0
 """A record with at least this many cycles is reduced to amplitudes and phases of blocks of cycles (conventional)."""
 BLOCKS = 64
@@ -38,7 +38,7 @@ PIECES = 20
 logarithm of the amplitude and one the phase, both against time."""
 LEAST_SAMPLES = 24
 """Smallest number of samples in a block of cycles. If a block has fewer, the record is not reduced to amplitudes and
-phases. A part of the record between two holes (`HOLE`) that has fewer is left out."""
+phases. A part of the record before, between or after holes (`HOLE`) that has fewer is left out."""
 HOLE = 0.4
 """A gap between neighbouring samples that is longer than this fraction of a block's duration is a hole. No block of
 cycles extends over a hole: one block ends before it and another begins after it (conventional)."""
@@ -85,8 +85,9 @@ SETTLED = 0.05
 """The refits for noise that is not Gaussian (`ROUNDS`) end when the last one changed the motion by less than this: norm
 of the change over all samples, in sds of the noise of a sample."""
 MOST_SHIFT = 0.1
-"""Largest shift of a parameter by averaging over blocks of cycles, in posterior sds, at which the averages are accurate
-enough. Otherwise the samples are fitted, unless the record has more than `MOST_CYCLES` cycles."""
+"""Largest shift of a parameter by the remaining error of averaged motions (`Averaging.error`), in posterior sds, at
+which they are accurate enough. Otherwise the samples are fitted, unless the record has more than `MOST_CYCLES`
+cycles."""
 
 
 @dataclass(frozen=True)
@@ -131,15 +132,16 @@ class Averaged:
 
 @dataclass(frozen=True)
 class Averaging:
-    """The error of a record's parameters because the motion is averaged over blocks of cycles.
+    """The error of a record's inferred parameters because the motion is averaged over blocks of cycles.
 
     Attributes
     ----------
     cycles : float
-        Number of cycles in the record.
+        Number of cycles in the used part of the record.
     error : float
-        Largest shift that averaging causes in a parameter of the most probable damping model, in posterior sds;
-        displacement and velocity at the start are not included. Infinite if the equation of motion cannot be solved.
+        Largest shift of an inferred parameter of the most probable model, in posterior sds, by the error of its
+        averaged motion that remains after the correction with the full equation (`AveragedSolver.defect`). Displacement
+        and velocity at the start are not included. Infinite if the equation of motion cannot be solved.
     """
 
     cycles: float
@@ -308,9 +310,9 @@ def _demodulated(
 
     Return times in s, unwrapped phases in rad and amplitudes in the record's unit of the w windows, (w,) each, and the
     steps for `_Curves.steps`. A window that has few samples (`FULL`) is left out. A hole with fewer than four windows
-    near it (`REACH`) before or after it is ignored. If the cycles in another hole cannot be counted, the phases after
-    it are shifted so that they continue smoothly. The step of this hole, added to these phases, undoes the shift. t, y,
-    features: as in `average_of`.
+    near it (`REACH`) before or after it is ignored. The whole cycles that are counted in another hole are added to the
+    phases after it. If they cannot be counted (`UNSURE`), these phases are shifted so that they continue smoothly, and
+    the step of this hole undoes the shift. t, y, features: as in `average_of`.
     """
     frequency = features.frequency
     share, number = np.modf(t * frequency / (2 * np.pi * WINDOW))
@@ -376,9 +378,9 @@ def _fit_curves(
     """Fit the oscillation in each block, and correct the curves of amplitude and phase until they describe the blocks.
 
     The given `curves` come from short windows, whose noise shifts them. At least two and at most `PASSES` fits are
-    made. They end when the roughness of the blocks about the curves (`_BlockFit.bent`) is below `BENT`. t, y, parts,
-    middles: as in `_fit_blocks`. follows: whether the curve of the phase follows a wandering phase closely; it is then
-    not corrected.
+    made. They end when the roughness of the blocks about the curves (`_BlockFit.bent`) is below `BENT`; the last fit is
+    returned in any case. t, y, parts, middles: as in `_fit_blocks`. follows: whether the curve of the phase follows a
+    wandering phase closely; it is then not corrected.
     """
     fit = _fit_blocks(t, y, parts, middles, curves)
     for _ in range(1, PASSES):
@@ -441,9 +443,10 @@ def _blocks(
 ) -> tuple[list[tuple[int, int]], tuple[float, float]]:
     """Divide a record into blocks of about the same change of the phase, which do not extend over holes (`HOLE`).
 
-    Return the indices of each block's first sample and of the sample after its last, and the least and the greatest
-    time in s that the middle of a block may have. t: times in s, (n,). phases: the phase at these times in rad, (n,).
-    block: approximate change of the phase in a block, in rad.
+    Return the indices of each block's first sample and of the sample after its last. Return also the least and the
+    greatest time in s that the middle of a block may have: half a `block` after the first and before the last sample.
+    t: times in s, (n,). phases: the phase at these times in rad, (n,). block: approximate change of the phase in a
+    block, in rad; a block between two holes may be shorter.
     """
     cuts = [0, *(np.flatnonzero(np.diff(t) > HOLE * t[-1] / BLOCKS) + 1).tolist(), t.size]
     places = []

@@ -70,7 +70,8 @@ class Linearisation:
     Attributes
     ----------
     fit : LeastSquaresFit
-        The candidate's fit under exact laws (g = h = 0).
+        A fit of the candidate under exact laws (g = h = 0), with the same priors, known values and active terms; u may
+        be far from it.
     u : ndarray, shape (K,)
         Values of the unknowns about which the motion is linearised.
     motion : Motion
@@ -154,7 +155,7 @@ def parameters_of(
     Coefficients, and all other parameters without a known value, are inferred if the solver has them. Their prior is
     that in `priors` or else the default one, which scales with the amplitude and frequency of `reference` and is
     centred at the midline in `data` for displacements. A known value of a coefficient, and priors of parameters that
-    are not inferred, have no effect.
+    are not inferred, have no effect. Raise InputError if an inferred parameter has neither a given nor a default prior.
     """
     osc = Oscillator(candidate.damping, candidate.restoring)
     inferred: dict[str, Prior] = {}
@@ -170,8 +171,8 @@ def initial_values(candidate: MotionCandidate, data: Data, known: Mapping[str, f
 
     The coefficients are chosen so that each damping term causes the same part of the record's decay. The restoring
     parameters follow from the record's frequency and midline, and from the values of such parameters in `known`; other
-    known values have no effect. Own parameters of terms, such as exponents, are not included (see `start_values`).
-    Units are rad (or m) and s.
+    known values, also of the initial state, have no effect. Own parameters of terms, such as exponents, are not
+    included (see `start_values`). Units are rad (or m) and s.
     """
     law = LAWS.get(candidate.restoring)
     decay = np.log(max(data.amplitude / max(data.final_amplitude, 1e-12), 1.0001))
@@ -259,7 +260,8 @@ def search_near(
         Parameters of the other candidate by name; parameters of the solver that are not in it are 0. Known values in
         `parameters`, and then those in `starts`, replace them.
     starts : sequence of mapping
-        Values of the terms' own parameters (such as exponents), by name, at which the fit may start.
+        Values of the terms' own parameters (such as exponents), by name, at which the fit may start; [{}] if there are
+        none. With an empty sequence the result is None.
     """
     active, best, least = active_of(parameters, solver), None, np.inf
     for start in starts:
@@ -424,9 +426,9 @@ def prior_root(model: LinearModel, grid: Grid, variance: float) -> np.ndarray:
 
     The unknowns are the parameters, transformed so that their priors are standard normal (scores), then the deviations
     from the laws at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1
-    + h). The prior sds and correlation lengths of g and h have their most probable values in the grid, which are
-    computed without the condition that coefficients are ≥ 0. variance: variance of the noise, in the record's unit
-    squared.
+    + h). All scores have the variance 1 here; a common scale of coefficients is ignored. The prior sds and correlation
+    lengths of g and h have their most probable values in the grid, which are computed without the condition that
+    coefficients are ≥ 0. variance: variance of the noise, in the record's unit squared.
     """
     top = int(np.argmax(log_evidences(model, grid, variance, model.count)))
     root = np.eye(model.root.shape[1])
@@ -455,7 +457,8 @@ def mode_of(
     scores : ndarray, shape (d,)
         Present scores, to which `hold` pulls the solution.
     hold : float
-        Marquardt's damping parameter: weight of the pull, relative to the weight 1 of the prior of each score.
+        Marquardt's damping parameter: weight of the pull, relative to the weight 1 of the prior of each score. 0 gives
+        the mode, a larger value a point between it and `scores`.
     """
     d, total, sd = model.positive.size, model.root.shape[1], np.sqrt(variance)
     stacked = np.concatenate([model.root @ root / sd, np.eye(total), np.sqrt(hold) * np.eye(d, total)])

@@ -55,9 +55,10 @@ class Data:
     quantity : str
         What was recorded: "angle" (any displacement, also in m), "velocity" or "acceleration".
     amplitude, final_amplitude : float
-        First and last amplitude of the displacement in the used part of the record, in rad or m.
+        First and last amplitude of the displacement in the used part of the record, in rad or m; the last counts as at
+        least `LEAST` times the first.
     frequency : float
-        Frequency of the oscillation, in rad/s.
+        Mean frequency of the oscillation, in rad/s.
     rest : float
         Midline of the displacement, in rad or m; 0 for a record of velocity or acceleration.
     cycles : float
@@ -76,12 +77,12 @@ class Data:
     record : Signal, optional
         The samples of the used part, from which t and y were made, with times from 0 s; None for an averaged record.
     rows : ndarray of int, shape (n, m), optional
-        Indices of the m samples in each window, if y are means over windows; else None.
+        Indices, in `record`, of the m samples in each window, if y are means over windows; else None.
     readings : ndarray, shape (n,), optional
         The values y before `working` changed them for noise that is not Gaussian; None if it has not.
     noise_model : SampleNoise
-        Noise model under which amplitudes and phases were estimated. If y are samples or means, their noise model is
-        chosen later, from the residual of a motion.
+        Noise model under which amplitudes and phases were estimated. It has no meaning if y are samples or means: their
+        noise model is chosen later, from the residual of a motion.
     """
 
     t: np.ndarray
@@ -112,7 +113,7 @@ class Data:
 
         Where y are means over windows, the means of the change are added. This is for noise that is not Gaussian: with
         a suitable change, least squares give the most probable motion. `readings` of the copy contains the recorded
-        values.
+        values. It is not for an averaged record, which has no `record`.
         """
         means = change if self.rows is None else change[self.rows].mean(axis=1)
         return replace(self, y=self.recorded + means, readings=self.recorded)
@@ -225,8 +226,8 @@ def prepare_data(signal: Signal, average: bool = True, noise_model: SampleNoise 
     average : bool
         Whether a record of very many cycles is reduced to amplitudes and phases, where `average_of` can do this.
     noise_model : SampleNoise, optional
-        Noise model under which amplitudes and phases are estimated; by default Gaussian noise (least squares). It is
-        stored in `Data.noise_model`, and has no effect on samples or means.
+        Noise model under which amplitudes and phases are estimated; by default Gaussian noise. Gaussian and correlated
+        noise give least squares. The model is stored in `Data.noise_model`; it has no effect on samples or means.
 
     Raises
     ------

@@ -43,8 +43,8 @@ DRIFT_SDS = 5.0
 """A drift of the midline is significant if it exceeds this many of its standard deviations. This gives one false alarm
 in 400 records of `LEAST_CYCLE_MEANS` cycles, and far fewer with more cycles."""
 LEAST_CYCLE_MEANS = 8
-"""Least number of cycles for which `midline_drift` fits a straight line to the mean residuals of the cycles; with
-fewer, it returns a drift of 0."""
+"""Least number of cycles (or of blocks of cycles) for which `midline_drift` fits a straight line to their mean
+residuals; with fewer, it returns a drift of 0."""
 _COSINES = np.cos((np.arange(16) + 0.5) / 16 * 2 * np.pi)
 """Displacements of a harmonic motion of amplitude 1 at 16 equidistant phases, for `balanced_frequency`."""
 
@@ -78,7 +78,8 @@ def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
 def law_part(variance: float, noise: float) -> float:
     """Return the part of an sd that deviations from the laws cause: √(variance − noise²), or 0 if this is negligible.
 
-    It is negligible below 1e-6 of the sd, where it may be due to rounding. noise: the part that noise alone causes.
+    It is negligible below 1e-6 of the sd, where it may be due to rounding, or if `noise` is larger than the sd. noise:
+    the part that noise alone causes; if it is nan, the result is nan.
     """
     excess = variance - noise**2
     return 0.0 if excess <= 1e-12 * variance else float(np.sqrt(excess))
@@ -392,9 +393,10 @@ def ratios_at(
     """Return median, 95 % interval and parts of the sd (`Quantity`) of the equivalent damping ratio at each amplitude.
 
     The ratio is the energy lost in a cycle of the undamped orbit, divided by 4π times the orbit's energy. The draws of
-    all candidates are joined. Deviations multiply the ratio of each draw by exp(g) / (1 + h). The sd that noise alone
-    would cause is averaged over the draws. Candidates without an orbit of an amplitude are left out there; if all are,
-    all numbers but the amplitude are nan.
+    all candidates are joined. Deviations multiply the ratio of each draw by exp(g) / (1 + h). The uncertain width of
+    dry friction is included (`_average_over_frictions`). The sd that noise alone would cause is averaged over the
+    draws. Candidates without an orbit of an amplitude are left out there; if all are, all numbers but the amplitude are
+    nan.
 
     Parameters
     ----------
@@ -405,7 +407,8 @@ def ratios_at(
     amplitudes : sequence of float
         Amplitudes in rad or m.
     sensor : float
-        Relative sd of the sensor's linearity and clock: each draw contains a random factor with this sd; 0 for none.
+        Relative sd of the sensor's linearity and clock: each ratio is multiplied by a random factor with mean 1 and
+        this sd; 0 for none.
     rng : numpy.random.Generator
         Random stream.
     """
@@ -438,10 +441,11 @@ def ratios_at(
 def _noise_of_ratios(
     comparison: ModelComparison, result: CandidateResult, per_unit: Sequence[np.ndarray]
 ) -> np.ndarray:
-    """Return the sd that noise alone causes in a candidate's damping ratio at each of a amplitudes, (a,).
+    """Return the sd that noise alone would cause in a candidate's damping ratio at each of a amplitudes, (a,).
 
-    It follows from the covariance of the posterior under exact laws. per_unit: results of `ratios_per_unit` at the
-    amplitudes.
+    It follows from the covariance of the coefficients in the posterior under exact laws; errors of other parameters,
+    such as exponents, are not included. It is nan where there is no orbit. per_unit: results of `ratios_per_unit` at
+    the amplitudes.
     """
     parameters = result.fit.parameters
     slopes = np.zeros((len(per_unit), len(parameters.names)))
@@ -462,8 +466,9 @@ def _average_over_frictions(
     ε is the width of the velocity range in which friction changes its sign. For each draw, one of the fits in
     `ModelComparison.frictions`, which have different ε, is chosen at random with its posterior probability. The draw's
     ratio at the solver's ε is multiplied by a quotient: the energy that all terms of the chosen fit lose in a cycle,
-    divided by that of the fit at the solver's ε. The ratios do not change if the candidate has no friction, if ε is
-    known, or if the fit at the solver's ε loses no energy. per_unit: result of `ratios_per_unit` on this orbit.
+    divided by that of the fit whose ε is nearest to the solver's. The ratios do not change if no term of the candidate
+    depends on ε (`DampingTerm.switches`), if there are no such fits (ε is known, for example), or if the fit with the
+    nearest ε loses no energy. per_unit: result of `ratios_per_unit` on this orbit.
     """
     ratios = np.sum(d.coefficients * per_unit, axis=1)
     solver, active, frictions = d.result.solver, d.result.fit.active, comparison.frictions
@@ -489,10 +494,10 @@ def _average_over_frictions(
 def mean_deviation(result: CandidateResult, values: np.ndarray) -> np.ndarray:
     """Return for each draw the mean over the record of |deviation − mean deviation|, (n,).
 
-    Both means are weighted by the energy of the oscillation. result: the fit of a candidate; the squared amplitudes of
-    its motion are the weights (all weights are equal if the motion has fewer than two half cycles). values: deviations
-    from the law at k equidistant times, (n, k), either g (log of a factor on the damping) or h (relative change of the
-    frequency).
+    Both means are over time, weighted by the energy of the oscillation. result: the fit of a candidate; the squared
+    amplitudes of its motion are the weights (all are equal if the motion has fewer than two half cycles). values:
+    deviations from the law at k equidistant times from the start to the end of the record, (n, k), either g (log of a
+    factor on the damping) or h (relative change of the frequency).
     """
     weight = _energies(result, values.shape[1])
     return np.abs(values - (values @ weight)[:, None]) @ weight

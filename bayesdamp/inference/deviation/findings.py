@@ -75,11 +75,11 @@ class Findings:
     Attributes
     ----------
     damping, damping_if_exact : mapping of str to float
-        Probability of each compared sum (terms joined by +), the most probable one first. `damping` allows deviations
-        from the laws if the comparison does, and rivals have the rest of the probability. `damping_if_exact` assumes
-        exact laws and no rivals; its sum is 1.
+        Probability of each compared sum (terms joined by +) under all restoring laws together, the most probable one
+        first; sums without a result are left out. `damping` allows deviations from the laws if the comparison does, and
+        rivals have the rest of the probability. `damping_if_exact` assumes exact laws and no rivals; its sum is 1.
     other_forms : mapping of str to float
-        Probability of each rival.
+        Probability of each rival (terms joined by +), the most probable one first.
     exponent : Quantity, optional
         Exponent p of a damping force c |v|^p that replaces the whole sum (v: velocity); None if its posterior could not
         be computed.
@@ -105,16 +105,17 @@ class Findings:
         95 % upper limit of the energy fraction of any other form of damping: the 95 % quantile of the mean |g − mean of
         g| that `deviation` summarises.
     coefficients : mapping of str to Quantity
-        Inferred parameters of the damping and the restoring law of `best`, by name, in units of rad (or m) and s.
+        Inferred parameters of the damping and the restoring law of `best`, by name, in units of rad (or m) and s. Here
+        the part `sd_noise` of the sd is not limited to the sd.
     best : MotionCandidate
         The most probable candidate, without rivals.
     unexplained, noise : float
         Rms of the part of the residual under exact laws that noise does not cause, and sd of the noise of a sample, as
         fractions of the first amplitude of the recorded quantity, for the most probable candidate or rival.
     amplitudes : tuple of float
-        First and last amplitude of the record, in rad or m.
+        First and last amplitude of the displacement in the used part of the record, in rad or m.
     cycles : float
-        Number of cycles.
+        Number of cycles in the used part of the record.
     undetermined, inseparable : tuple
         Names of the damping terms' own parameters in `best` that the record does not determine, with "exponent" at the
         end if this is so for `exponent`; and pairs of damping parameters of which the record determines only a
@@ -185,10 +186,11 @@ def compute_findings(
     Parameters
     ----------
     comparison : ModelComparison
-        The comparison; its field `forms` contains the rivals (sums with a form of damping that is not compared).
+        The comparison, with at least one result; its field `forms` contains the rivals (sums with a form of damping
+        that is not compared).
     amplitudes : sequence of float, optional
-        Amplitudes at which damping ratios are computed, in rad or m; by default `default_amplitudes`.
-        `Findings.frequency_at` is for the last of them.
+        Amplitudes at which damping ratios are computed, in rad or m; by default `default_amplitudes`. An empty sequence
+        gives no ratios. `Findings.frequency_at` is for the last amplitude.
     sensor : float
         Relative sd of damping ratios because of the sensor's linearity and clock. It is included unless the comparison
         assumes exact laws.
@@ -264,10 +266,10 @@ def _probability_by_name(each: Mapping[MotionCandidate, float], part: int = 0) -
 def frequency_of_draws(drawn: Sequence[CandidateDraws], amplitude: float | None) -> Quantity | None:
     """Return median and 95 % interval of the frequency in Hz at an amplitude (rad or m).
 
-    The frequency of each draw contains the factor 1 + h, where h is its relative deviation from the restoring law at
-    this amplitude. If `amplitude` is None, the result is for small oscillations, with h at the end of the record.
-    Candidates without an orbit of this amplitude are left out; None if all are. The two parts of the sd (see
-    `Quantity`) are nan.
+    The draws of all candidates are joined. The frequency of each draw contains the factor 1 + h, where h is its
+    relative deviation from the restoring law at the time when the motion has this amplitude (`time_fraction`). If
+    `amplitude` is None, the result is for small oscillations, with h at the end of the record. Candidates without an
+    orbit of this amplitude are left out; None if all are. The two parts of the sd (see `Quantity`) are nan.
     """
     values = []
     for d in drawn:
@@ -313,8 +315,8 @@ def _limits_of_absent_terms(
 
     Compared terms are those of the candidates, by default viscous, Coulomb and quadratic damping. The limit is the 95 %
     quantile of the fraction of the energy, lost over the record, that the term dissipates. It is computed from draws of
-    the candidate whose sum has this term in addition to the terms of the best sum. If this candidate has no result that
-    may be compared (`ModelComparison.compares`), the term is left out.
+    the candidate whose sum is the best sum plus this term, under the same restoring law. If this candidate has no
+    result that may be compared (`ModelComparison.compares`), the term is left out. best: the most probable candidate.
     """
     restoring, damping = best.candidate.restoring, best.candidate.damping
     by_terms = {
@@ -339,7 +341,8 @@ def _parameters(
     Returns
     -------
     dict of str to Quantity
-        Inferred parameters of the damping and the restoring law, by name.
+        Inferred parameters of the damping and the restoring law, by name. `sd_noise` is that of `noise_sds`, and is not
+        limited to the sd of the draws.
     tuple of str
         Undetermined parameters: their posterior is nearly as wide as their prior (`is_as_wide_as`). Only parameters
         that damping terms have besides their coefficients can be among these.
@@ -375,7 +378,8 @@ def is_as_wide_as(prior: Prior, low: float, high: float) -> bool:
     """Return whether a posterior's 95 % interval, from low to high, is nearly as wide as that of the prior.
 
     This is so if it is wider than `UNDETERMINED_WIDTH` times the interval of the prior. low and high are in the
-    parameter's unit. For the comparison they are transformed so that the prior is standard normal.
+    parameter's unit. For the comparison they are transformed so that the prior is standard normal (or its positive
+    half, for a half-normal prior).
     """
     whole = 2.24 - 0.03 if prior.reflected else 2 * NORMAL_95
     return float(prior.score(high) - prior.score(low)) > UNDETERMINED_WIDTH * whole
@@ -424,10 +428,10 @@ def picture(comparison: ModelComparison, numbers: Findings) -> Mapping[str, np.n
     Returns
     -------
     mapping of str to ndarray
-        `t`, `record`, `fit`, `residual`, shape (p,): times in s, recorded values, the motion of the best candidate
-        (with deviations from the laws if it has any) and the difference record − fit. They are samples or means over
-        windows (of a long record only extremes, see `MOST_PLOTTED`), or the amplitudes of blocks if the record is
-        reduced to these.
+        `t`, `record`, `fit`, `residual`, shape (p,): times in s from the first sample, recorded values, the motion of
+        the best candidate (with deviations from the laws if it has any) and the difference record − fit. They are
+        samples or means over windows, or the amplitudes of blocks if the record is reduced to these. If there are too
+        many (`MOST_PLOTTED`), only extremes are included.
 
         `amplitude`, `ratio`, `low`, `high`, shape (a,): amplitudes in rad or m, the median of the damping ratio at
         each, and the ends of its 95 % interval.

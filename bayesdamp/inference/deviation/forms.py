@@ -58,8 +58,8 @@ def replaced_sum(damping: Sequence[str]) -> tuple[str, ...]:
     """Return the viscous, Coulomb and quadratic terms that a sum becomes at a limit of its terms' own parameters.
 
     Own parameters are those that a term has besides its coefficient. Stribeck friction, for example, can become Coulomb
-    friction. damping: names of the sum's terms. The result contains names too. It is empty if the sum has no term in
-    `REPLACED` with own parameters.
+    friction. damping: names of the sum's terms. The result contains names too, in the order of `PAPER_TERMS`; terms of
+    other kinds are left out. It is empty if the sum has no term in `REPLACED` with own parameters.
     """
     if not any(TERMS.get(t).inferred and t in REPLACED for t in damping):
         return ()
@@ -79,7 +79,9 @@ def add_rivals(comparison: ModelComparison) -> ModelComparison:
     - a sum in which a form that has inferred parameters besides its coefficient replaces a term, if the log evidence of
       the sum before this replacement is more than `BEHIND` nats below the best;
     - a sum with a form without such parameters, if its log evidence is expected to be more than `REACH` nats below the
-      best. The sum of this form and all terms that it does not replace is always fitted.
+      best. The sum of this form and all terms that it does not replace is always fitted; if it cannot be fitted and
+      linearised with deviations, all its smaller sums are fitted too;
+    - the power of the velocity, if no exponent can be estimated at which its fit would start (`exponent_starts`).
 
     If `comparison.results` is empty, the comparison itself is returned.
     """
@@ -194,14 +196,14 @@ def bound_other_forms(
 ) -> dict[str, float]:
     """Return, by name, 95 % upper limits of the fraction of the energy loss for each form that a candidate's sum lacks.
 
-    The form is added to the sum. The fraction is the energy that it dissipates over the record, divided by the energy
-    that the sum and the form dissipate together. The forms are the shipped terms with `DampingTerm.bounded`, except
-    viscous, Coulomb and quadratic damping.
+    Each form alone is added to the sum. The fraction is the absolute value of the energy that it dissipates over the
+    record, divided by this value plus the energy that the sum dissipates. The forms are the shipped terms with
+    `DampingTerm.bounded`, except viscous, Coulomb and quadratic damping.
 
     If a form has parameters besides its coefficient, such as an exponent, the limit is the largest over several of
-    their values. If it is friction with such parameters, only the part of the force beyond Coulomb friction counts. The
-    limit is 0 for a form that dissipates no energy. The result is empty if there is no such form, or if the motion is
-    unbounded.
+    their values. If it is equal to a simpler term at some values (Stribeck to Coulomb friction), only the part of its
+    force beyond the simpler term counts. The limit is 0 for a form that dissipates no energy. The result is empty if
+    there is no such form, or if the motion is unbounded. result: the candidate's result.
     """
     absent = [n for n in others() if n not in result.candidate.damping and TERMS.get(n).bounded]
     forms = [form for name in absent for form in _forms(comparison, result, name)]
@@ -250,9 +252,10 @@ def _forms(comparison: ModelComparison, result: CandidateResult, name: str) -> I
     """Yield the forces of one damping term for which upper limits are computed.
 
     Without parameters besides its coefficient, such as an exponent, a term has one force. Otherwise it has a force at
-    each of the `SCORES` of these parameters. If the term is equal to a simpler one at certain values of some parameters
-    (Stribeck to Coulomb friction), it has instead a force for each of these parameters: with this one at the score 1
-    and the others at those values, minus the force of the simpler term. name: name of the term.
+    each of the `SCORES`, which is the same for all these parameters. If the term is equal to a simpler one at certain
+    values of some parameters (Stribeck to Coulomb friction), it has instead, at each of the `SCORES` of the other
+    parameters, a force for each of these: with this one at the score 1 and the rest of these at those values, minus the
+    force of the simpler term. name: name of the term.
     """
     term, reference = TERMS.get(name), comparison.reference
     scales = reference.scales(comparison.data.rest_under(result.candidate.restoring, result.law))

@@ -28,16 +28,16 @@ NOTHING = 0.1
 """A step is tried only if the linear model predicts a decrease of the sum of squares that is at least this fraction of
 the decrease at which the search ends (`ROUGH`, `CLOSE`); otherwise the search ends at once."""
 LARGEST = 1e100
-"""A fit fails if a derivative of the motion is larger than this: the motion then depends chaotically on its start, and
-sums of squares overflow. The derivatives are by the inferred parameters, transformed so that their priors are standard
-normal (conventional)."""
+"""A fit fails if the absolute value of a derivative of the motion is not below this: the motion then depends
+chaotically on its start, and sums of squares overflow. The derivatives are by the inferred parameters, transformed so
+that their priors are standard normal (conventional)."""
 FIRST_CYCLES = 2.0
 """Length in cycles of the first part of the record that is fitted; each further part is twice as long, and the last is
 the whole record."""
 SEARCHED = 1e-7
-"""Error of an integration step, as a fraction of the amplitude, in rough searches and for Jacobians. Larger errors miss
-the corners of the motion where friction changes its sign (measured: at 1e-6 an upper limit of another form of damping
-is a tenth too low)."""
+"""Error of an integration step, as a fraction of the amplitude, in rough searches and for some linearisations. Larger
+errors miss the corners of the motion where friction changes its sign (measured: at 1e-6 an upper limit of another form
+of damping is a tenth too low)."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,9 @@ def fit(
     """Fit a motion under exact laws to a record by least squares, including the priors of the parameters.
 
     It minimises |residual|² + variance |z|², where z are the parameters, transformed so that their priors are standard
-    normal (scores), and `variance` is the variance of the noise. No coefficient becomes negative. Return None if the
-    motion at the start of the search is unbounded, or if a motion depends chaotically on its parameters.
+    normal (scores), and `variance` is the variance of the noise. No parameter with a half-normal prior, such as a
+    coefficient, becomes negative. Return None if the motion at the start of the search in a part of the record is
+    unbounded, or if a motion depends chaotically on its parameters.
 
     Parameters
     ----------

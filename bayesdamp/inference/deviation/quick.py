@@ -51,9 +51,9 @@ def compare_signal(
     """Compare sums of damping terms under restoring laws on a record, by their evidence.
 
     A record of at least 400 cycles is reduced to amplitudes and phases where this is possible (`average_of`), and its
-    motions are averaged over cycles, unless the initial displacement or velocity is known. If averaging shifts a
-    parameter of the best candidate by more than a tenth of its sd, the samples are compared instead, unless the record
-    has more than `MOST_CYCLES` cycles.
+    motions are averaged over cycles, unless the initial displacement or velocity is known. Averaged motions are
+    corrected by the full equation of motion. If the remaining error shifts a parameter of the best candidate by more
+    than a tenth of its sd, the samples are compared instead, unless the record has more than `MOST_CYCLES` cycles.
 
     Parameters
     ----------
@@ -63,7 +63,8 @@ def compare_signal(
         Damping sums: names of terms joined by +, such as "viscous+coulomb". By default the seven sums of viscous,
         Coulomb and quadratic damping.
     restoring : sequence of str
-        Names of restoring laws. By default all laws; but if the record's unit is not rad, only laws of a translation.
+        Names of restoring laws. By default all laws, plug-ins included; but if the record's unit is not rad, only laws
+        of a translation.
     known : mapping or callable, optional
         Values of parameters by name, or a function from the name of a restoring law to such a mapping. They may include
         `theta0` and `omega0` (initial displacement and velocity), `noise_sd` (sd of a sample's noise, in the record's
@@ -82,7 +83,7 @@ def compare_signal(
     -------
     ModelComparison
         The fitted candidates with their evidences, the rivals (sums of damping terms with a form of damping that is not
-        compared), and the quantiles of the exponent of a power law.
+        compared; all their priors are the default ones), and the quantiles of the exponent of a power law.
 
     Raises
     ------
@@ -90,8 +91,8 @@ def compare_signal(
         If a name is unknown, a sum contains a term twice or two terms with the same parameter, an inferred parameter
         has neither a given nor a default prior, or a known value that must be above 0, such as a stiffness, is not.
     Refusal
-        Where the record does not oscillate, no motion stays in phase with it, no candidate can be compiled, or none of
-        the noise models applies.
+        Where the record does not oscillate or has fewer than ten samples, no motion stays in phase with it, no
+        candidate can be compiled, or none of the noise models applies.
     """
     laws = list(restoring) or [n for n in LAWS.names() if signal.unit == "rad" or LAWS.get(n).translates]
     sums = list(damping) or all_sums()
@@ -150,11 +151,12 @@ def _correct_averages(comparison: ModelComparison) -> ModelComparison:
 
 
 def averaging_of(comparison: ModelComparison) -> Averaging | None:
-    """Return the error in the best candidate's parameters that is caused by averaging motions over cycles.
+    """Return the error in the best candidate's parameters because its motion is averaged over cycles.
 
-    Motions are averaged for a record of very many cycles. The error is the largest shift of a parameter, in posterior
-    sds; the initial state does not count. It is infinite if the motion cannot be solved. Return None if the record is
-    not averaged, or if the comparison has no results.
+    Motions are averaged for a record of very many cycles. The error is that which remains after the correction that the
+    solver contains: the largest shift of an inferred parameter, in posterior sds; the initial state does not count. It
+    is infinite if the motion cannot be solved. Return None if the record is not reduced to amplitudes and phases, or if
+    the comparison has no results.
     """
     if comparison.data.averaged is None or not comparison.results:
         return None
