@@ -81,7 +81,8 @@ class OscillationMeasure:
     fills_periods
         Whether the oscillation fills at least `MIN_CYCLES` periods, which a single spike does not.
     decays
-        Whether the oscillation at the end is smaller than `MAX_FINAL_SIZE` times the largest.
+        Whether the oscillation at the end (median over the last fifth of the periods) is smaller than `MAX_FINAL_SIZE`
+        times the largest.
     grows_again
         Whether the oscillation, after it has decayed, grows again by more than `MAX_REGROWTH` times the largest, as
         beats do.
@@ -233,6 +234,13 @@ def choose_columns(
         Sampling rate in Hz; replaces the times of the file.
     runs
         Which runs to use, such as `1,3-5`; all by default.
+
+    Returns
+    -------
+    list of RecordColumns
+        For given `values`, in their order, and for each of them in the order of the runs in the file; runs that are not
+        selected are left out. Otherwise in the order of `runs` (by default that of the file), and in each run in the
+        order of the columns.
 
     Raises
     ------
@@ -398,8 +406,7 @@ def _time_column(columns: Sequence[Column]) -> Column | None:
 def _time_score(column: Column, first: bool) -> int:
     """Return how probably a column contains times, as a number from 0 (it cannot) to 6.
 
-    first: whether it is the first column of the table. The first column may contain the times even if its name does not
-    say so.
+    first: whether it may contain the times even if its name does not say so, like the first column of a table.
     """
     y = column.values[np.isfinite(column.values)]
     if y.size < 2 or column.rate is not None or names_index(column):
@@ -495,10 +502,10 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
     """Choose the columns of a block that are records; return also a sentence on the choice.
 
     A block contains the columns of one run in one group (sheet, structure) of the file. These columns are left out, as
-    long as others remain: columns that do not oscillate or decay, derived quantities, copies, and oscillations that are
-    much smaller than others. If the file declares its columns as channels of sensors, small oscillations are not left
-    out. If the units of these channels are also not all stated, all columns that oscillate are records. The sentence is
-    "" if no column is left out.
+    long as others remain: columns that do not oscillate or decay, accelerations along gravity, derived quantities (a
+    velocity if there is a displacement), copies, and oscillations that are much smaller than others. If the file
+    declares its columns as channels of sensors, small oscillations are not left out. If the units of these channels are
+    also not all stated, all columns that oscillate are records. The sentence is "" if no column is left out.
     """
     values = block.candidates or block.values
     if len(values) == 1:
@@ -548,8 +555,8 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
 def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
     """Return the candidates without copies: those equal to another candidate up to a factor and an offset.
 
-    Their correlation with it is nearly 1 or −1 (`SAME_SIGNAL`). Of two candidates with the same unit, that with the
-    larger oscillation is kept, otherwise the first.
+    Their correlation with it is nearly 1 or −1 (`SAME_SIGNAL`). Of two candidates with the same unit and quantity, that
+    with the larger oscillation is kept, otherwise the first.
     """
     independent: list[_Candidate] = []
     for candidate in candidates:

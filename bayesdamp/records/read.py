@@ -224,7 +224,7 @@ def read_each(
     Returns
     -------
     tuple of lists
-        The results of the files that could be read, and the errors of the others.
+        The results of the files that could be read, and the errors of the others, each in the order of `paths`.
 
     Raises
     ------
@@ -387,15 +387,15 @@ def read_records(
     channels
         Further columns of recorded quantities, each as in `value`; each gives a record for each run.
     time_unit
-        Unit of the times in the file (s, ms, us, ns, ps, min, h or d). By default it is the unit that the file states,
-        or s if it states none.
+        Unit of the times in the file (s, ms, us, ns, ps, min, h or d); no effect with `rate`. By default it is the unit
+        that the file states, or s if it states none.
 
     Returns
     -------
     list of RawRecord
         The records. If `value` or `channels` are given: in their order, and for each of them in the order of the runs
-        in the file. If the columns are chosen automatically: in the order of the runs, and for each run in that of its
-        columns.
+        in the file. If the columns are chosen automatically: in the order of `runs` (by default that of the file), and
+        for each run in that of its columns.
 
     Raises
     ------
@@ -426,9 +426,10 @@ def read_records(
 def _record(content: Contents, chosen: RecordColumns, time_unit: str | None) -> RawRecord:
     """Return the record that the chosen columns of a file contain: times in s or sampling rate, values, unit and notes.
 
-    Raises InputError if the times or values cannot be used. content: contents of the file. chosen: its columns of times
-    and values, or the sampling rate. time_unit: unit of the times that the user gives; None to use that of the file, or
-    s if it states none.
+    Rows with an empty cell are left out. Times from `FIRST_EPOCH` on are counted from the first sample. Raises
+    InputError if the times or values cannot be used. content: contents of the file. chosen: its columns of times and
+    values, or the sampling rate. time_unit: unit of the times that the user gives; None to use that of the file, or s
+    if it states none.
     """
     value, time = chosen.value, chosen.time
     value_name = selector(content.columns, value)

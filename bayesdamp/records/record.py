@@ -60,7 +60,7 @@ class RawRecord:
     rate
         Sampling rate in Hz, given by the user or stated in the file; None if there are times.
     rows
-        Row of each sample in the file, shape (n,), counted from 0 at the first row of numbers.
+        Row of each sample in the file, shape (n,), counted from 0 at the first row of numbers; empty if not known.
     provenance
         How the record was read: notes, warnings, facts of the file, and names of the columns.
     run
@@ -73,7 +73,7 @@ class RawRecord:
     quantity
         "angle", "velocity", "acceleration", or "" if the file does not state it.
     columns
-        Columns of the times (None if there are no times) and of the values, by name or number from 1.
+        Columns of the times (None if no column contains them) and of the values, by name or number from 1.
     choice
         Sentence on the choice among the file's columns; "" if there was no choice.
     """
@@ -129,8 +129,8 @@ def half_swing(raw: RawRecord) -> float:
 def count_jumps(y: np.ndarray, turn: float) -> int:
     """Return how often values y (n,) jump by a turn (360 degrees); 0 if they are not a wrapped angle.
 
-    turn: a turn in the unit of y. A rectangular signal, which also jumps, is not a wrapped angle: without its jumps
-    only a constant or noise remains.
+    turn: a turn in the unit of y. Fewer than `MIN_JUMPS` jumps do not count. A rectangular signal, which also jumps, is
+    not a wrapped angle: without its jumps only a constant or noise remains.
     """
     if y.size < 2 or not 0 < np.ptp(y) <= MAX_SPAN * turn:
         return 0
@@ -145,11 +145,12 @@ def count_jumps(y: np.ndarray, turn: float) -> int:
 
 
 def unwrap(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
-    """Return a record with its wrapped angle unwrapped, and a note on this; a record without such jumps is unchanged.
+    """Return a record with its wrapped angle unwrapped, and with a note on this in its provenance.
 
-    A wrapped angle jumps by a turn at the end of its scale, as that of an encoder between 360 and 0 degrees. unit,
-    quantity: unit and quantity in which the record is read. Only an "angle" is unwrapped: in a unit of angles, or in
-    "counts" (`GUESSED`) if the file states no unit. For counts, turns of 360 and of 2π are tried.
+    A wrapped angle jumps by a turn at the end of its scale, as that of an encoder between 360 and 0 degrees; without
+    such jumps (`count_jumps`), the record is returned unchanged. unit, quantity: unit and quantity in which the record
+    is read. Only an "angle" is unwrapped: in a unit of angles, or in "counts" (`GUESSED`) if the file states no unit.
+    For counts, turns of 360 and of 2π are tried.
     """
     if quantity != "angle" or unit not in UNITS:
         return raw
@@ -177,17 +178,18 @@ _ASSUMED = {
 and the command-line option with which the user changes it."""
 # The following limits are conventional.
 LONGEST_PERIOD, SHORT = 600.0, 1e-6
-"""Longest and shortest plausible period of an oscillation in s. The user is warned if the sampling rate gives a period
-outside these limits, or is below 1 Hz."""
+"""Longest and shortest plausible period of an oscillation in s. If a record has a sampling rate instead of times, the
+command line warns if the rate gives a period outside these limits, or is below 1 Hz."""
 RATE_TOLERANCE = 0.01
-"""The user is warned if the sampling rate that is used differs by more than this fraction from the rate that the file
-states."""
+"""The command line warns if the sampling rate that is used differs by more than this fraction from the rate that the
+file states."""
 SLOW_PERIOD = 30.0
 """Times without a stated unit are probably not in s if, taken as s, they step by at least `COARSE_STEP` and give a
 period of at least this many s. The user must then state their unit."""
 LARGEST_VELOCITY = {"rad": 300.0, "m": 340.0}
 """Largest plausible velocity, in rad/s and in m/s: the balance wheel of a watch reaches about 130 rad/s, sound 340 m/s.
-If the times of a record give a larger velocity, the user must confirm their unit."""
+If times in the unit that the file states give a larger velocity, and a longer unit would give a plausible one, the user
+must confirm their unit."""
 COARSE_STEP = 0.5
 """Times without a stated unit are probably not in s if, taken as s, they step by at least this many s and give a period
 of at least `SLOW_PERIOD`."""
@@ -248,7 +250,9 @@ class Finding:
 
 
 def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> tuple[Finding, ...]:
-    """Return the doubts about the unit, the times and the sampling rate of a record; the record is not changed.
+    """Return the doubts about the unit, the times and the sampling rate of a record.
+
+    Those of a kind in `QUESTIONS` become errors (`refuse_questions`); the others are at most shown as warnings.
 
     Parameters
     ----------
@@ -257,13 +261,13 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     unit, quantity
         Unit (of UNITS) and quantity in which it is read.
     given
-        Whether the user gave the unit. If true, the unit is not doubted, and it is used to judge whether the velocity
-        is plausible.
+        Whether the user gave the unit, which is then not doubted. An implausibly large velocity of a displacement is a
+        doubt only if the user gave the unit or the file states a known one.
 
     Returns
     -------
     tuple of Finding
-        Doubts about the unit, the times and the rate, in this order.
+        Doubts about the unit, the times and the rate, in this order; empty if there are none.
     """
     doubts: list[Finding] = []
     size = half_swing(raw)
@@ -314,8 +318,8 @@ def refuse_questions(doubts: Iterable[Finding], where: str = "") -> None:
 def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
     """Return a doubt if times t (n,) may not be in s: sample numbers, days, an unknown unit or a unit shorter than s.
 
-    Return None if they are plausible. None is also returned if the user or the file states their unit, or if they do
-    not come from a column of the file.
+    The doubt becomes an error that the user must settle (`QUESTIONS`). The result is None if the times are plausible,
+    if the user or the file states their unit, or if they do not come from a column of the file.
     """
     if raw.columns[0] is None or raw.provenance.time_unit:
         return None
@@ -346,9 +350,9 @@ def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:
 def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
     """Return a doubt if the time unit that the file states gives an implausibly large velocity; otherwise None.
 
-    t: times converted to s, (n,). unit: unit of the displacement, a name in UNITS. The limits are `LARGEST_VELOCITY`.
-    The result is also None if nothing oscillates, or if none of the longer units of time (s, ms or us) would give a
-    plausible velocity and period.
+    The doubt becomes an error that the user must settle (`QUESTIONS`). The result is None also if nothing oscillates,
+    if `LARGEST_VELOCITY` has no limit for the base unit, or if none of the longer units of time (s, ms or us) would
+    give a plausible velocity and period. t: times converted to s, (n,). unit: unit of the displacement (in UNITS).
     """
     base = UNITS[unit].base
     limit, step = LARGEST_VELOCITY.get(base, math.inf), float(t[-1] - t[0]) / (t.size - 1)

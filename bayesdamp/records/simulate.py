@@ -47,9 +47,9 @@ def simulate_signal(
     noise
         "gaussian" (white), "correlated", with a correlation of exp(−Δt/noise_time), or "student_t".
     noise_time
-        Correlation time in s of correlated noise; without it this noise is white too.
+        Correlation time in s of "correlated" noise, which is white without it; no effect on other noise.
     noise_dof
-        Degrees of freedom of Student's t; 1 by default.
+        Degrees of freedom for "student_t", 1 by default; no effect on other noise.
     outliers
         Number of spikes or, if it is below 1, the fraction of samples that are spikes. The height of a spike is 0.3 to
         1 times half of the range of the motion, up or down.
@@ -75,9 +75,11 @@ def simulate_signal(
     Raises
     ------
     InputError
-        If the noise is unknown, the gaps take more than half of the record, or the motion does not stay finite.
+        If the noise is unknown, the gaps do not fit or take more than half of the record, or the motion diverges.
     ValueError
         If a parameter is missing or the quantity is unknown.
+    Refusal
+        If the restoring law or a damping term has no `kernel`.
     """
     length = max(int(GAP * samples), 1)
     if noise not in NOISES:
