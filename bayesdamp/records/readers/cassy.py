@@ -50,7 +50,8 @@ class CassyReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return the `Contents` of the file, with a column for each quantity and run that has values.
 
-        Raises InputError if the XML is too large or has a document type (DOCTYPE), or if the ZIP archive is encrypted.
+        Times are in s even if the file states a shorter unit, in which CASSY Lab only displays them. Raises InputError
+        if the XML is too large or has a document type (DOCTYPE), or if the ZIP archive is encrypted.
         """
         if zipfile.is_zipfile(path):
             refuse_archive(path)

@@ -24,7 +24,8 @@ class ExcelReader(Reader):
     def claims(self, head: bytes, path: Path) -> bool:
         """Return whether the file is a ZIP archive with an Excel workbook, or an old or encrypted Excel file.
 
-        The extension decides for an old or encrypted file, and for a ZIP archive that cannot be opened.
+        `read` refuses the latter two. The extension decides for an old or encrypted file, and for a ZIP archive that
+        cannot be opened.
         """
         if head.startswith(_OLE):
             return path.suffix.lower() in self.extensions

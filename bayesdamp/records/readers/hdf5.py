@@ -51,7 +51,7 @@ class Hdf5Reader(Reader):
 class _GroupWalk(Walk):
     """Collector of columns and facts (named numbers and texts) in HDF5 groups and datasets.
 
-    Datasets to which the cells of a MATLAB cell array refer are collected too.
+    Datasets to which the cells of a MATLAB cell array refer are collected too; several are runs, numbered from 1.
     """
 
     def __init__(self, h5py: Any, matlab: bool) -> None:

@@ -33,8 +33,9 @@ class JsonReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return the lists of numbers as columns named by their paths.
 
-        A list of samples (objects) gives a column for each key; single numbers and texts become facts. Raises
-        InputError if the file is too large or contains no list of numbers, and ValueError if it is not JSON.
+        A list of samples (objects) gives a column for each key, as do the lines of a JSON Lines file. Single numbers
+        and texts become facts. Raises InputError if the file is too large or contains no list of numbers, and
+        ValueError if it is not JSON.
         """
         text = read_text(path, LARGEST_JSON)
         try:
@@ -58,9 +59,9 @@ class _JsonWalk(Walk):
     def add_list(self, path: str, items: Any, run: str, depth: int) -> None:
         """Collect a list; a list of samples (objects) gives a column for each key.
 
-        The numbers in a sample may be in quotes. If a sample has no number for a key, the column has NaN there. path:
-        path of the list in the file, with dots. run: run (one of several measurements) to which it belongs, "" for
-        none. depth: number of levels above it.
+        The numbers in a sample may be in quotes. If a sample has no number for a key, the column has NaN there; a key
+        without any number is left out. path: path of the list in the file, with dots. run: run (one of several
+        measurements) to which it belongs, "" for none. depth: number of levels above it.
         """
         if len(items) < 2 or not all(isinstance(row, dict) for row in items):
             return super().add_list(path, items, run, depth)

@@ -18,14 +18,14 @@ class ParquetReader(Reader):
     extra = "parquet"
 
     def claims(self, head: bytes, path: Path) -> bool:
-        """Return whether the first bytes, `head`, are PAR1, or PARE (encrypted). The path has no effect."""
+        """Return whether `head` begins with PAR1, or PARE (encrypted, refused by `read`); the path has no effect."""
         return head[:4] in (b"PAR1", b"PARE")
 
     def read(self, path: Path) -> Contents:
-        """Return the columns that contain numbers or times; other columns are left out.
+        """Return the columns that contain numbers, timestamps or durations; other columns are left out.
 
-        Times become seconds (`to_seconds`). Raises InputError if the file is encrypted or unpacks to more than
-        LARGEST_FILE bytes.
+        Timestamps and durations become seconds (`to_seconds`). Raises InputError if the file is encrypted or unpacks to
+        more than LARGEST_FILE bytes.
         """
         import pyarrow
         import pyarrow.parquet as parquet

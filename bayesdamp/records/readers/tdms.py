@@ -23,8 +23,8 @@ class TdmsReader(Reader):
     def read(self, path: Path) -> Contents:
         """Return the channels of all groups as columns; the columns of waveforms have a sampling rate.
 
-        Channels that contain neither numbers nor times are left out. If the end of the file is missing, the contents
-        have a warning. Raises InputError if the channels need more than LARGEST_FILE bytes.
+        Channels that contain neither numbers nor timestamps are left out. If the end of the file is missing, the
+        contents have a warning. Raises InputError if the channels need more than LARGEST_FILE bytes.
         """
         from nptdms import TdmsFile
 
@@ -53,7 +53,7 @@ class TdmsReader(Reader):
 
 
 def _columns(group: Any, prefix: str) -> list[Column]:
-    """Return columns for the channels of a group that contain numbers or times; their names begin with `prefix`."""
+    """Return columns for the channels of a group with numbers or timestamps; their names begin with `prefix`."""
     columns: list[Column] = []
     for channel in group.channels():
         name, data, properties = f"{prefix}{channel.name}", np.asarray(channel[:]), channel.properties

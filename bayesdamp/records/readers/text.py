@@ -53,7 +53,8 @@ EXAMINED_LINES = 100
 """Number of lines in the middle of a text that are examined to decide whether the rows of the table begin with a number
 (conventional)."""
 _MISSING = re.compile(r"n/?a|null|none|missing|invalid", re.IGNORECASE)
-"""Words that loggers write in place of a missing number."""
+"""Words that loggers write in place of a missing number. A row of the table may begin with one, but the cell does not
+count as empty: a record that uses it is refused."""
 LONGEST_CELL = 400
 """A cell with more characters than this counts as a number only if all of them are digits, after an optional sign
 (conventional)."""
@@ -342,10 +343,10 @@ def _has_letters(cell: str) -> bool:
 def _first_row(lines: list[str], separator: str, decimal: str, columns: int) -> int | None:
     """Return the index (from 0) of the first row of numbers; None if there is none.
 
-    It is the first of two successive lines (or the only line) with the right number of columns and mostly numbers. If
-    most lines begin with a number, a line that begins with a word, such as `delta t,1E-5`, is not a row. If the lines
-    just above have more cells than the table has columns, and begin with numbers for all columns, the first row is the
-    first of them.
+    It is the first of two successive lines with the right number of columns and mostly numbers (without such a pair,
+    the first single line). If most lines begin with a number, a line that begins with a word, such as `delta t,1E-5`,
+    is not a row. If the lines just above have more cells than the table has columns, and begin with numbers for all
+    columns, the first row is the first of them.
     """
     middle = [split_cells(line, separator) for line in lines[len(lines) // 2 :][:EXAMINED_LINES]]
     begins = sum(parse_number(cells[0], decimal) is not None for cells in middle if cells)
@@ -444,6 +445,12 @@ def parse_table(lines: list[str], format_name: str = "text") -> Contents:
         Lines of the text.
     format_name
         Name of the format in the contents.
+
+    Returns
+    -------
+    Contents
+        The columns, and the facts above them. Rows that repeat the header are left out, and uneven rows give a warning.
+        If tables with the same header are side by side below labels, the columns of each are a group.
 
     Raises
     ------

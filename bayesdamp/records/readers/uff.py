@@ -36,10 +36,10 @@ class UffReader(Reader):
         return _SETS.search(head) is not None
 
     def read(self, path: Path) -> Contents:
-        """Return the time records in all data sets 58 as columns.
+        """Return the time records in all data sets 58 as columns; a note counts the other functions, such as spectra.
 
         A record with equal sampling intervals gets a sampling rate, any other a column of times. Raises InputError if
-        there are none, if the file is cut off, or if a sampling interval is not positive.
+        there are no time records, if the file is cut off, or if a sampling interval is not positive.
         """
         import pyuff
 

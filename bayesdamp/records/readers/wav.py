@@ -19,9 +19,9 @@ class WavReader(Reader):
         return head[:4] in (b"RIFF", b"RIFX", b"RF64") and head[8:12] == b"WAVE"
 
     def read(self, path: Path) -> Contents:
-        """Return a column for each channel, in counts (the numbers as stored).
+        """Return a column for each channel, in counts (the numbers as SciPy reads them, not scaled to ±1).
 
-        Raises InputError if the header states no sampling rate.
+        Each has the sampling rate of the header; an InputError is raised if it states none.
         """
         from scipy.io import wavfile
 
