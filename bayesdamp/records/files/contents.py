@@ -43,7 +43,7 @@ class Column:
     rate
         Sampling rate of the column in Hz; None if the file states none.
     start
-        Time of the first sample in s; 0 if the file states none.
+        Time of the first sample in s; 0 if the file states none. It is used only with `rate`.
     clock
         Whether the cells are written as times of day.
     empty
@@ -190,7 +190,7 @@ SECONDS = {
     **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "std", "stunde", "stunden"), 3600.0),
     **dict.fromkeys(("d", "day", "days", "tag", "tage"), DAY),
 }
-"""Number of seconds in a unit of time, for each way of writing the unit."""
+"""Number of seconds in a unit of time, for each way of writing the unit, in lower case."""
 _JOINED = re.compile(
     r"(?:time|stamp|elapsed|(?<![^\W_])t)[.-]?(sec|[mµμun]s|[mun]sec|millis|micros|nanos)$"
     r"|(?:time|elapsed|zeit) (min|h)$",
@@ -468,7 +468,7 @@ def names_time(column: Column) -> bool:
 
 
 def names_index(column: Column) -> bool:
-    """Return whether a column's name says that it numbers the samples."""
+    """Return whether a column's name says that it numbers the samples, such as `index`, `frame` or `No`."""
     return bool(_INDEX.match(split_run(column)[0].rpartition(".")[2].strip()))
 
 
@@ -483,7 +483,7 @@ def selector(columns: Sequence[Column], column: Column) -> str | int:
 
 
 def list_names(columns: Sequence[Column]) -> str:
-    """Return the names of the columns in one line for a message, shortened if there are many."""
+    """Return the names of the columns (numbers for those without) in one line for a message, shortened if many."""
     if not any(column.name for column in columns):
         return f"1 to {len(columns)} (they have no names)" if len(columns) > 1 else "1 (it has no name)"
     names = [repr(c.name) if c.name else str(i) for i, c in enumerate(columns, start=1)]
@@ -677,7 +677,10 @@ def _split_unit(name: str) -> tuple[str, str]:
 
 
 def stated_unit(facts: Mapping[str, Fact]) -> str:
-    """Return the unit of the values that a file's facts (named numbers and texts) state; "" if none or several."""
+    """Return the unit of the values, as written, that a file's facts (named texts) state; "" if none or several.
+
+    A fact states it if its name (after the last dot) is "unit", "y unit", "vertical units" or similar.
+    """
     wanted = ("unit", "units", "yunit", "yunits", "verticalunits", "angleunit")
     units = {str(value) for name, value in facts.items() if _split_unit(name)[0] in wanted}
     return units.pop() if len(units) == 1 else ""

@@ -19,10 +19,11 @@ _NUMBERS = "fiub"
 class Walk:
     """Collector that walks through nested data: vectors become columns, scalars and texts become facts.
 
-    An array of one element is a fact too. Each column or fact is named by its path in the data, with dots: `run.angle`.
-    A matrix gives one column for each index of its shorter dimension, from 1. If several elements of a list (a cell
-    array, an array of structs) are arrays, mappings or lists that are not empty, each element is a run (one of several
-    measurements), numbered from 1, unless the list is itself in a run.
+    A NumPy array of one element is a fact too; arrays of dates or durations become seconds. Each column or fact is
+    named by its path in the data, with dots: `run.angle`. A matrix gives one column for each index of its shorter
+    dimension, from 1. If several elements of a list (a cell array, an array of structs) are arrays, mappings or lists
+    that are not empty, each element is a run (one of several measurements), numbered from 1, unless the list is itself
+    in a run.
 
     Attributes
     ----------
