@@ -28,7 +28,7 @@ MISFIT_RATIO = 2.0
 the decay if its rms misfit is more than this many times the median misfit of the lines after it. A power law, too, does
 not describe the levels if its rms misfit is more than this many times the expected scatter."""
 GUARD_FRACTION = 0.02
-"""If readings of a drive precede the decay, this fraction of the decay is left out at its start."""
+"""If other readings, such as those of a drive, precede the decay, this fraction of it is left out at its start."""
 CHECKED_FRACTION = 0.05
 """A power law describes a decay only if its misfit is small over all blocks of the decay and also over the first blocks
 alone, which are this fraction of all (at least `LEAST_POINTS`)."""
@@ -48,8 +48,8 @@ LAG_IN_DECAY_TIMES = 0.1
 amplitude. Thermal motion of the mode itself is correlated over its decay time and hardly changes between the two
 readings; detector noise does."""
 FLOOR_PARTS = 8
-"""Number of parts into which the readings of the noise floor are divided. Their standard errors follow from the scatter
-of the parts' means, which takes into account that successive readings are correlated."""
+"""Number of parts into which the readings of the noise floor are divided. The standard errors of their mean power and
+semivariance follow from the scatter of the parts' means, because successive readings are correlated."""
 LEAST_FLOOR_READINGS = 24
 """Smallest number of readings from which the fluctuation of the noise floor is measured; from fewer readings, only its
 mean power is measured."""
@@ -110,7 +110,7 @@ after it by more than this many times the median change of the rate between line
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """A measured noise floor. All powers are linear (not in dB) and in the unit of the readings.
+    """A measured noise floor. All powers are linear: 10^(dB/10) of a level, up to a common factor (`scaled`).
 
     Attributes
     ----------
@@ -265,8 +265,8 @@ class DecayFit:
     floor
         Power of the floor, linear (not in dB).
     floor_at
-        Index of the first block in which the power of the decay is below that of the floor; the number of blocks if
-        there is none.
+        Index, among all blocks of the record, of the first one in which the power of the decay is below that of the
+        floor; the number of blocks if there is none.
     stop
         1 + index of the last reading that was fitted.
     scale
@@ -281,7 +281,7 @@ class DecayFit:
 
 
 def power_law_start(levels: Levels, begin: int, end: int) -> int:
-    """Return the block at which the decay starts, from fits of a power law and a noise floor.
+    """Return the index of the block at which the decay starts, from fits of a power law and a noise floor.
 
     The start `begin` from the search with straight lines may be too late, because dry friction and drag curve the level
     in dB. This function searches the blocks before `begin`, by bisection, for the first block from which a power law
@@ -406,10 +406,9 @@ class EnvelopeWindow:
     start, stop
         Index of its first reading, and 1 + index of its last reading.
     floor
-        Noise floor after the decay, in powers 10^(dB/10); None if the record does not reach it.
+        Noise floor after the decay, in powers 10^(dB/10); None if the record does not reach it or none was found.
     why
-        Two clauses for a sentence, on how the start and the stop were chosen, such as "starts with the record"; "" if
-        nothing was chosen.
+        Two clauses for a sentence, on how the start and the stop were chosen, such as "starts with the record".
     """
 
     start: int
@@ -424,8 +423,8 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
     The search begins with the straightest descent, the part that falls most like a straight line in dB. From there it
     goes back to the start of the decay and forward to the noise floor. A power law may give an earlier start
     (`power_law_start`). With fewer than `SPARSE_READINGS` readings, the decay goes from the highest one to the noise
-    floor. Raises Refusal if the level falls by less than `LEAST_DROP`, or if the decay has fewer than `LEAST_POINTS`
-    readings.
+    floor, or to the end of the record. Raises Refusal if the level falls by less than `LEAST_DROP`, or if the decay has
+    fewer than `LEAST_POINTS` readings.
     """
     if t.size < LEAST_POINTS:
         raise Refusal(f"only {t.size} readings; an envelope needs at least {LEAST_POINTS}")
@@ -542,7 +541,7 @@ def _straightest(levels: Levels) -> tuple[int, int]:
 
 
 def _follow_back(levels: Levels, first: int, last: int) -> tuple[int, bool]:
-    """Return the block at which the decay begins, and whether other readings precede it.
+    """Return the index of the block at which the decay begins, and whether other readings precede it.
 
     Short straight lines are fitted to the levels, going back from the straight part (blocks `first` to `last`). The
     first line that fits worse or has another rate contains readings that are not part of the decay. If the straight
@@ -596,7 +595,7 @@ def _lines(t: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray) -> t
 
 
 def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
-    """Return the block after the last one of the decay, and the noise floor after it, in powers 10^(dB/10).
+    """Return the index of the block after the decay's last one, and the noise floor after it, in powers 10^(dB/10).
 
     A power law and a floor are fitted to the levels from `begin`, the first block of the decay, on. The decay ends
     where it is `ABOVE_FLOOR` dB above the floor, or earlier if levels scatter like noise. The floor is None if the
