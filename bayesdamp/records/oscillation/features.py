@@ -472,7 +472,9 @@ class Features(FeatureValues):
 def features(signal: Signal) -> Features:
     """Measure the features of a signal: period, amplitude, noise, turning points and others.
 
-    Raises Refusal, with the reason, if the signal has fewer than ten samples or does not oscillate.
+    The amplitudes at the first and at the last sample are those of the displacement, also for a recorded velocity or
+    acceleration; turning points, swings and noise are those of the recorded quantity. Raises Refusal, with the reason,
+    if the signal has fewer than ten samples or does not oscillate.
     """
     t, y = np.asarray(signal.t, float), np.asarray(signal.y, float)
     if t.size < 10:

@@ -270,12 +270,13 @@ class LawFree:
         Sinusoids fitted in windows. Their amplitudes are those of the recorded quantity (perhaps a velocity), but their
         phases are those of the displacement.
     sizes
-        Natural logarithms of the amplitudes of the displacement (rad or m) in the middle of the windows, (k,).
+        Natural logarithms of the amplitudes of the displacement, in its base unit (rad, m, V, ...), in the middle of
+        the windows, (k,).
     backbone
         Angular frequency as a polynomial in the squared amplitude of the displacement (several degrees, averaged).
     line
-        Natural logarithm of the amplitude of the displacement (rad or m) as a polynomial in time. The time is scaled to
-        −1 in the middle of the first window and 1 in the middle of the last.
+        Polynomial in time, fitted to `sizes`. The time is scaled to −1 in the middle of the first window and 1 in the
+        middle of the last.
     harmonic_error
         Relative systematic error of damping ratios, in units of the third harmonic relative to the first.
     """
@@ -292,10 +293,10 @@ class LawFree:
         return float(self.windows.times[0]), float(self.windows.times[-1])
 
     def times_of(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the times in s, (k,), at which the displacement has the given amplitudes (rad or m), (k,).
+        """Return the times in s, (k,), at which the amplitude of the displacement first falls to `amplitudes`, (k,).
 
         For an amplitude that does not occur between the first and the last window (`span`), return the nearer end of
-        this span.
+        this span. Amplitudes are in the base unit, such as rad.
         """
         first, last = self.span
         grid = np.linspace(-1, 1, 401)
@@ -442,7 +443,7 @@ class Backbone:
     Attributes
     ----------
     largest
-        Largest amplitude (rad or m); the polynomials are in amplitudes divided by it.
+        Largest amplitude of the displacement, in its base unit; the polynomials are in amplitudes divided by it.
     parts
         For each degree, its weight (their sum is 1), the coefficients (m,) in rad/s of the powers 0, 1, ... of
         (amplitude/`largest`)², and the covariance (m, m) of the coefficients.

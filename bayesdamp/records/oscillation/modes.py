@@ -99,7 +99,7 @@ class Modes:
     Attributes
     ----------
     frequencies
-        Frequencies in Hz, (k,).
+        Damped frequencies in Hz, (k,).
     rates, errors
         Decay rates in 1/s (negative for growth), and their standard errors, each (k,).
     first, last
@@ -286,7 +286,7 @@ class OtherMotion:
         factor of growth minus 1; for "steady", 1; for "excited", the number of times that the amplitude rises.
     complete
         Whether two modes explain the record to its noise (`MOST_MISFIT`). If their frequencies are close, there must
-        also be enough beats (`LEAST_BEATS`). False for one oscillation.
+        also be enough beats (`LEAST_BEATS`). False for "growing", "steady" and "excited".
     """
 
     kind: Literal["growing", "steady", "beats", "two modes", "driven", "excited"]
@@ -302,9 +302,9 @@ def find_other_motion(
 
     Three motions are tested in turn: one oscillation that grows or stays constant, two oscillations, and excitation
     throughout (`find_excited`). Two oscillations are accepted if two damped sinusoids explain nearly all of the record,
-    one does not, and a single oscillator, even a nonlinear one, cannot move in this way. It cannot if the second
-    frequency is neither close to the first nor a harmonic of it. For close frequencies the amplitude must rise, or fall
-    and then stay constant. The result is None for fewer than 20 (averaged) samples.
+    leave at most half of what one leaves, and a single oscillator, even a nonlinear one, cannot move in this way. It
+    cannot if the second frequency is neither close to the first nor a harmonic of it. For close frequencies the
+    amplitude must rise, or fall and then stay constant. The result is None for fewer than 20 (averaged) samples.
 
     Parameters
     ----------

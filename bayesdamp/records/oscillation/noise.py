@@ -121,7 +121,7 @@ LEAST_VARIANCE = 0.5
 fraction of the variance of the samples, the samples themselves are searched for a period too."""
 SURE_FRACTION = 0.5
 """An oscillation in averages of samples is accepted without a search in the samples only if it has at least this
-fraction of the variance. A spectral line is accepted only if it has at least this fraction of the power."""
+fraction of the variance. In `samples_a_cycle`, a spectral line must have at least this fraction of the power."""
 ALIAS_BLOCKS = 4.5
 """A period that was found in averages over blocks of samples may be an alias of a faster oscillation if it is shorter
 than this many blocks."""
