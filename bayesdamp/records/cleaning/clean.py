@@ -128,7 +128,7 @@ def clean(
         Name of the record in messages and results.
     unit
         Unit of the displacement, a name in UNITS (a velocity is then in this unit per s, an acceleration per s²), or a
-        unit of the quantity itself, such as rpm. It and `quantity` replace those that the record states.
+        unit of the quantity itself, such as rpm. It and `quantity` replace what the record states, even by default.
     quantity
         "angle", "velocity" or "acceleration".
     clock
@@ -147,8 +147,8 @@ def clean(
     Raises
     ------
     InputError
-        If the record has fewer than two periods of a free decay; if it is constant, clipped, rectified or a tone burst;
-        if its times are unusable (`clock_times`); or if an argument is invalid.
+        If the record has no free decay of at least two periods (see also `free_decay`); if it is constant, clipped,
+        rectified or a tone burst; if its times are unusable (`clock_times`); or if an argument is invalid.
     """
     scale, base = known_unit(unit, quantity, name)
     raw = decimate(unwrap(raw, unit, quantity))

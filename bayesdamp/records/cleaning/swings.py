@@ -44,7 +44,8 @@ LATER_SWINGS = 10
 """Largest number of later swings (half cycles) with which a swing is compared."""
 EXCEEDANCE = 1e-3
 """Probability that a swing (half cycle) of an undisturbed free decay is outside the prediction interval from the later
-swings (`_predict_before`). A swing outside counts as disturbed, by a hand or a hit."""
+swings (`_predict_before`). A swing that is outside by more than a tolerance (`PERIOD_TOLERANCE` or
+`MIDLINE_TOLERANCE`) counts as disturbed, by a hand or a hit."""
 MAX_MISFIT = 5.0
 """A swing (half cycle) has another shape than the later swings if its misfit, the residual of a sinusoid fitted to it
 (`Swings.misfit`), is more than this many times their median misfit."""
@@ -224,7 +225,8 @@ def _find_breaks(ranges: np.ndarray, floor: float) -> list[int]:
     The rates in two windows before a possible break and in two after it are compared, because in a beat the rate
     changes steadily through all four. The part of the change that no power of the amplitude explains must exceed three
     limits: `MIN_RATE_CHANGE` times the larger rate, 6 standard deviations of a rate, and 2.5 times such a change
-    between the two windows on one side. The list is empty for fewer than 16 swings.
+    between the two windows on one side. The range must be above 16 `floor` until the end of the last window. The list
+    is empty for fewer than 16 swings.
 
     ranges: ranges (maximum minus minimum) of the swings, (k,). floor: smallest distance of a turning point from the
     midline that is not noise, in the same unit.
@@ -411,7 +413,7 @@ class Reach:
     at
         Earliest time in s back to which they agree.
     share
-        Time from `at` to the turning point, as a fraction of the duration of a swing.
+        Time from `at` to the turning point, as a fraction of the duration of a swing; at most 1.
     whole
         Whether they agree over the full duration of a swing, or over all of it that was recorded.
     """

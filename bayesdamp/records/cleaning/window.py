@@ -45,9 +45,10 @@ HAND_REACH = 0.25
 the first (or after the last) one, but the samples agree there with the free decay over less than this fraction of a
 half cycle. The turning point is then not used."""
 LEAST_TURNS = 6
-"""The first and the last swing (half cycle) of a decay are tested for the effect of a hand or a stop only if the decay
-has more than this many turning points. If the user gives only the start, a decay with little `information` on the
-damping counts only if it begins soon after this start and has more than this many turning points."""
+"""Only in a decay with more than this many turning points, the first one may count as shifted by a hand (`HAND_REACH`),
+and the motion long after the last one as a disturbance and not as rest. If the user gives only the start, a decay with
+little `information` on the damping counts only if it begins soon after this start and has more turning points than
+this."""
 OTHER_INFORMATION = 0.1
 """Another part of the record counts as a free decay if its `information` on the damping (number of half cycles × ln of
 the fall) is at least this fraction of that of the part that is used; with less it may be a hum in the noise."""
