@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -19,15 +19,7 @@ from bayesdamp.records.cleaning.clean import clean, decimate, known_unit, record
 from bayesdamp.records.cleaning.clock import clock_times
 from bayesdamp.records.files.contents import unit_by_name
 from bayesdamp.records.read import FASTEST_RATE, SLOWEST_RATE, read_records
-from bayesdamp.records.record import (
-    Kind,
-    RawRecord,
-    choose_unit,
-    findings,
-    refuse_questions,
-    unit_or_guess,
-    unwrap,
-)
+from bayesdamp.records.record import RawRecord, choose_unit, findings, unit_or_guess, unwrap, with_warnings
 from bayesdamp.types import UNITS, InputError, Provenance, Unit
 
 if TYPE_CHECKING:
@@ -490,13 +482,6 @@ def read(
     given = unit is not None
     unit, quantity = next(iter(units))
     known_unit(unit, quantity, path.name)
-    warned = []
-    for record in raw:
-        doubts = findings(record, unit, quantity, given)
-        refuse_questions(doubts, path.name)
-        new = [f"{f.sentence}; give unit= if that is wrong." for f in doubts if f.kind is Kind.DEGREES]
-        before = record.provenance
-        warned.append(replace(record, provenance=replace(before, warnings=(*before.warnings, *new))))
-    raw = tuple(warned)
+    raw = tuple(with_warnings(r, findings(r, unit, quantity, given), path.name) for r in raw)
     columns = tuple((r.provenance.time_column, r.provenance.value_column) for r in raw)
     return Record(path, columns, unit, quantity, raw)

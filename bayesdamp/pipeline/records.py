@@ -22,7 +22,7 @@ from bayesdamp.records.oscillation.anomalies import find_anomalies
 from bayesdamp.records.oscillation.features import Features, features
 from bayesdamp.records.oscillation.law_free import sinusoids
 from bayesdamp.records.read import read_record
-from bayesdamp.records.record import RawRecord, findings, refuse_questions
+from bayesdamp.records.record import Kind, RawRecord, findings, with_warnings
 from bayesdamp.store.results import RecordContent, Store, TaskResult, sha256
 from bayesdamp.types import (
     FRICTION_WIDTH,
@@ -71,8 +71,8 @@ def read_raw(source: Recording) -> RawRecord:
         time_unit=source.time_unit,
     )
     # `given` is left false, because the unit "rad" in a study may be just the default.
-    refuse_questions(findings(raw, source.unit, source.quantity))
-    return raw
+    doubts = findings(raw, source.unit, source.quantity)
+    return with_warnings(raw, (doubt for doubt in doubts if doubt.kind is not Kind.DEGREES))
 
 
 def read_free_decay(source: Recording, name: str) -> CutSignal:

@@ -237,7 +237,7 @@ class Finding:
     option
         The option that settles it, as typed on the command line.
     arguments
-        Arguments of `read` that settle it; used for the kinds in QUESTIONS.
+        Arguments of `read` that settle it.
     """
 
     kind: Kind
@@ -252,7 +252,7 @@ class Finding:
 def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> tuple[Finding, ...]:
     """Return the doubts about the unit, the times and the sampling rate of a record.
 
-    Those of a kind in `QUESTIONS` become errors (`refuse_questions`); the others are at most shown as warnings.
+    Those of a kind in `QUESTIONS` become errors, and the others warnings (`with_warnings`).
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         turns = size / (2 * math.pi)
         why = f"no unit given, and an amplitude of {size:.3g} would be {turns:.2g} turns in radians"
         what, option = _ASSUMED[unit]
-        doubts.append(Finding(Kind.DEGREES, f"it is read as {what}: {why}", option))
+        doubts.append(Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit",)))
     if not given and unit == "rad" and raw.unit and raw.unit not in UNITS:
         sentence = f"its unit, {raw.unit!r}, is not a unit of displacement"
         option = "--unit counts for a sensor of unknown scale; mm, deg ... if that is its unit"
@@ -294,25 +294,30 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
             question = f"is {raw.rate:.4g} the interval in s?" if is_interval else "is the rate in Hz?"
             rate = f"{1 / raw.rate:.6g}" if is_interval else "HZ"
             sentence = f"at {raw.rate:.4g} Hz a period lasts {period:.3g} s; {question}"
-            doubts.append(Finding(Kind.PERIOD, sentence, f"--rate {rate}"))
+            doubts.append(Finding(Kind.PERIOD, sentence, f"--rate {rate}", ("rate",)))
     by_file = sampling_rate(raw.provenance.facts)
     used = raw.rate
     if used is None and raw.t is not None and raw.t.size > 1 and raw.t[-1] > raw.t[0]:
         used = (raw.t.size - 1) / float(raw.t[-1] - raw.t[0])
     if used is not None and by_file is not None and abs(used / by_file[0] - 1) > RATE_TOLERANCE:
         sentence = f"its file states {by_file[0]:.6g} Hz, but it is read at {used:.6g} Hz"
-        doubts.append(Finding(Kind.RATE, sentence, f"--rate {by_file[0]:.6g} uses the stated rate"))
+        option = f"--rate {by_file[0]:.6g} uses the stated rate"
+        doubts.append(Finding(Kind.RATE, sentence, option, ("rate",)))
     return tuple(doubts)
 
 
-def refuse_questions(doubts: Iterable[Finding], where: str = "") -> None:
-    """Raise InputError for the first doubt (`Finding`) that the user must settle before anything is computed, if any.
+def with_warnings(raw: RawRecord, doubts: Iterable[Finding], where: str = "") -> RawRecord:
+    """Return the record with the doubts (`Finding`) about it as warnings in its provenance.
 
+    Raise InputError for the first doubt that the user must settle before anything is computed (`QUESTIONS`), if any.
     where: name of the file, for the message.
     """
+    texts = list(raw.provenance.warnings)
     for doubt in doubts:
         if doubt.kind in QUESTIONS:
             raise InputError(doubt.sentence, where, arguments=doubt.arguments)
+        texts.append(f"{doubt.sentence.rstrip('?')}; give {doubt.arguments[0]}= if that is wrong.")
+    return replace(raw, provenance=replace(raw.provenance, warnings=tuple(texts)))
 
 
 def _doubt_times(raw: RawRecord, t: np.ndarray) -> Finding | None:

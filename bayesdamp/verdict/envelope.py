@@ -179,7 +179,7 @@ def estimate_of(draws: np.ndarray, plain: np.ndarray, unit: str = "") -> Measure
     at most that of `draws`, is `sd_noise`. The other part is sd_law = √(sd² − sd_noise²), with the standard deviation
     sd of `draws`. unit: unit of the draws and the result.
     """
-    q = quantity(draws, min(float(np.std(plain)), float(np.std(draws))))
+    q = quantity(draws, float(np.std(plain)))
     return MeasuredNumber(q.value, q.sd_noise, q.sd_law, q.low, q.high, unit)
 
 

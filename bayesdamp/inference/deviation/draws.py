@@ -68,10 +68,11 @@ class Quantity:
 def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
     """Return median and 95 % interval of draws, (n,), with the two parts of their sd (see `Quantity`).
 
-    noise: the part of the sd that noise alone causes, in the unit of the draws; it is stored unchanged, so the caller
-    must limit it to their sd. It is nan if it is unknown, and the other part is then nan too (see `law_part`).
+    noise: the sd that noise alone would cause, in the unit of the draws; if it is larger than their sd, the part due to
+    noise is their sd. It is nan if it is unknown, and both parts are then nan (see `law_part`).
     """
     low, middle, high = (float(q) for q in np.quantile(values, (0.025, 0.5, 0.975)))
+    noise = min(noise, float(np.std(values)))
     return Quantity(middle, low, high, noise, law_part(float(np.var(values)), noise))
 
 
@@ -433,7 +434,7 @@ def ratios_at(
         ratios = np.concatenate(values)
         ratios = ratios * (1 + sensor * rng.standard_normal(ratios.size))
         noise = float(np.average(noises, weights=list(map(len, values))))
-        q = quantity(ratios, min(noise, float(np.std(ratios))))
+        q = quantity(ratios, noise)
         summaries.append(Ratio(amplitude, q.value, q.low, q.high, q.sd_noise, q.sd_law))
     return tuple(summaries)
 

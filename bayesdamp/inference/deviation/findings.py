@@ -105,8 +105,7 @@ class Findings:
         95 % upper limit of the energy fraction of any other form of damping: the 95 % quantile of the mean |g − mean of
         g| that `deviation` summarises.
     coefficients : mapping of str to Quantity
-        Inferred parameters of the damping and the restoring law of `best`, by name, in units of rad (or m) and s. Here
-        the part `sd_noise` of the sd is not limited to the sd.
+        Inferred parameters of the damping and the restoring law of `best`, by name, in units of rad (or m) and s.
     best : MotionCandidate
         The most probable candidate, without rivals.
     unexplained, noise : float
@@ -341,8 +340,7 @@ def _parameters(
     Returns
     -------
     dict of str to Quantity
-        Inferred parameters of the damping and the restoring law, by name. `sd_noise` is that of `noise_sds`, and is not
-        limited to the sd of the draws.
+        Inferred parameters of the damping and the restoring law, by name.
     tuple of str
         Undetermined parameters: their posterior is nearly as wide as their prior (`is_as_wide_as`). Only parameters
         that damping terms have besides their coefficients can be among these.

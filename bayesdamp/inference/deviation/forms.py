@@ -136,8 +136,8 @@ def _evaluate_rivals(
 ) -> list[CandidateResult]:
     """Fit rivals (sums with a form of damping that is not compared) and return their results.
 
-    All priors are the default ones. Known initial values and known parameters of the restoring law are those of the
-    best candidate. Rivals whose fit fails are left out.
+    Their priors are those of the candidates. Known initial values and known parameters of the restoring law are those
+    of the best candidate. Rivals whose fit fails are left out.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def _evaluate_rivals(
 
     def evaluate(damping: tuple[str, ...]) -> CandidateResult | None:
         c = MotionCandidate(damping, restoring)
-        parameters = parameters_of(c, solver, data, reference, {}, known)
+        parameters = parameters_of(c, solver, data, reference, comparison.priors, known)
         fit = search_near(solver, data, parameters, sums[damping], starts or start_values(c, parameters))
         return None if fit is None else comparison.evaluate(c, solver, fit)
 

@@ -227,6 +227,8 @@ class ModelComparison:
         `sample_noise.inflation`).
     noise : SampleNoise
         Noise model of the samples.
+    priors : mapping of str to Prior
+        Priors that the user gives, by name of the parameter; the other parameters have default priors.
     approximate : bool
         Whether the forces may deviate from their laws (deviations g of the log damping and h of the frequency); if
         False, laws are exact.
@@ -257,6 +259,7 @@ class ModelComparison:
     variance: float
     inflation: float
     noise: SampleNoise
+    priors: Mapping[str, Prior] = field(default_factory=dict)
     approximate: bool = True
     noise_known: bool = False
     epsilon_known: bool = False
@@ -546,8 +549,8 @@ def choose_noise(
         if adapted is not None and adapted.variance > variance:
             variance, kappa = adapted.variance, kappa * adapted.variance / variance
     comparison = ModelComparison(
-        fits.data, fits.reference, fits.epsilon, frictions, fits.solvers, variance, kappa, noise, approximate,
-        noise_known, "epsilon" in stated,
+        fits.data, fits.reference, fits.epsilon, frictions, fits.solvers, variance, kappa, noise, fits.priors,
+        approximate, noise_known, "epsilon" in stated,
     )  # fmt: skip
     return comparison, fits, modes
 

@@ -83,7 +83,7 @@ def compare_signal(
     -------
     ModelComparison
         The fitted candidates with their evidences, the rivals (sums of damping terms with a form of damping that is not
-        compared; all their priors are the default ones), and the quantiles of the exponent of a power law.
+        compared), and the quantiles of the exponent of a power law.
 
     Raises
     ------

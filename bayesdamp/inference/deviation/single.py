@@ -297,10 +297,7 @@ class Single:
         They are computed from draws of the linear model about the mode (`scores`), and are in the parameter's unit.
         """
         values, noise = self.values(self.scores), self.noise_sds
-        return {
-            n: quantity(values[:, i], min(noise[n], float(np.std(values[:, i]))))
-            for i, n in enumerate(self.names)
-        }
+        return {n: quantity(values[:, i], noise[n]) for i, n in enumerate(self.names)}
 
     @cached_property
     def noise_sds(self) -> dict[str, float]:
