@@ -75,7 +75,7 @@ class NoiseModel(ABC):
 
     @abstractmethod
     def start(self, r: np.ndarray, gaps: np.ndarray) -> dict[str, float]:
-        """Estimate the parameters, by name, from residuals, (n,).
+        """Estimate all parameters, by name, from residuals, (n,).
 
         The search for the most probable parameters starts at this estimate. gaps: times between the samples in s, (n -
         1,).
@@ -114,9 +114,9 @@ class NoiseModel(ABC):
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return R v, (..., n), for a shift v of the record, where RᵀR is the Fisher information about such a shift.
 
-        v: change of each sample in the unit of the record, (..., n). The sum of squares of the result is the
-        information about a factor by which the shift is multiplied. gaps: times between the samples in s, (n - 1,). p:
-        parameters and constants of the noise by name.
+        v: change of each sample in the unit of the record, (..., n). The inner products of the results for several
+        shifts are the Fisher information matrix of factors by which these shifts are multiplied. gaps: times between
+        the samples in s, (n - 1,). p: parameters and constants of the noise by name.
         """
 
     @abstractmethod
@@ -136,7 +136,7 @@ class NoiseModel(ABC):
         """
 
     def draw(self, rng: np.random.Generator, gaps: np.ndarray, p: Mapping[str, float]) -> np.ndarray:
-        """Draw the noise of one record, (n,), in the unit of the record; without an override, raise Refusal.
+        """Draw the noise of one record, (n,), in its unit; a subclass without this method raises Refusal.
 
         gaps: times between the samples in s, (n - 1,). p: parameters and constants of the noise by name.
         """
@@ -232,11 +232,11 @@ class FittedNoise:
         Name of the noise model.
     values : mapping of str to float
         Values of its parameters, inferred or known, and constants by name; scales such as noise_sd are in the unit of
-        the record.
+        the record. Empty if the noise model was not fitted (the default).
     log_evidence : float
         Log density of the residuals in nats, integrated over the parameters by Laplace's approximation; −∞ if the
-        search did not end at a maximum, and nan if the noise model was not fitted (the default). If all parameters are
-        known, it is the log density itself.
+        search did not end at a maximum, and nan if the noise model was not fitted. If all parameters are known, it is
+        the log density itself.
     """
 
     name: str = GAUSSIAN
@@ -306,7 +306,8 @@ class SampleNoise:
     Attributes
     ----------
     fitted : FittedNoise
-        The noise model that is chosen.
+        The noise model that is chosen, with its parameters; by default Gaussian noise that is not fitted. It may have
+        been fitted to a later residual than the models in `weighed`.
     weighed : tuple of FittedNoise
         All noise models that were compared and apply to the record, each fitted to the same residual; () if none were
         compared. This is the residual of the motion with all damping terms together or, for a record of very many
@@ -325,8 +326,8 @@ class SampleNoise:
     def likeliest(self) -> str:
         """Name of the noise model with the largest evidence in `weighed`; `name` if that is empty.
 
-        It may differ from `name`, the chosen model: if Gaussian noise is one of the models, another one is chosen only
-        if its evidence is clearly larger, and correlated noise never.
+        Fits under exact laws use it. It may differ from `name`: if Gaussian noise is one of the models, another one is
+        chosen only if its evidence is clearly larger, and correlated noise never.
         """
         return max(self.weighed, key=lambda model: model.log_evidence, default=self.fitted).name
 
@@ -400,7 +401,10 @@ def fit_noise(
     axes = EVIDENCE_STEP * np.eye(z.size)
 
     def mixed(a: np.ndarray, b: np.ndarray) -> float:
-        """Return the mixed second difference of the negative log density at its mode for two steps, (p,) each."""
+        """Return the mixed second difference, not divided by the steps, of the negative log density at its mode.
+
+        a, b: the two steps, (p,) each.
+        """
         return sum(s * u * negative_log_density(z + s * a + u * b) for s, u in product((1, -1), repeat=2))
 
     hessian = np.array([[mixed(a, b) for b in axes] for a in axes]) / (4 * EVIDENCE_STEP**2)

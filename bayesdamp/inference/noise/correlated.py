@@ -79,7 +79,7 @@ class CorrelatedNoise(NoiseModel):
         """Return the derivative of the log density by each residual, −K⁻¹ r, (..., n), with the covariance matrix K.
 
         K_ij = noise_sd² exp(−|t_i − t_j| / noise_time), with the times between samples in gaps, (n - 1,), in s. p:
-        noise_sd and noise_time (s) by name. K is never built: the transposed whitening is applied to the innovations.
+        noise_sd and noise_time (s) by name.
         """
         p = by_sample(p)
         lost, fresh = _decay(gaps, p)
@@ -146,8 +146,8 @@ class CorrelatedNoise(NoiseModel):
 def _decay(gaps: np.ndarray, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return 1 − ρ and √(1 − ρ²) for each time step, (..., n − 1), without loss of digits if ρ is close to 1.
 
-    ρ = exp(−Δt / noise_time) is the correlation of two neighbouring residuals. gaps: the time steps Δt. They and
-    `noise_time` in p are in s.
+    ρ = exp(−Δt / noise_time) is the correlation of two neighbouring residuals. gaps: the time steps Δt in s, (n − 1,).
+    p: parameters from `by_sample`; only `noise_time`, in s, is used.
     """
     lost = -np.expm1(-gaps / p["noise_time"])
     return lost, np.sqrt(lost * (2 - lost))

@@ -26,8 +26,8 @@ class Gaussian(IndependentNoise):
     def log_likelihood(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the log density (nats) of all n residuals together, (...): −Σ r²/(2σ²) − n log(√(2π) σ).
 
-        r: residuals in the unit of the record, (..., n). σ is noise_sd in p, a number or an array (...). gaps, the
-        times between samples, (n − 1,), has no effect, because the noise is independent.
+        r: residuals in the unit of the record, (..., n). σ is noise_sd in p, a number or an array (...). gaps has no
+        effect.
         """
         sd, squares = np.asarray(p["noise_sd"], float), np.einsum("...i,...i", r, r)
         return -0.5 * squares / sd**2 - r.shape[-1] * (np.log(sd) + 0.5 * LOG_2PI)
@@ -43,7 +43,7 @@ class Gaussian(IndependentNoise):
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the derivative of the log density (nats) by each residual r, −r/σ², (..., n); σ is noise_sd in p.
 
-        gaps has no effect, because the noise is independent.
+        gaps has no effect.
         """
         sd = by_sample(p)["noise_sd"]
         return -r / sd / sd

@@ -45,8 +45,7 @@ class QuantisedNoise(IndependentNoise):
         """Return the derivative of the log density by each residual, (..., n).
 
         It is the normal density at the upper end of the interval of length noise_step around the residual, minus that
-        at the lower end, divided by the probability of the interval. gaps (times between the samples) has no effect,
-        because the noise is independent.
+        at the lower end, divided by the probability of the interval. gaps has no effect.
         """
         p = by_sample(p)
         sd, step = p["noise_sd"], p["noise_step"]

@@ -48,8 +48,7 @@ class StudentT(IndependentNoise):
     def slope(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the derivative of the log density by each residual, −(ν + 1) r / (ν σ² + r²), (..., n).
 
-        r: residuals in the unit of the record, (..., n). σ is noise_sd and ν is noise_dof in p. gaps has no effect,
-        because the noise is independent.
+        r: residuals in the unit of the record, (..., n). σ is noise_sd and ν is noise_dof in p. gaps has no effect.
         """
         p = by_sample(p)
         sd, dof = p["noise_sd"], p["noise_dof"]
