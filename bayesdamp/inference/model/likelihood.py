@@ -31,9 +31,9 @@ class Line:
     Attributes
     ----------
     residual : ndarray, shape (n,)
-        Record minus motion at the point of expansion.
+        Record minus motion at the point of expansion; it and `slopes` are all nan if the motion is unbounded.
     slopes : ndarray, shape (k, n)
-        Derivatives of the motion by the k inferred parameters on which it depends.
+        Derivatives of the motion by the values (not scores) of the k inferred parameters on which it depends.
     at : ndarray, shape (k,)
         Values of these parameters at the point of expansion.
     """
@@ -52,8 +52,8 @@ class Likelihood:
     target : Target
         The record, its model and priors.
     reference : mapping of str to float
-        Values of all parameters, near those at which the likelihood will be evaluated; they set the scales of the
-        solver.
+        Values of all parameters, near those at which the likelihood will be evaluated. They set the amplitude and
+        frequency with which the tolerances of the solver scale.
     tolerance : float
         Largest error of a motion, in the unit of the record. If the target has deviations, `reference` and `tolerance`
         have no effect, because `Deviation.motions` is the solver.
@@ -87,7 +87,8 @@ class Likelihood:
         """Return this likelihood with the common prior scale of damping coefficients fixed instead of averaged out.
 
         scale: scale of the half-normal priors of these coefficients, in units of their scores; a score of 1 is an
-        equivalent damping ratio of 0.1. Without such coefficients it has no effect.
+        equivalent damping ratio of 0.1. Without such coefficients it has no effect. The search for the mode, for
+        example, fixes the scale at 1.
         """
         return replace(self, scales=(float(scale),))
 
@@ -96,7 +97,8 @@ class Likelihood:
 
         Hyperparameters are prior sds and correlation lengths of deviations of damping and frequency. combination: its
         index along the first axis of `Deviation.maps`, from 0. The target must have deviations. Log likelihoods of the
-        result contain the log prior probability of the combination.
+        result contain the log prior probability of the combination. The NUTS sampler moves the scores under one
+        combination at a time.
         """
         assert self.target.deviation is not None
         return replace(self, target=replace(self.target, deviation=self.target.deviation.under(combination)))
@@ -138,7 +140,8 @@ class Likelihood:
         """Return the log prior density (nats), (...), of standard normal scores z, (..., d).
 
         Only the absolute value of a reflected score (one with a half-normal prior) matters. Its prior density here is
-        that of a normal distribution over both signs, so negative values are allowed (see `folded`).
+        that of a normal distribution over both signs, so negative values are allowed (see `folded`). The density is
+        averaged over `scales`.
         """
         return log_prior_of(z, self.target.shared, self.scales)
 
@@ -178,7 +181,8 @@ class Likelihood:
         """Return the log posterior (nats), (m,), at scores z, (m, d), for half-normal priors on scores ≥ 0 only.
 
         `log_posteriors` spreads the half-normal prior of a reflected score over both signs. This function adds log 2
-        for each such score, because only values ≥ 0 are allowed. The sign of the scores in z is not checked.
+        for each such score, for evidence methods that allow only values ≥ 0. The sign of the scores in z is not
+        checked.
         """
         return self.log_posteriors(z) + np.sum(self.target.reflected) * np.log(2.0)
 
@@ -204,7 +208,8 @@ class Likelihood:
     def gradient_along(self, line: Line, z: np.ndarray) -> np.ndarray:
         """Return the gradient, (d,), of the log posterior by the scores z, (d,), for the linearised motion `line`.
 
-        The motion at z is extrapolated linearly from the point where `line` was computed; the ODE is not solved.
+        The motion at z is extrapolated linearly from the point where `line` was computed. The ODE is not solved, so
+        that NUTS steps with this gradient are fast.
         """
         p = self.target.all_values(z)
         away = np.array([p[n] for n in self._moving_names]) - line.at
@@ -215,8 +220,9 @@ class Likelihood:
         """Return the log posterior at scores z, (d,), its gradient, (d,), and its Gauss–Newton information, (d, d).
 
         The log posterior is in nats, and derivatives are by the scores. The information approximates the negative
-        Hessian and is positive definite; it has no cross terms between parameters of the motion and of the noise. If
-        the log likelihood is not finite, the value is −∞, and gradient and information are those of the log prior.
+        Hessian and is positive definite; it has no cross terms between parameters of the motion and of the noise. The
+        search for the mode and the coordinates of samplers use it. If the log likelihood is not finite, the value is
+        −∞, and gradient and information are those of the log prior.
         """
         line = self.line(z)
         value, gradient = self.gradient(z, line)

@@ -103,7 +103,8 @@ class Deviation(NoiseModel):
 
         r: residuals. Returns four arrays: the part along the basis, (k,); the orthogonal part, (m,); the part along the
         basis, whitened for each of the c combinations of prior sds and correlation lengths of the deviations, (c, k);
-        and the log of each combination's prior probability times the density of r, up to a constant, (c,).
+        and the log of each combination's prior probability times the density of r, up to a term that all combinations
+        have in common, (c,).
         """
         scaled = (r + self.shift) / np.sqrt(self.variance)
         along = scaled @ self.basis
@@ -146,7 +147,7 @@ class Deviation(NoiseModel):
         """Draw the index of a combination of hyperparameters from its posterior given residuals r, (m,).
 
         Hyperparameters are the prior sds and correlation lengths of the deviations. The index is along the first axis
-        of `maps`.
+        of `maps`. The NUTS sampler draws a combination before each draw of the scores.
         """
         return _draw_index(self._parts(r)[-1], rng)
 
@@ -168,7 +169,7 @@ class Deviation(NoiseModel):
         """Draw the deviations, g and then h at the knots, (k,), from their posterior given residuals r, (m,).
 
         g is the deviation of the log damping, h the relative one of the frequency. A combination of hyperparameters is
-        drawn first, from its posterior given r.
+        drawn first, from its posterior given r. The draws are deviations from the laws, not from the mode.
         """
         along, _, _, each = self._parts(r)
         c = _draw_index(each, rng)
@@ -228,7 +229,10 @@ velocity range in which dry friction changes its sign."""
 
 
 class Scores:
-    """Inferred parameters as functions of standard normal scores (`Prior.value`), and the prior of the scores."""
+    """Inferred parameters as functions of standard normal scores, and the prior of the scores.
+
+    It is the base class of `Target` and of `deviation.parameters.Parameters`. The functions are those of `Prior.value`.
+    """
 
     priors: Mapping[str, Prior]
     """Priors of the inferred parameters, in the order of the scores."""
@@ -286,8 +290,8 @@ class Scores:
     def rates(self, z: np.ndarray) -> np.ndarray:
         """Return the derivative of each inferred parameter by its own standard normal score, at scores z, (d,).
 
-        The derivatives, (d,), have the units of the parameters. Where a parameter has a half-normal prior,
-        `NEAR_ZERO_SCORE` replaces a score of 0.
+        The derivatives, (d,), have the units of the parameters. For a half-normal prior the derivative is negative at a
+        negative score, and `NEAR_ZERO_SCORE` replaces a score of 0.
         """
         both = zip(self._functions, z.tolist(), strict=True)
         rates = [
@@ -304,7 +308,7 @@ class Scores:
         the straight one from z to `new`, (d,); all scores other than those of the law and θ₀ end at `new`. A curved
         ridge of the posterior is straight in the natural coordinates, so a step along the ridge stays on it. The result
         is `new` if the law has no such coordinates, if not all of its parameters are inferred, or if no parameter
-        values belong to the coordinates of the end. restoring: name of the law.
+        values with finite scores belong to the coordinates of the end. restoring: name of the law.
 
         References
         ----------
@@ -356,8 +360,8 @@ class Target(Scores):
     priors : mapping of str to Prior
         Priors of the inferred parameters, in the order of the scores.
     known : mapping of str to float
-        Values of the other parameters, of the noise's constants, and of the scales on which damping forces depend.
-        ValueError is raised if one of these is in neither `priors` nor `known`.
+        Values of the other parameters, of the noise's constants, and of the references on which damping forces depend
+        (equilibrium, velocity, amplitude). ValueError is raised if one of these is in neither `priors` nor `known`.
     scales : tuple of float
         Possible values of the common scale of `SharedHalfNormal` priors (the standard deviation of their scores), all
         equally probable.
@@ -407,7 +411,8 @@ class Target(Scores):
 
         Natural coordinates are quantities that a record determines well, such as the frequency. To first order the end
         is z + step. It is exactly z + step if the law has no such coordinates, if not all of its parameters are
-        inferred, or if no parameter values belong to the coordinates of the end.
+        inferred, or if no parameter values with finite scores belong to the coordinates of the end. In the search for
+        the mode, such a step follows a curved ridge of the posterior.
         """
         return self.retract(self.oscillator.restoring, z, z + step)
 
@@ -428,7 +433,7 @@ class Target(Scores):
         return {n: np.asarray(p.value(z[..., i])) for i, (n, p) in enumerate(self.priors.items())}
 
     def all_values(self, z: np.ndarray) -> dict[str, float]:
-        """Return all parameters in their units, known and inferred, at standard normal scores z, (d,), by name."""
+        """Return the values of all parameters, known (with all of `known`) and inferred, by name, at scores z, (d,)."""
         values = self._given.copy()
         for (name, value, numbers), score in zip(self._maps, z.tolist(), strict=True):
             values[name] = value(score, *numbers)
@@ -454,7 +459,7 @@ def build_target(
     noise: str = "gaussian",
     term_priors: Mapping[str, Prior] | None = None,
 ) -> Target:
-    """Build the target of one damping model on one record: its oscillator, noise model, priors and known parameters.
+    """Build the target of one damping model under exact laws: its oscillator, noise model, priors and known parameters.
 
     Coefficients of damping terms are always inferred; other parameters are inferred if they have no known value. There
     is one exception: ε, the velocity range in which dry friction changes its sign, is fixed at
@@ -506,7 +511,8 @@ def build_target(
 def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prior]:
     """Return the default priors of damping terms' parameters by name: coefficients first, then other parameters.
 
-    reference: amplitude (rad or m) and angular frequency (rad/s) on which the widths of the priors depend.
+    Coefficients have half-normal priors with a common, unknown scale (`SharedHalfNormal`). reference: amplitude (rad or
+    m) and angular frequency (rad/s) on which the widths of the priors depend.
     """
     a, w = reference.amplitude, reference.frequency
     every = [TERMS.get(name) for name in terms]
@@ -515,7 +521,7 @@ def damping_priors(terms: Sequence[str], reference: Reference) -> dict[str, Prio
 
 
 def default_prior(name: str, osc: Oscillator, noise: str, reference: Reference, features: Features) -> Prior:
-    """Return the default prior of the parameter `name`. Raises InputError if it has none.
+    """Return the default prior of the parameter `name`. Raises InputError if it has none or `noise` is unknown.
 
     With the amplitude A and the frequency ω of `reference`, displacements (θ₀ and equilibrium angles) are normal about
     the record's midline with sd 2A. The start velocity (sd 2Aω), gravity (ω²/2) and the cubic stiffness (ω²/(2A²)) are
