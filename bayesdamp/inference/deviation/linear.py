@@ -31,8 +31,8 @@ LENGTHS = (0.1, 0.3, 1.0)
 """Values of the correlation lengths of the deviations g and h that the grid of hyperparameters contains, as fractions
 of the record's duration. The damping force is multiplied by exp g, and the frequency by 1 + h."""
 JITTER = 1e-6
-"""Small variance that is added to the diagonal of the prior covariance matrix of a deviation, so that its Cholesky
-factor exists. The other variances on the diagonal are 1 (conventional)."""
+"""Small number that is added to the diagonal, which is 1, of the prior correlation matrix of a deviation, so that its
+Cholesky factor exists (conventional)."""
 LEAST_KNOTS, MOST_KNOTS = 4, 16
 """Smallest and largest number of knots in time between which the deviation of the damping, or of the frequency, from
 its law is interpolated."""
@@ -94,7 +94,7 @@ class Grid:
     def only(self, places: np.ndarray) -> Grid:
         """Return the grid with only the grid points at the indices `places`, (k,).
 
-        Their prior probabilities do not change.
+        Indices may repeat. The prior probabilities of the grid points do not change.
         """
         names = ("size_g", "size_h", "length_g", "length_h", "log_prior")
         return replace(self, **{name: getattr(self, name)[places] for name in names})
@@ -103,8 +103,8 @@ class Grid:
 def knots_of(duration: float, cycles: float) -> np.ndarray:
     """Return the equidistant times of the knots between which a deviation from a law is interpolated, in s.
 
-    They extend from 0 to `duration`. Their number is half the number of cycles in the record (rounded) plus 1, but at
-    least 4 and at most 16. cycles: number of cycles in the record.
+    They extend from 0 to `duration`, both on the time axis of the solver. Their number is half the number of cycles in
+    the record (rounded) plus 1, but at least 4 and at most 16. cycles: number of cycles in the record.
     """
     return np.linspace(0.0, duration, int(np.clip(round(cycles / 2) + 1, LEAST_KNOTS, MOST_KNOTS)))
 
@@ -182,8 +182,8 @@ def _roots(knots: int, centred: bool) -> np.ndarray:
 def smooth_root(knots: int, length: float) -> np.ndarray:
     """Return the Cholesky factor, (n, n), of the covariance exp(−|Δs| / length) at n equidistant knots in 0 ≤ s ≤ 1.
 
-    s is the time as a fraction of the record, and length the correlation length in this unit. A variance of `JITTER` is
-    added to the diagonal.
+    It is the prior covariance of a deviation (g or h) from a law, for a prior sd of 1. s is the time as a fraction of
+    the record, and length the correlation length in this unit. `JITTER` is added to the diagonal of the covariance.
     """
     s = np.linspace(0.0, 1.0, knots)
     return np.linalg.cholesky(np.exp(-np.abs(s[:, None] - s) / length) + JITTER * np.eye(knots))
@@ -263,8 +263,9 @@ class DampingLikelihood:
 
     The k parameters are transformed so that their priors are standard normal; x are the transformed values (scores).
     The log likelihood in nats at each of c grid points is log + slopeᵀ x − xᵀ information x / 2, with arrays of shape
-    (c,), (c, k) and (c, k, k). It contains neither the prior of x nor that of the grid point. A grid point is one
-    combination of sizes (prior sds) and correlation lengths of the deviations from the laws.
+    (c,), (c, k) and (c, k, k). It contains neither the prior of x nor that of the grid point, because it is for joint
+    fits of several records. A grid point is one combination of sizes (prior sds) and correlation lengths of the
+    deviations from the laws.
     """
 
     log: np.ndarray
@@ -286,8 +287,9 @@ class LinearPosterior:
     """The posterior of a linear model: a mixture of m normal distributions, cut off where coefficients are negative.
 
     Each component belongs to one grid point (sizes and correlation lengths of the deviations from the laws) and to one
-    value of the common prior scale of coefficients. The K = d + 2n unknowns are the parameters, transformed so that
-    their priors are standard normal (scores), and the deviations g and h at n knots in time each.
+    value of the common prior scale of coefficients. The K unknowns are the d parameters, transformed so that their
+    priors are standard normal (scores), and the deviations g and h at n knots in time each (K = d + 2n), or only the
+    first of these.
 
     Attributes
     ----------
@@ -305,7 +307,7 @@ class LinearPosterior:
         Function that maps indices of grid points to the `Normals` there, under priors N(0, 1) and without the cut-off.
     damping_likelihood : callable, optional
         Function without arguments that returns the likelihood of the damping's scores at each grid point; None if there
-        are no such scores.
+        are no such scores, or if the posterior is from `with_priors` or `only`.
     """
 
     log_each: np.ndarray
@@ -459,8 +461,9 @@ class Normals:
         """Return the posteriors of the other unknowns, given that some scores are known.
 
         Scores are parameters transformed so that their priors are N(0, 1). The evidence in the result is that of a
-        model with these fixed values, without their priors. known: marks the known scores, booleans (K,). values: their
-        values, (K,); elements for other unknowns have no effect.
+        model with these fixed values, without their priors; with coefficients of 0 it is that of a smaller damping sum.
+        known: marks the known scores, booleans (K,). values: their values, (K,); elements for other unknowns have no
+        effect.
         """
         basis, triangle = np.linalg.qr(np.swapaxes(self.factors[:, known], 1, 2))
         off = np.linalg.solve(np.swapaxes(triangle, 1, 2), (values[known] - self.means[:, known])[:, :, None])
@@ -636,8 +639,8 @@ def log_evidences(model: LinearModel, grid: Grid, variance: float, samples: floa
     """Return the log of evidence times prior probability at each of the c points of `grid`, in nats, (c,).
 
     A grid point is one combination of sizes (prior sds) and correlation lengths of the deviations, which are integrated
-    out with the parameters. Here also coefficients may be negative. Arguments and result are those of `score_normals`,
-    of which only the field `log` is returned.
+    out with the parameters. Here also coefficients may be negative. The result is the field `log` of `score_normals`,
+    which has the same arguments. The search for the mode uses it to choose the most probable grid point.
     """
     return _factorised(model, grid, variance)[1].log_evidence(model, grid, variance, samples)
 
@@ -806,7 +809,7 @@ class _ScaledPriors:
         return combos[places], scales[places]
 
     def _bound(self, combos: np.ndarray, scales: np.ndarray) -> np.ndarray:
-        """Return an upper bound of log(evidence × prior probability) for m pairs of grid point and prior scale, (m,).
+        """Return an upper bound of log(evidence × prior), up to a constant, for m pairs of grid point and scale, (m,).
 
         A grid point is one combination of sizes (prior sds) and correlation lengths of the deviations from the laws.
         The exact value would need the probability that all coefficients are ≥ 0. The bound contains only the

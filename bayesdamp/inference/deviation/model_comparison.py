@@ -165,7 +165,7 @@ class CandidateResult:
 
     @property
     def deviations(self) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """Return the deviations from the laws at the mode: exp g − 1 of the damping and h of the frequency, (k,) each.
+        """Return the deviations from the laws at the posterior mode: exp g − 1 of damping, h of frequency, (k,) each.
 
         They are relative deviations at the k knots in time. Both are None if there is no `linearisation`, as under
         exact laws.
@@ -174,12 +174,12 @@ class CandidateResult:
 
     @property
     def motion(self) -> Motion:
-        """Return the motion at the mode: with deviations from the laws if there is a `linearisation`, else without."""
+        """Return the motion at the posterior mode, with deviations from the laws if there is a `linearisation`."""
         return self.fit.motion if self.linearisation is None else self.linearisation.motion
 
     @property
     def z(self) -> np.ndarray:
-        """Return the inferred parameters at the mode as standard normal scores, (d,).
+        """Return the inferred parameters at the posterior mode as standard normal scores, (d,).
 
         A score stands for a parameter and has the prior N(0, 1).
         """
@@ -187,17 +187,17 @@ class CandidateResult:
 
     @cached_property
     def values(self) -> np.ndarray:
-        """Return the values of all parameters of the solver at the mode, (k,), in the order of `Solver.names`."""
+        """Return the values of all k parameters of the solver at the posterior mode, in the order of `Solver.names`."""
         return self.fit.parameters.values(self.z)
 
     @property
     def law(self) -> np.ndarray:
-        """Return the parameters of the restoring law at the mode, (r,), in the order of `RestoringLaw.parameters`."""
+        """Return the restoring parameters at the posterior mode, (r,), in the order of `RestoringLaw.parameters`."""
         return self.values[self.solver.law_places]
 
     @property
     def further(self) -> np.ndarray:
-        """Return the damping terms' own parameters (such as exponents) and their references at the mode, (1, e).
+        """Return the damping terms' own parameters (such as exponents) and references at the posterior mode, (1, e).
 
         References are the fixed equilibrium, amplitude or velocity that a force may contain. The order is that of
         `Solver.further`.
@@ -273,8 +273,8 @@ class ModelComparison:
     def samples(self) -> float:
         """Return the effective number of independent values in the record.
 
-        It is the number of values divided by `inflation`, by which correlated residuals increase the variance of the
-        noise.
+        It is the number of values in `data.y` divided by `inflation`, by which correlated residuals increase the
+        variance of the noise.
         """
         return self.data.y.size / self.inflation
 
@@ -311,7 +311,7 @@ class ModelComparison:
 
         It is κ S / (n − d), plus the variance of the solver's error. S is the sum of squared residuals of the n values,
         d the number of inferred parameters (n − d is at least 1), and κ is `inflation`, the factor for correlated
-        residuals. If `noise_known`, the result is `variance` instead.
+        residuals. If `noise_known`, the result is `variance`.
         """
         if self.noise_known:
             return self.variance
@@ -324,8 +324,9 @@ class ModelComparison:
         """Predict the log evidences, in nats, of candidates without fits.
 
         Candidates are sums of damping terms, here under one restoring law. whole: a larger sum under the same law,
-        linearised about its mode. The predicted evidence is that of this linear model with coefficients of 0 for all
-        terms that the candidate does not have. It is infinite if the candidate has a term that `whole` does not have.
+        linearised about its mode. The predicted evidence is that of this linear model, with deviations from the laws,
+        and with coefficients of 0 for all terms that the candidate does not have. It is infinite if the candidate has a
+        term that `whole` does not have. Candidates with much smaller predictions than the best are not fitted.
         """
         parameters = whole.fit.parameters
         # The score of a coefficient of 0 may be infinite under the user's prior. The model is linear in coefficients:
@@ -673,9 +674,9 @@ class _CandidateFits:
     def corrected_solvers(self) -> dict[str, Solver]:
         """Return, by restoring law, solvers whose averaged motions have a correction (`AveragedSolver.with_defect`).
 
-        An averaged motion is computed by averaging over cycles. The correction is the motion under the full equation
-        minus the averaged motion, both for the fit with the most damping terms. Laws for which it cannot be computed
-        are left out.
+        This is for a record that is reduced to amplitudes and phases, whose motions are computed by averaging over
+        cycles. The correction is the motion under the full equation minus the averaged motion, both for the fit with
+        the most damping terms. Laws for which it cannot be computed are left out.
         """
         by_size = sorted(self.fits.items(), key=lambda item: len(item[0].damping))
         most = {c.restoring: fit for c, fit in by_size}

@@ -160,7 +160,7 @@ class Parameters(Scores):
 
         All coordinates are standard normal scores here, and `log_prior` is their density; it includes the half-normal
         priors and the common prior scale of coefficients. The subclass `StraightParameters` has other coordinates for
-        some parameters, which `log_prior` treats as scores.
+        some parameters, which `log_prior` treats as scores. Importance weights contain the difference.
         """
         return np.zeros(z.shape[:-1])
 
@@ -258,8 +258,8 @@ class StraightParameters(Parameters):
     def retract(self, restoring: str, z: np.ndarray, new: np.ndarray) -> np.ndarray:
         """Return `new`, the end of a step from z, unchanged.
 
-        The base class, whose coordinates are scores, bends the step so that it follows a curved ridge of the posterior.
-        In straight coordinates the ridge is nearly straight, so that this is not needed.
+        The base class, whose coordinates are scores, bends the step so that it follows the curve of parameters that fit
+        about equally well. In straight coordinates this curve is nearly straight, so that a straight step follows it.
         """
         return new
 
@@ -294,9 +294,9 @@ def straighten_at(parameters: Parameters, restoring: str, z: np.ndarray) -> Stra
     """Return parameters with straight coordinates, in which motions are more nearly linear (see `StraightParameters`).
 
     restoring: name of the restoring law. z: standard normal scores of the inferred parameters, (d,); near them straight
-    coordinates and scores agree to first order. Return None if the law has no natural coordinates, if θ₀ (displacement
-    at the first sample) or a parameter of the law is not inferred, or if the derivatives of the scores by the natural
-    coordinates at z are infinite or (nearly) singular.
+    coordinates and scores agree to first order. Return None if the law has no natural coordinates (at z), if θ₀
+    (displacement at the first sample) or a parameter of the law is not inferred, or if the derivatives of the scores by
+    the natural coordinates at z are infinite or (nearly) singular.
     """
     law = LAWS.get(restoring)
     at = (*law.parameters, "theta0")

@@ -58,7 +58,7 @@ class RecordLikelihood:
     coefficients : ndarray of bool, shape (k,)
         Which of them are coefficients of damping terms; the others are own parameters of a term, such as an exponent.
     mode : ndarray, shape (k,)
-        Values of the parameters at the mode of this record alone, in their units.
+        Values of the parameters at the posterior mode of this record alone, in their units.
     likelihood : DampingLikelihood
         The likelihood of the parameters, in their units, at each grid point (combination of sizes and correlation
         lengths of the deviations from the laws).
@@ -85,7 +85,7 @@ class RecordLikelihood:
         coefficients : sequence of str
             Names of the parameters that are coefficients.
         z : ndarray, shape (k,)
-            Scores at the mode, about which the maps are linearised (for half-normal priors they are linear).
+            Scores at the posterior mode, about which the maps are linearised (for half-normal priors they are linear).
         likelihood : DampingLikelihood
             The likelihood of the scores.
         """
@@ -95,7 +95,7 @@ class RecordLikelihood:
         return RecordLikelihood(tuple(priors), which, values, changed)
 
     def plus_nats(self, nats: float) -> Self:
-        """Return a copy with a constant, in nats, added to the log likelihood."""
+        """Return a copy with a constant, in nats, added to the log likelihood at all grid points."""
         return replace(self, likelihood=replace(self.likelihood, log=self.likelihood.log + nats))
 
 

@@ -3,7 +3,7 @@
 Fits and evidence assume white Gaussian noise. Another noise model changes two things:
 
 - Each residual (record minus motion) is replaced by a working residual: minus the derivative of the log noise density
-  by the residual, times a variance. An outlier then has little effect, and rounding has none.
+  by the residual, times a variance. Outliers and rounding then have little effect.
 - The variance of the noise is that of white noise with the same information about the oscillation.
 
 Both depend on the motion, so motion and working residuals are updated in turn.
@@ -44,8 +44,8 @@ samples that are spread evenly over the record. They determine the parameters of
 def noises_of(asked: str | Sequence[str]) -> tuple[str, ...]:
     """Return the names of the noise models to choose from.
 
-    asked: one or several names, or "auto" alone for the models `AUTOMATIC` and all noise models that plug-ins have
-    added. Names are not checked.
+    asked: one or several names, which are returned unchecked; or "auto" alone for the models `AUTOMATIC` and all noise
+    models that plug-ins have added.
     """
     names = (asked,) if isinstance(asked, str) else tuple(asked)
     return (*AUTOMATIC, *NOISES.added()) if names == ("auto",) else names
@@ -79,8 +79,10 @@ def prepare_for_noises(
 
     Raises
     ------
+    InputError
+        If a noise model is chosen here and a name is unknown.
     Refusal
-        Where the record does not oscillate or has fewer than ten samples, or a noise model is needed here and none
+        Where the record does not oscillate or has fewer than ten samples, or a noise model is chosen here and none
         applies.
     """
     data = prepare_data(signal, average)
@@ -109,10 +111,10 @@ def _choose_noise(
 ) -> tuple[SampleNoise, float]:
     """Choose the noise model of residuals, (m,), by its evidence.
 
-    Gaussian noise, if it is among the models, is replaced by the model with the largest evidence only if this has a log
-    evidence larger by at least `LEAD_NATS` and by at least `predictable_nats(residual)`: predictable residuals may be a
-    second mode of oscillation or the misfit of a law. If correlated noise has the largest evidence, Gaussian noise is
-    chosen.
+    The model with the largest evidence is chosen, with one exception. Gaussian noise, if it is among the models, is
+    chosen instead if that model is correlated noise, or if its lead in log evidence over Gaussian noise is less than
+    `LEAD_NATS` or `predictable_nats(residual)`: predictable residuals may be a second mode of oscillation or the misfit
+    of a law.
 
     Parameters
     ----------
@@ -211,6 +213,8 @@ def adapt(
 
     Raises
     ------
+    InputError
+        If the name of a noise model is unknown.
     Refusal
         Where none of the noise models applies to the record.
     """
@@ -273,9 +277,9 @@ def _at_samples(solver: Solver, record: Signal, at: Linearisation) -> np.ndarray
 def predictable_nats(residual: np.ndarray) -> float:
     """Return by how many nats an autoregression explains residuals, (m,), better than white noise does; at least 0.
 
-    The residuals are in order of time and count as equidistant. The order of the autoregression is
-    `AUTOREGRESSION_ORDER`. The result is the difference of the log evidences, approximated by least squares and
-    Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978)).
+    Another noise model must lead Gaussian noise by at least this to replace it. The residuals are in order of time and
+    count as equidistant. The order of the autoregression is `AUTOREGRESSION_ORDER`. The result is the difference of the
+    log evidences, approximated by least squares and Schwarz's criterion (G. Schwarz, Ann. Stat. 6, 461 (1978)).
     """
     rows = np.lib.stride_tricks.sliding_window_view(residual, AUTOREGRESSION_ORDER + 1)
     before, after = rows[:, :-1], rows[:, -1]

@@ -59,8 +59,8 @@ class DrawSolver:
     """Solver of the motions of draws, with a loose tolerance and one correction that is added to each motion.
 
     The correction is the motion with the tolerance of fits (`TOLERANCE`) minus that with `tolerance`, computed at the
-    mean of the distribution from which sampling starts. It is nearly the same for all motions nearby (defect
-    correction; H. J. Stetter, Numer. Math. 29, 425 (1978)).
+    centre of the distribution from which sampling starts (`LinearProposal.middle`). It is nearly the same for all
+    motions nearby (defect correction; H. J. Stetter, Numer. Math. 29, 425 (1978)).
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal)
 
     Its motions, after a common correction, must differ by less than `LARGEST_ERROR` (norm over the record, in sds of
     the noise) from those with the tolerance of fits (`TOLERANCE`). This is checked at `TRIED_DRAWS` draws from `start`,
-    the distribution from which sampling starts; the correction is computed at its mean. `TOLERANCE` is used if no
+    the distribution from which sampling starts; the correction is computed at `start.middle`. `TOLERANCE` is used if no
     tolerance in `LOOSER_TOLERANCES` is accurate enough, or if one of these motions is unbounded.
     """
     usual, sd = DrawSolver(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
@@ -164,8 +164,7 @@ class LinearProposal:
 
         u contains the parameters, as standard normal scores or straight coordinates (in which motions are more nearly
         linear), then the deviations g and h from the laws at knots in time. The posterior is a mixture of normal
-        distributions, one for each combination of sizes and correlation lengths of the deviations (and of the common
-        prior scale of coefficients). Return also the index of the component from which each draw comes, (count,).
+        distributions (components); return also the index of the component from which each draw comes, (count,).
         """
         return self.posterior.draws(count, rng)
 

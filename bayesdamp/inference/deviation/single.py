@@ -69,7 +69,8 @@ class DeviatingTrajectories(Trajectories):
     """Motions with fixed deviations g and h from the laws, in the form of the fitted data.
 
     g is the log deviation of the damping, h the relative deviation of the frequency. The data are samples, means of
-    neighbouring samples, or amplitudes and phases of blocks of cycles.
+    neighbouring samples, or amplitudes and phases of blocks of cycles. The methods are those of `Trajectories`, but a
+    value of epsilon has no effect: that of the solver is used.
 
     Parameters
     ----------
@@ -100,7 +101,7 @@ class DeviatingTrajectories(Trajectories):
 
 @dataclass(frozen=True)
 class FitState:
-    """The stored result of a candidate's fit, from which a `Single` is rebuilt without fitting again.
+    """The stored result of a candidate's fit, from which `rebuild_single` rebuilds a `Single` without fitting again.
 
     The candidate is a sum of damping terms under a restoring law. A score stands for an inferred parameter and has the
     prior N(0, 1). Deviations from the laws are g (log damping) and h (relative frequency) at knots in time.
@@ -156,8 +157,8 @@ class FitState:
 class Single:
     """One candidate with deviations from its laws, linearised about its mode.
 
-    A candidate is a sum of damping terms under a restoring law. The deviations are g (log damping) and h (relative
-    frequency). The mode is the most probable point.
+    `bayesdamp.fit` uses it unless laws are assumed to be exact. A candidate is a sum of damping terms under a restoring
+    law. The deviations are g (log damping) and h (relative frequency). The mode is the most probable point.
 
     Attributes
     ----------
@@ -431,7 +432,8 @@ def fit_single(
     reference : Reference
         Amplitude and frequency with which default priors scale.
     noises : sequence of str
-        Names of the noise models from which one is chosen.
+        Names of the noise models from which one is chosen. They have no effect if `data` is reduced to amplitudes and
+        phases, whose noise model is `data.noise_model`.
 
     Raises
     ------
@@ -552,9 +554,9 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> tuple[
     posterior : Posterior
         Its `draws` are the inferred parameters in their units, (chain, draw, parameter), in the order of
         `Single.names`. Its `diagnostics` are `log_evidence`, the log of the mean evidence of the chains in nats, and
-        `stderr`, the standard error of this. Its `outcome` is not "ok" if a chain cannot be trusted or if the chains
-        have not converged. Effective sample sizes are at most the number of different draws, because resampling makes
-        copies.
+        `stderr`, the standard error of this (−∞ and nan if the first motions of all chains are unbounded). Its
+        `outcome` is not "ok" if a chain cannot be trusted or if the chains have not converged. Effective sample sizes
+        are at most the number of different draws, because resampling makes copies.
     u : ndarray, shape (chain, draw, K)
         Draws of all unknowns: the parameters as standard normal scores, then the deviations from the laws, g (log
         damping) and h (relative frequency), at knots in time.

@@ -7,8 +7,8 @@ find the mode of all other parameters and linearise the motion about it (compare
 H. Rue, S. Martino and N. Chopin, J. R. Stat. Soc. B 71, 319, 2009).
 
 Letters in this module: c is the standard normal score of the coefficient of the term with the parameter a. This term
-may have a further parameter that multiplies c; s is its score, and t = s c / pivot, where the pivot is c at the mode.
-Without such a parameter, t = c.
+may have a further parameter that multiplies c; s is its score, and t = s c / pivot, where the pivot is c at the mode in
+the slice. Without such a parameter, t = c.
 
 The exponent p of a damping force c |v|^p is inferred from such slices: the log evidence is interpolated between them. A
 model that is linear in p would fail unless the record determines p well, because p and the log deviation of the
@@ -57,8 +57,8 @@ MOST_GROWTH = 1.0
 score with the index `SlicedProposal.size` by at most this; larger slopes are reduced (conventional). These occur where
 the record determines only a combination of the sliced damping parameter and this score."""
 LEAST_COEFFICIENT = 1e-3
-"""Lower bound of a coefficient's standard normal score c, relative to its value at the mode (the pivot), in the formula
-s = t pivot / c of `SlicedProposal` (conventional). For smaller c, s would overflow."""
+"""Lower bound of a coefficient's standard normal score c, relative to its value at the mode of the slice (the pivot),
+in the formula s = t pivot / c of `SlicedProposal` (conventional). For smaller c, s would overflow."""
 MOVING_SDS = 3.0
 """The mode of a coefficient moves with the sliced damping parameter only if it is more than this many posterior sds
 above zero (conventional). The score `SlicedProposal.size` always moves."""
@@ -82,7 +82,8 @@ class Slice:
         Derivatives by a of the mode of the other scores, divided by the score `SlicedProposal.size`; 0 for coefficients
         whose mode is near zero (`MOVING_SDS`).
     pivot : float
-        Score of the term's coefficient at the mode; 1 if `SlicedProposal.product` is None.
+        Constant in t = s c / pivot: the score c of the term's coefficient at the mode of this slice; 1 if
+        `SlicedProposal.product` is None.
     """
 
     middle: float
@@ -106,7 +107,7 @@ class SlicedProposal:
       parameter. The force is linear in c and t = s c / pivot, but not in c and s. Without such a parameter t is c.
     - The mode of the other scores depends on a. If a is not at the middle, they are shifted by their slopes times the
       distance of a from the middle, times the score to which the effect of a on the force is proportional. This score
-      is t, or c if a itself multiplies c (such as one of two slopes of friction).
+      is t, or c if a itself multiplies c; the score itself is multiplied by exp(slope · distance).
 
     Attributes
     ----------
@@ -453,8 +454,9 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     """Return quantiles of the exponent p of a damping force c |v|^p, at the probabilities `LEVELS`.
 
     The coefficient and all other unknowns are integrated out. The restoring law is that of the best candidate. The
-    prior of the exponent is uniform from `LEAST_EXPONENT` to `MOST_EXPONENT`. If the record determines the exponent so
-    well that one linear model is enough (`ONE_SLICE_SD`), the quantiles are those of draws from its posterior.
+    prior of the exponent is uniform from `LEAST_EXPONENT` to `MOST_EXPONENT`. Only if the record determines the
+    exponent so well that one linear model is enough (`ONE_SLICE_SD`), the quantiles are those of draws from its
+    posterior, under the prior of the candidate.
 
     The 400 quantiles rise and serve as draws of p. The result is empty if the comparison has no result with this force
     as the only damping under this law, if p is known, or if the range of p has fewer than two slices that could be
@@ -483,9 +485,9 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
 def power_solver(comparison: ModelComparison, p: float) -> Solver:
     """Return the solver of the best candidate's restoring law with a power |v|^p as an additional damping term.
 
-    The exponent remains a parameter of the solver. The argument p only sets the width of the velocity range in which
-    forces are smoothed at v = 0. For p < 1 this width is at most `ROUNDED` of the peak velocity; otherwise it is that
-    of the original solver.
+    It solves the rival whose only damping is this power. The exponent remains a parameter of the solver. The argument p
+    only sets the width of the velocity range in which forces are smoothed at v = 0. For p < 1 this width is at most
+    `ROUNDED` of the peak velocity; otherwise it is that of the original solver.
     """
     plain = comparison.solvers[comparison.best.candidate.restoring]
     narrow = min(plain.epsilon, ROUNDED * comparison.reference.peak_velocity)

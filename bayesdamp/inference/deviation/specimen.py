@@ -42,7 +42,7 @@ class RatioLikelihood(RecordLikelihood):
     ----------
     per_unit : ndarray, shape (a, k)
         Equivalent damping ratio per unit of each coefficient, at the a amplitudes of the record's damping curve, with
-        own parameters at the mode. 0 for own parameters; nan for an amplitude that no orbit has.
+        own parameters at the posterior mode. 0 for own parameters; nan for an amplitude that no orbit has.
     growth : ndarray, shape (a, k)
         Derivative of the log damping ratio by each own parameter at the mode; 0 for coefficients.
     """
@@ -122,8 +122,8 @@ class RunComparison:
         The rivals by name. The value is the name of the compared sum to which the rival reduces in a limit of its
         parameters, as Stribeck friction reduces to Coulomb friction; "" if there is none.
     runs : mapping of Model to RatioLikelihood
-        Likelihood of the damping parameters of each probable candidate and rival, relative to the evidence of the best
-        candidate.
+        Likelihood of the damping parameters of each candidate in `log_evidence` and each probable rival, relative to
+        the evidence of the best candidate.
     reference : Reference
         Amplitude and frequency with which the record's default priors scale.
     amplitudes : ndarray, shape (a,)

@@ -305,10 +305,11 @@ class Scores:
 
         Natural coordinates are quantities that a record determines well, such as the frequency
         (`RestoringLaw.natural`). They replace the scores of the law's parameters and of θ₀. To first order, the step is
-        the straight one from z to `new`, (d,); all scores other than those of the law and θ₀ end at `new`. A curved
-        ridge of the posterior is straight in the natural coordinates, so a step along the ridge stays on it. The result
-        is `new` if the law has no such coordinates, if not all of its parameters are inferred, or if no parameter
-        values with finite scores belong to the coordinates of the end. restoring: name of the law.
+        the straight one from z to `new`, (d,); all scores other than those of the law and θ₀ end at `new`. Parameters
+        that fit about equally well often form a curve (a ridge of the posterior); it is nearly straight in the natural
+        coordinates, so that a step along it stays on it. The result is `new` if the law has no such coordinates, if not
+        all of its parameters are inferred, or if no parameter values with finite scores belong to the coordinates of
+        the end. restoring: name of the law.
 
         References
         ----------
@@ -412,7 +413,7 @@ class Target(Scores):
         Natural coordinates are quantities that a record determines well, such as the frequency. To first order the end
         is z + step. It is exactly z + step if the law has no such coordinates, if not all of its parameters are
         inferred, or if no parameter values with finite scores belong to the coordinates of the end. In the search for
-        the mode, such a step follows a curved ridge of the posterior.
+        the posterior mode, such a step follows the curve of parameters that fit about equally well.
         """
         return self.retract(self.oscillator.restoring, z, z + step)
 
