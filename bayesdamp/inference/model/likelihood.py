@@ -87,8 +87,8 @@ class Likelihood:
         """Return this likelihood with the common prior scale of damping coefficients fixed instead of averaged out.
 
         scale: scale of the half-normal priors of these coefficients, in units of their scores; a score of 1 is an
-        equivalent damping ratio of 0.1. Without such coefficients it has no effect. The search for the mode, for
-        example, fixes the scale at 1.
+        equivalent damping ratio of 0.1. It has no effect without such coefficients. The search for the mode fixes it at
+        1.
         """
         return replace(self, scales=(float(scale),))
 
@@ -189,7 +189,7 @@ class Likelihood:
     def line(self, z: np.ndarray) -> Line:
         """Return the motion as a linear function of its parameters, about their values at scores z, (d,).
 
-        z: all d inferred parameters as standard normal scores.
+        z: all d inferred parameters as standard normal scores. If the motion is unbounded, the result contains nan.
         """
         return self._line_of(self.target.all_values(z))
 
@@ -209,7 +209,7 @@ class Likelihood:
         """Return the gradient, (d,), of the log posterior by the scores z, (d,), for the linearised motion `line`.
 
         The motion at z is extrapolated linearly from the point where `line` was computed. The ODE is not solved, so
-        that NUTS steps with this gradient are fast.
+        that NUTS steps are fast.
         """
         p = self.target.all_values(z)
         away = np.array([p[n] for n in self._moving_names]) - line.at

@@ -51,7 +51,7 @@ class Deviation(NoiseModel):
     Attributes
     ----------
     motions : Trajectories
-        Solver of the motions, with the deviations g and h fixed at the mode.
+        Solver of the motions, with the deviations g and h fixed at their posterior mode.
     variance : float
         Variance of the noise, in the record's unit squared.
     samples : float
@@ -306,10 +306,10 @@ class Scores:
         Natural coordinates are quantities that a record determines well, such as the frequency
         (`RestoringLaw.natural`). They replace the scores of the law's parameters and of θ₀. To first order, the step is
         the straight one from z to `new`, (d,); all scores other than those of the law and θ₀ end at `new`. Parameters
-        that fit about equally well often form a curve (a ridge of the posterior); it is nearly straight in the natural
-        coordinates, so that a step along it stays on it. The result is `new` if the law has no such coordinates, if not
-        all of its parameters are inferred, or if no parameter values with finite scores belong to the coordinates of
-        the end. restoring: name of the law.
+        that fit about equally well often form a curve; it is nearly straight in the natural coordinates, so that a step
+        along it stays on it. The result is `new` if the law has no such coordinates, if not all of its parameters are
+        inferred, or if no parameter values with finite scores belong to the coordinates of the end. restoring: name of
+        the law.
 
         References
         ----------

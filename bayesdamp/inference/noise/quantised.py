@@ -57,8 +57,8 @@ class QuantisedNoise(IndependentNoise):
     def information_root(self, v: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return v/√(noise_sd² + step²/12), (..., n), for a shift v of the record; step is noise_step.
 
-        Rounding adds the variance step²/12 (Sheppard, 1898). The sum of squares of the result is the approximate Fisher
-        information about the shift. v: change of each sample in the unit of the record, (..., n). gaps has no effect.
+        Rounding adds the variance step²/12 (Sheppard, 1898). Its sum of squares is the approximate Fisher information
+        about the shift. v: change of each sample in the unit of the record, (..., n). gaps has no effect.
         """
         p = by_sample(p)
         return v / np.sqrt(p["noise_sd"] ** 2 + p["noise_step"] ** 2 / 12)
