@@ -43,8 +43,8 @@ class Grid:
     """Combinations of the hyperparameters of g and h (grid points), with their prior probabilities.
 
     g and h are deviations from the laws at n knots in time each: the damping force is multiplied by exp g, and the
-    frequency by 1 + h. Their hyperparameters are sizes (prior standard deviations) and correlation lengths. For a
-    record without phases (`grid_of`), h has no knots.
+    frequency by 1 + h. Their hyperparameters are sizes (prior standard deviations) and correlation lengths. For an
+    envelope (`grid_of` without phases), h has no knots.
 
     Attributes
     ----------
@@ -261,11 +261,11 @@ class LinearModel:
 class DampingLikelihood:
     """The likelihood of the damping's parameters, with all other unknowns integrated out.
 
-    The k parameters are transformed so that their priors are standard normal; x are the transformed values (scores).
-    The log likelihood in nats at each of c grid points is log + slopeᵀ x − xᵀ information x / 2, with arrays of shape
-    (c,), (c, k) and (c, k, k). It contains neither the prior of x nor that of the grid point, because it is for joint
-    fits of several records. A grid point is one combination of sizes (prior sds) and correlation lengths of the
-    deviations from the laws.
+    x are the k parameters, transformed so that their priors are standard normal (scores), or linear functions of these
+    (see `transform`), such as the parameters in their units. The log likelihood in nats at each of c grid points is log
+    + slopeᵀ x − xᵀ information x / 2, with arrays of shape (c,), (c, k) and (c, k, k). It contains neither the prior of
+    x nor that of the grid point, because it is for joint fits of several records. A grid point is one combination of
+    sizes (prior sds) and correlation lengths of the deviations from the laws.
     """
 
     log: np.ndarray
@@ -288,8 +288,8 @@ class LinearPosterior:
 
     Each component belongs to one grid point (sizes and correlation lengths of the deviations from the laws) and to one
     value of the common prior scale of coefficients. The K unknowns are the d parameters, transformed so that their
-    priors are standard normal (scores), and the deviations g and h at n knots in time each (K = d + 2n), or only the
-    first of these.
+    priors are standard normal (scores), followed by the deviations g and h at n knots in time each (K = d + 2n) or,
+    from `with_priors`, perhaps alone (K = d).
 
     Attributes
     ----------
@@ -393,7 +393,7 @@ class LinearPosterior:
     def crank_nicolson_step(
         self, u: np.ndarray, places: np.ndarray, step: float, rng: np.random.Generator
     ) -> np.ndarray:
-        """Move draws u, (n, K), by one Crank–Nicolson step, which does not change the distribution in each component.
+        """Return draws u, (n, K), after a Crank–Nicolson step, which does not change the distribution in a component.
 
         The step moves a draw to mean + √(1 − s²) (u − mean) + s times a random vector with the covariance of the draw's
         component. s is the argument `step`, from 0 to 1; 1 gives an independent draw. places: index of each draw's
@@ -492,7 +492,7 @@ class _Principal:
 
     @classmethod
     def of(cls, model: LinearModel, variance: float) -> _Principal:
-        """Change the parameters of a model to principal coordinates (see the class).
+        """Return a model in principal coordinates (see the class) instead of its parameters.
 
         variance: variance of the noise, in the record's unit squared.
         """

@@ -146,9 +146,9 @@ class CandidateResult:
     def grid(self, coarse: bool = False) -> Grid:
         """Return the grid of sizes (prior sds) and correlation lengths of the deviations behind `posterior`.
 
-        The deviations are departures from the laws: g (log damping) and h (relative frequency). `posterior` is a
-        mixture over this grid. Without a `linearisation` the grid has only the point g = h = 0. coarse: whether to use
-        only every other size, and only the shortest and the longest correlation length.
+        The deviations from the laws are g (log damping) and h (relative frequency). `posterior` is a mixture over this
+        grid. Without a `linearisation` the grid has only the point g = h = 0. coarse: whether to use only every other
+        size, and only the shortest and the longest correlation length.
         """
         return NO_DEVIATIONS if self.linearisation is None else self.linearisation.grid(coarse)
 
@@ -311,7 +311,7 @@ class ModelComparison:
 
         It is κ S / (n − d), plus the variance of the solver's error. S is the sum of squared residuals of the n values,
         d the number of inferred parameters (n − d is at least 1), and κ is `inflation`, the factor for correlated
-        residuals. If `noise_known`, the result is `variance`.
+        residuals. If `noise_known` is set, the result is `variance`.
         """
         if self.noise_known:
             return self.variance
@@ -643,7 +643,8 @@ class _CandidateFits:
     def fit_of(self, c: MotionCandidate) -> LeastSquaresFit | None:
         """Return the fit of a candidate (a sum of damping terms under a restoring law); None if the fit fails.
 
-        If it does not exist yet, it is computed, starting from the fit of the sum of all terms, and stored in `fits`.
+        If it does not exist yet, it is computed, starting from the fit of the sum of all terms (or of `plain`, if this
+        failed), and stored in `fits`.
         """
         if c not in self.fits:
             plain = self.fits.get(MotionCandidate(self.plain, c.restoring))

@@ -86,7 +86,7 @@ class Parameters(Scores):
 
     @property
     def damping_names(self) -> tuple[str, ...]:
-        """Return the names of the inferred parameters of damping terms."""
+        """Return the names of the inferred parameters of damping terms, in the order of `names`."""
         return tuple(n for n, yes in zip(self.free_names, self.damping, strict=True) if yes)
 
     @property
@@ -160,7 +160,7 @@ class Parameters(Scores):
 
         All coordinates are standard normal scores here, and `log_prior` is their density; it includes the half-normal
         priors and the common prior scale of coefficients. The subclass `StraightParameters` has other coordinates for
-        some parameters, which `log_prior` treats as scores. Importance weights contain the difference.
+        some parameters, which `log_prior` treats as scores. The importance weights of draws contain this difference.
         """
         return np.zeros(z.shape[:-1])
 

@@ -49,7 +49,7 @@ records."""
 
 @dataclass(frozen=True)
 class RecordLikelihood:
-    """The likelihood of one record as a function of the k parameters of its damping.
+    """The likelihood of one record as a function of the k parameters of its damping, for `join_runs`.
 
     Attributes
     ----------

@@ -112,9 +112,9 @@ class DrawSolver:
 def draw_solver(result: CandidateResult, start: LinearProposal | SlicedProposal) -> DrawSolver:
     """Return the solver for draws with the loosest tolerance that is accurate enough.
 
-    Its motions, after a common correction, must differ by less than `LARGEST_ERROR` (norm over the record, in sds of
-    the noise) from those with the tolerance of fits (`TOLERANCE`). This is checked at `TRIED_DRAWS` draws from `start`,
-    the distribution from which sampling starts; the correction is computed at `start.middle`. `TOLERANCE` is used if no
+    Its motions, after a common correction, differ by less than `LARGEST_ERROR` (norm over the record, in sds of the
+    noise) from those with the tolerance of fits (`TOLERANCE`). This is checked at `TRIED_DRAWS` draws from `start`, the
+    distribution from which sampling starts; the correction is computed at `start.middle`. `TOLERANCE` is used if no
     tolerance in `LOOSER_TOLERANCES` is accurate enough, or if one of these motions is unbounded.
     """
     usual, sd = DrawSolver(result.solver, start.parameters, result.fit.active), np.sqrt(result.variance)
@@ -154,8 +154,8 @@ class LinearProposal:
     def middle(self) -> np.ndarray:
         """Posterior mean of the unknowns u, (K,), in the most probable component of the mixture.
 
-        A component has one combination of sizes and correlation lengths of the deviations from the laws, and one value
-        of the common prior scale of coefficients. The cut-off of coefficients at zero is ignored.
+        A component is one of the normal distributions whose mixture is the posterior. The cut-off of coefficients at
+        zero is ignored.
         """
         return self.posterior.means[int(np.argmax(self.posterior.log_each))]
 
@@ -185,9 +185,9 @@ class LinearProposal:
     def log_ratio(self, u: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
         """Return the log importance weights of draws u, (n,): log posterior minus log proposal density.
 
-        The weights are such that their mean is the evidence with exact motions divided by the evidence of the linear
-        model. For exact motions the equation of motion is solved for each draw. squares: sums of squared residuals of
-        the exact motions, (n,). variance: variance of the noise, in the record's unit squared.
+        The mean weight is the evidence with exact motions divided by that of the linear model. For exact motions the
+        equation of motion is solved for each draw. squares: sums of squared residuals of the exact motions, (n,).
+        variance: variance of the noise, in the record's unit squared.
         """
         prior = self.parameters.log_prior_ratio(u[:, : self.parameters.free.size])
         return 0.5 * (self.model.squares(u) - squares) / variance + prior

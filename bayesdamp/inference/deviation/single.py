@@ -247,8 +247,8 @@ class Single:
         These are the known parameters of the motion, and the parameters of the noise (only `noise_sd`, the sd of a
         sample, for Gaussian noise or a record that is reduced to amplitudes and phases). The parameters of the noise
         are fixed at the values that were chosen for this fit: they are estimated from the record, unless the noise is
-        given. If a term is dry friction, there is also `epsilon`, the width of the velocity range in which it changes
-        its sign.
+        given. If a term is dry friction, or steep at zero velocity, there is also `epsilon`, the width of the velocity
+        range in which it changes its sign.
         """
         comparison = self.comparison
         own = (*self.oscillator.parameters, "noise_sd")
@@ -270,8 +270,8 @@ class Single:
     def with_parts_of_sds(self, posterior: Posterior) -> Posterior:
         """Return a copy of a posterior whose summaries contain two parts of each parameter's standard deviation (sd).
 
-        `sd_noise` is the sd that noise alone would cause. `sd_law` is the part that is caused by deviations of the
-        motion from the damping law and the restoring law. They add up as sd² = sd_noise² + sd_law².
+        `sd_noise` is the sd that noise alone would cause, at most the sd. `sd_law` is the part that is caused by
+        deviations of the motion from the damping law and the restoring law. They add up as sd² = sd_noise² + sd_law².
         """
         each = posterior.summaries.items()
         return replace(posterior, summaries={n: with_parts_of_sd(s, self.noise_sds[n]) for n, s in each})

@@ -156,9 +156,9 @@ class SlicedProposal:
     def middle(self) -> np.ndarray:
         """Posterior mean of w, (K,), in the most probable mixture component of the most probable slice.
 
-        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`). A
-        component has one combination of sizes and correlation lengths of the deviations from the laws, and one common
-        prior scale of coefficients. The cut-off of coefficients at zero is ignored.
+        w: a candidate's unknowns, in coordinates in which the motion is nearly linear (see the class). A component is
+        one of the normal distributions whose mixture is the posterior of a slice. The cut-off of coefficients at zero
+        is ignored.
         """
         part = self.slices[int(np.argmax(self._logs))]
         mean = part.posterior.means[int(np.argmax(part.posterior.log_each))]
@@ -167,8 +167,8 @@ class SlicedProposal:
     def _split(self, w: np.ndarray) -> Iterator[tuple[np.ndarray, Slice, np.ndarray, np.ndarray]]:
         """Yield the draws w, (n, K), slice by slice.
 
-        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
-        For each slice that has m > 0 draws, yield a tuple of:
+        w: a candidate's unknowns, in coordinates in which the motion is nearly linear (see the class). For each slice
+        that has m > 0 draws, yield a tuple of:
 
         - the indices of these draws in w, (m,);
         - the slice;
@@ -182,12 +182,11 @@ class SlicedProposal:
             yield rows, part, w[rows, self.place] - part.middle, np.delete(w[rows], self.place, axis=1)
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw w, (count, K); return also the index of the mixture's component for each draw, (count,).
+        """Draw w, (count, K); return also the index of each draw's component in the mixture of its slice, (count,).
 
-        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
-        In all draws the sliced parameter is at the middle of a slice. The draws are ordered by slice. The posterior of
-        the linear model of each slice is a mixture of normal distributions; the index is that of one of them
-        (component).
+        w: a candidate's unknowns, in coordinates in which the motion is nearly linear (see the class). In all draws the
+        sliced parameter is at the middle of a slice. The draws are ordered by slice. The posterior of each slice is a
+        mixture of normal distributions (components).
         """
         numbers = rng.multinomial(count, np.exp(self._logs - self.log_evidence))
         rows, combos = [], []
@@ -203,10 +202,10 @@ class SlicedProposal:
     ) -> np.ndarray:
         """Return draws w, (n, K), after a random Crank–Nicolson step, which leaves the proposal distribution as it is.
 
-        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
-        The sliced parameter does not move. u: the draws w before the step. combos: index of each draw's mixture
-        component within its slice, (n,). step: size of the step in posterior sds, between 0 and 1. Scores of
-        coefficients may become negative.
+        w: a candidate's unknowns, in coordinates in which the motion is nearly linear (see the class). The sliced
+        parameter does not move. u: the draws w before the step. combos: index of each draw's mixture component within
+        its slice, (n,). step: size of the step in posterior sds, between 0 and 1. Scores of coefficients may become
+        negative.
         """
         new = u.copy()
         for rows, part, off, others in self._split(u):
@@ -217,8 +216,8 @@ class SlicedProposal:
     def redraw_within_slice(self, w: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Return a copy of draws w, (n, K), in which the sliced parameter is drawn again, uniformly in its slice.
 
-        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
-        Its other elements do not change.
+        w: a candidate's unknowns, in coordinates in which the motion is nearly linear (see the class). Its other
+        elements do not change.
         """
         new = w.copy()
         for rows, part, *_ in self._split(w):
@@ -228,15 +227,15 @@ class SlicedProposal:
     def scores(self, w: np.ndarray) -> np.ndarray:
         """Convert draws w, (n, K), to the candidate's standard normal scores and deviations from the laws, (n, K).
 
-        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`).
+        w: a candidate's unknowns, in coordinates in which the motion is nearly linear (see the class).
         """
         return self._scores(w)[0]
 
     def _scores(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Convert draws w to u, both (n, K), and return also the log determinant of the Jacobian ∂u/∂w, (n,).
 
-        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (`SlicedProposal`). u
-        contains the standard normal scores of the candidate's parameters, then its deviations from the laws.
+        w: a candidate's unknowns, in coordinates in which the motion is nearly linear (see the class). u contains the
+        standard normal scores of the candidate's parameters, then its deviations from the laws.
         """
         u, log = w.copy(), np.zeros(len(w))
         others = np.delete(np.arange(self.parameters.free.size), self.place)
@@ -256,10 +255,10 @@ class SlicedProposal:
     def log_ratio(self, w: np.ndarray, squares: np.ndarray, variance: float) -> np.ndarray:
         """Return the log importance weights of draws w, (n,): log posterior minus log proposal density.
 
-        w contains a candidate's unknowns in coordinates in which the motion is more nearly linear (see the class). The
-        mean weight is the evidence with exact motions divided by that of the linear models. For exact motions the
-        equation of motion is solved for each draw. squares: sums of squared residuals of the exact motions at
-        `scores(w)`, (n,). variance: variance of the noise, in the record's unit squared.
+        w: a candidate's unknowns, in coordinates in which the motion is nearly linear (see the class). The mean weight
+        is the evidence with exact motions divided by that of the linear models. For exact motions the equation of
+        motion is solved for each draw. squares: sums of squared residuals of the exact motions at `scores(w)`, (n,).
+        variance: variance of the noise, in the record's unit squared.
         """
         d, p = self.parameters.free.size, self.parameters
         u, volume = self._scores(w)
@@ -426,7 +425,8 @@ def _slice_at(
 
 
 LEAST_EXPONENT, MOST_EXPONENT = 0.0, 3.0
-"""Lower and upper end of the uniform prior of the exponent p of a damping force c |v|^p (conventional)."""
+"""Lower and upper end of the uniform prior of the exponent p of a damping force c |v|^p, in `exponent_quantiles`, and
+limits of the exponents at which fits start (conventional). The prior of the damping term `power` is a little wider."""
 ROUNDED = 0.002
 """A power |v|^p of the velocity with p < 1 is smoothed near v = 0. This is the largest width of the smoothed range, as
 a fraction of the peak velocity. A larger width would change the power at small amplitudes."""
@@ -497,7 +497,7 @@ def power_solver(comparison: ModelComparison, p: float) -> Solver:
 
 
 def exponent_starts(comparison: ModelComparison) -> list[float]:
-    """Return three exponents p of a damping force c |v|^p at which fits start, each limited to the range of the prior.
+    """Return three exponents p at which fits of a damping force c |v|^p start, each limited to 0 to 3.
 
     The first is 1 + d log ζ / d log A at the middle amplitude, where ζ(A) is the damping ratio of the best candidate at
     amplitude A. The others are smaller and larger (`ASIDE`). The list is empty if the best candidate cannot oscillate,

@@ -156,7 +156,7 @@ class RunComparison:
         return None
 
     def missing(self, damping: str, restoring: str, limit: str = "") -> float:
-        """Return the log evidence of a sum of damping terms whose likelihood was not computed on this record.
+        """Return the log evidence of a sum of damping terms under a restoring law, or a substitute if there is none.
 
         It is in nats relative to the best candidate, and at least `NO_EVIDENCE`. It is the first of these that exists:
 

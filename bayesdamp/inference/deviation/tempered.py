@@ -148,9 +148,9 @@ def sample_posterior(
     Parameters
     ----------
     ratio : callable
-        Function that returns the log importance weights, (n,), of draws from `start`, (n, K). A weight is the log of
-        (exact likelihood / likelihood of the linear model), plus the log ratio of their priors. It is −∞ where a motion
-        is unbounded, or where a coefficient that must be ≥ 0 is negative.
+        Function that returns the log importance weights, (n,), of draws from `start`, (n, K). Each is the log of (exact
+        likelihood / likelihood of the linear model), plus the log ratio of their priors. It is −∞ where a motion is
+        unbounded, or where a coefficient that must be ≥ 0 is negative.
     start : Proposal
         The posterior of the linear model.
     draws, seed : int
