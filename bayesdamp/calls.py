@@ -29,8 +29,8 @@ Modules of `interface` add entries for the classes that they define."""
 class CheckedMethods:
     """Base of public classes whose methods check their arguments.
 
-    `checked_call` wraps each method and class method that a subclass itself defines, except those whose names begin
-    with _.
+    `checked_call` wraps each method and class method that a subclass itself defines. It does not wrap static methods,
+    properties, and methods whose names begin with _.
     """
 
     def __init_subclass__(cls, **options: Any) -> None:

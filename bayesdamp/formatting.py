@@ -228,8 +228,9 @@ class TableLine(tuple[str, ...]):
 class Table:
     """A table of text cells, which can be shown as HTML, plain text or on the terminal.
 
-    headers, lines: cells of the header, and of each row. caption: text above the table. left: indices of the columns
-    that contain text (aligned to the left); the others contain numbers. notes: sentences below the table.
+    headers, lines: cells of the header, and of each row; a row that is a `TableLine` has a style in HTML. caption: text
+    above the table. left: indices of the columns that contain text (aligned to the left); the others contain numbers.
+    notes: sentences below the table.
     """
 
     headers: Sequence[str] = ()

@@ -139,12 +139,12 @@ class Processes(Executor):
         return self._pool.submit(fn, *args, **kwargs)
 
     def restart(self) -> None:
-        """Replace all processes by new ones; running tasks are aborted."""
+        """Replace all processes by new ones; calls that are running or waiting are aborted."""
         self.end()
         self._start()
 
     def end(self) -> None:
-        """End the processes immediately; running tasks are aborted."""
+        """End the processes immediately; calls that are running or waiting are aborted."""
         for process in list((self._pool._processes or {}).values()):
             process.terminate()
         self._pool.shutdown(wait=True, cancel_futures=True)
@@ -152,7 +152,7 @@ class Processes(Executor):
 
 @contextmanager
 def processes(workers: int) -> Iterator[Processes]:
-    """Start a pool of processes for a context, yield it, and end it afterwards.
+    """Start a pool of `workers` processes for a context, yield it, and end it afterwards.
 
     Processes are spawned, not forked, because a library may have started threads. Each uses one OpenMP thread, because
     they share the cores. At the end the environment variables of this process are as before. Within the context, the

@@ -14,7 +14,8 @@ def read_plain(path: Path, right: str) -> str:
     """Read a text file in UTF-8 and return its text, without a byte order mark.
 
     right: what the user should give instead of a wrong path, such as "a CSV file"; error messages say this. Raises
-    InputError if the path is not a regular file in UTF-8 of at most `MOST_BYTES`; the message does not name the path.
+    InputError if the path is not a regular file in UTF-8 of at most `MOST_BYTES`, or cannot be read; the message does
+    not name the path.
     """
     try:
         status = path.stat()

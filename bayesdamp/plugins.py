@@ -45,9 +45,9 @@ _USED: list[PluginModule] = []
 
 @dataclass(frozen=True)
 class PluginModule:
-    """A user's Python file with plug-ins; its source is sent to every process.
+    """A user's Python file with plug-ins, which it assigns to `PLUGIN` (one) or `PLUGINS` (several).
 
-    file: path as the user wrote it. source: the Python code in the file.
+    Its source is sent to every process. file: path as the user wrote it. source: the Python code in the file.
     """
 
     file: str
@@ -62,10 +62,10 @@ class PluginModule:
 class Registry(Generic[T]):
     """The plug-ins of one kind, such as damping terms, by name.
 
-    package: the package with the shipped plug-ins; each of its modules contains one, assigned to the name `PLUGIN`,
-    except modules whose names begin with _. kind: what the plug-ins are called in messages. home: package of the base
-    class of these plug-ins, by default `package`; a user's plug-in is of this kind if its class is derived from a class
-    in one of the two packages.
+    package: the package with the shipped plug-ins. Each of its modules contains one, which has the name of the module
+    and is assigned to `PLUGIN`, except modules whose names begin with _. kind: what the plug-ins are called in
+    messages. home: package of the base class of these plug-ins, by default `package`; a user's plug-in is of this kind
+    if its class is derived from a class in one of the two packages.
     """
 
     def __init__(self, package: str, kind: str, home: str | None = None) -> None:
@@ -118,10 +118,11 @@ class Registry(Generic[T]):
         return name in self._modules and name not in self._added
 
     def add(self, name: str, plugin: T, source: str | None = None) -> None:
-        """Add a user's plug-in; it replaces an added one with the same name.
+        """Add a user's plug-in under a name; it replaces an added one with the same name.
 
-        source: its source code. By default this is the source of the module of its class, or the name of the class if
-        it has no file. Raises InputError if a plug-in with this name ships with bayesdamp.
+        source: its source code, of which `source` returns the digest. By default this is the source of the module of
+        its class, or the name of the class if it has no file. Raises InputError if a plug-in with this name ships with
+        bayesdamp.
         """
         if name in self._modules:
             raise InputError(f"a {self.kind} {name!r} ships with bayesdamp; give yours another name")
@@ -161,10 +162,10 @@ class Registry(Generic[T]):
         raise InputError(f"unknown {self.kind} {name!r}{nearest(name, self.names())}", where)
 
     def source(self, name: str) -> str:
-        """Return the SHA-256 of a plug-in's source code.
+        """Return the SHA-256 of a plug-in's source code, which is part of the keys of stored results.
 
-        For a shipped plug-in, the sources of the modules that it imports, at any depth, are included. Raises InputError
-        for an unknown name.
+        For a shipped plug-in, the sources of the modules that it imports, at any depth, are included; for any other it
+        is the source that `add` got. Raises InputError for an unknown name.
         """
         if name not in self._added and name in self._modules:
             return code_digest(self._modules[name])
@@ -229,7 +230,12 @@ def use_modules(modules: Sequence[PluginModule]) -> None:
 
 
 def _register(plugin: Any, module: PluginModule) -> None:
-    """Register a plug-in of a user's module. Raises InputError if it or its name is not valid."""
+    """Register a plug-in of a user's module.
+
+    Raises InputError if it is a class instead of an instance, if its class is not derived from a base class of
+    plug-ins, if its name has other characters than letters, digits and _, or if another plug-in of its kind has this
+    name.
+    """
     where = f"plug-in {module.file}"
     if isinstance(plugin, type):
         raise InputError(f"{plugin.__name__} is a class; give an instance, {plugin.__name__}()", where)
@@ -336,9 +342,9 @@ def has_added_plugins() -> bool:
 
 
 def nearest(name: object, valid: list[str]) -> str:
-    """Return a clause for the end of an error message: the valid name that is most similar to `name`.
+    """Return a clause for the end of an error message, such as "; did you mean 'viscous'?", with the most similar name.
 
-    If no valid name is similar, the clause lists all of them.
+    If no name in `valid` is similar to `name`, the clause lists all of them.
     """
     close = get_close_matches(str(name), valid, n=1, cutoff=0.6)
     return f"; did you mean {close[0]!r}?" if close else f"; valid are {', '.join(valid)}"

@@ -60,7 +60,7 @@ def _field_names(kind: type[BaseModel]) -> tuple[str, ...]:
 class _Prior(BaseModel):
     """Base class of priors. Each is a transformation of a standard normal score z to the parameter.
 
-    reflected: whether the parameter depends only on |z|, as for half-normal priors; its scores are then kept ≥ 0.
+    reflected: whether the parameter depends only on |z|, as for half-normal priors; samplers then keep z ≥ 0.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -199,7 +199,7 @@ class _Reflected(_Prior):
 class HalfNormal(_Reflected):
     """Half-normal distribution: the parameter is |N(0, scale²)|.
 
-    It is scale · |z| with a standard normal score z of either sign, so that a sampler of z has no boundary at zero.
+    It is scale · |z| with a standard normal score z; scores of both signs are valid and give the same parameter.
     """
 
     prior: Literal["halfnormal"] = "halfnormal"
@@ -222,10 +222,10 @@ class HalfNormal(_Reflected):
 class SharedHalfNormal(_Reflected):
     """Half-normal prior of a damping coefficient, with an unknown scale that all damping terms of a model share.
 
-    The prior applies to the equivalent damping ratio of the coefficient. Its scale is one of `SHARED_SCALES`, all
-    equally probable, so that the evidence does not depend on how small the damping is. Because of the common scale, the
-    joint prior density of the terms is not a product; it is given by `shared_log_density`. The method `slope` is not
-    defined (see `joint_slope`).
+    It is the default prior of all damping coefficients; a user cannot specify it. It applies to the equivalent damping
+    ratio of the coefficient. Its scale is one of `SHARED_SCALES`, all equally probable, so that the evidence does not
+    depend on how small the damping is. Because of the common scale, the joint prior density of the terms is not a
+    product; it is given by `shared_log_density`. The method `slope` is not defined (see `joint_slope`).
 
     Parameters
     ----------
@@ -309,9 +309,10 @@ def shared_precision(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> A
 
 
 def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
-    """Return the results of `shared_log_density` and `shared_precision`, which have the same arguments.
+    """Return the joint log prior density of scores with a common, unknown scale σ, and the posterior mean of 1/σ².
 
-    They are the joint log prior density of scores with a common, unknown scale σ, and the posterior mean of 1/σ².
+    These are the results of `shared_log_density` and `shared_precision`. squares: sum of the squared scores, any shape,
+    also that of both results. count: number of scores. scales: possible values of σ, all equally probable, (s,).
     """
     np_: Any = sys.modules["jax"].numpy if _is_traced(squares) else np
     scales = np_.asarray(scales)
@@ -342,10 +343,11 @@ def log_prior_of(z: np.ndarray, shared: np.ndarray, scales: ArrayLike = SHARED_S
 def joint_log_density(
     priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHARED_SIGMAS
 ) -> np.ndarray:
-    """Return the joint log prior density, shape (...), of parameters x, (..., d).
+    """Return the joint log prior density, shape (...), of parameters x, (..., d), in nats.
 
     It is −∞ outside the support, and where a parameter is nan or infinite. The priors are independent, except for
-    coefficients with `SharedHalfNormal` priors, which share an unknown scale, one of `scales` (in units of the score).
+    coefficients with `SharedHalfNormal` priors, which share an unknown scale. scales: possible values of this scale, as
+    standard deviations of the coefficients' standard normal scores, all equally probable, (s,).
     """
     shared = [i for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)]
     total = np.zeros(x.shape[:-1])
@@ -367,8 +369,8 @@ def joint_log_density(
 def joint_slope(priors: Sequence[Prior], x: np.ndarray, scales: ArrayLike = SHARED_SIGMAS) -> np.ndarray:
     """Return the gradient, (d,), of `joint_log_density` by the parameters at one point x, (d,), inside the support.
 
-    scales: possible values of the common, unknown scale of coefficients with `SharedHalfNormal` priors, in units of the
-    score.
+    scales: possible values of the common, unknown scale of coefficients with `SharedHalfNormal` priors, as standard
+    deviations of their standard normal scores.
     """
     scores = {i: float(p.score(x[i])) for i, p in enumerate(priors) if isinstance(p, SharedHalfNormal)}
     precision = shared_precision(sum(z * z for z in scores.values()), len(scores), scales) if scores else 1.0

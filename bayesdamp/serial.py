@@ -41,8 +41,8 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
     Parameters
     ----------
     value
-        Value that consists of dataclasses, pydantic models, mappings, sequences, arrays and types of JSON. Floats that
-        are not finite stay floats.
+        Value that consists of dataclasses, pydantic models, `Storable` objects, mappings, lists, tuples, arrays, enums,
+        paths and types of JSON. Keys of mappings become strings; floats that are not finite stay floats.
     arrays
         Mapping to which each array is added under its path, such as `signal/t`; in the value it is replaced by None. If
         no mapping is given, arrays become lists.

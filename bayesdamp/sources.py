@@ -32,9 +32,10 @@ _ONLY_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)+", re.M
 
 @cache
 def code_digest(*modules: str) -> str:
-    """Return the SHA-256 of the sources of modules and of the modules that they import, as in `import_closure`.
+    """Return the SHA-256 of the sources of modules and of the package's modules that they import, at any depth.
 
-    It does not contain plug-ins, because these are found by name and not imported; a caller must add their sources.
+    Modules that do not affect results are left out, as in `import_closure`. The digest does not contain plug-ins,
+    because these are found by name and not imported; a caller must add their sources.
     """
     digest = hashlib.sha256()
     for name in sorted(import_closure(modules)):
@@ -44,7 +45,10 @@ def code_digest(*modules: str) -> str:
 
 @cache
 def package_digest() -> str:
-    """Return the SHA-256 of the sources of all modules of the package."""
+    """Return the SHA-256 of the sources of all modules of the package.
+
+    Worker processes compare it with that of the process that started the run, and refuse to run other code.
+    """
     return hashlib.sha256("\0".join(f"{n}\0{_text(n)}" for n in sorted(_files())).encode()).hexdigest()
 
 

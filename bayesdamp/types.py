@@ -90,10 +90,11 @@ class Provenance:
     warnings: sentences that the user must see. notes: sentences on what was done. header_lines: number of skipped
     lines. facts: metadata in the file, by name. time_column, value_column: labels of the columns in the file.
     time_unit: source of the unit of the times: "given" (the user), "file", or "" if none is stated. first_line: line
-    number (from 1) of the first row of numbers. unit: unit of the record, a name in UNITS. start, stop: ends of the
-    used part of the record, in s on its time axis; stop is None if the record was not cleaned. offset: constant that
-    was subtracted from all values, in the base unit (as `Signal.y`). decays: all free decays in the record, including
-    the used one.
+    number (from 1) of the first row of numbers; None if samples do not correspond to lines. unit: unit of the file's
+    values, or of the displacement (mm for mm/s): a name in UNITS, not its base unit. start, stop: ends of the used part
+    of the record, in s on its time axis; stop is None if the record was not cleaned. offset: constant that was
+    subtracted from all values, in the base unit (as `Signal.y`). decays: all free decays in the record, including the
+    used one.
     """
 
     warnings: tuple[str, ...] = ()
@@ -112,7 +113,7 @@ class Provenance:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """Return the sentences for the user: warnings, number of header lines, notes."""
+        """Return the sentences for the user: warnings (after "Beware: "), number of header lines, notes."""
         head = self.header_lines
         lines = [f"Beware: {text}" for text in self.warnings]
         lines += [f"{head} header line{'s' if head != 1 else ''} skipped."] if head else []
@@ -167,11 +168,12 @@ class Signal:
 class FeatureValues:
     """Features of a decaying oscillation, as single numbers that can be stored.
 
-    rest: equilibrium (rad or m), the median midline of the last half of the turning points; 0 for velocity and
-    acceleration. amplitude, final_amplitude: displacement amplitude at the first and at the last sample (rad or m).
-    frequency, period: mean over the record, in rad/s and s, from a line through the times of its turning points.
-    cycles: number of cycles whose turning points are distinguishable from the noise. samples_per_cycle: number of
-    samples in a mean period. roughness: standard deviation of the noise, in the unit of the recorded quantity.
+    rest: equilibrium in the base unit of displacement, the median midline of the last half of the turning points; 0 for
+    velocity and acceleration. amplitude, final_amplitude: displacement amplitude at the first and at the last sample,
+    in the same unit. frequency, period: mean over the record, in rad/s and s, from a line through the times of its
+    turning points. cycles: number of cycles, with fractions, whose turning points are distinguishable from the noise.
+    samples_per_cycle: number of samples in a mean period. roughness: standard deviation of the noise, in the unit of
+    the recorded quantity.
     """
 
     rest: float
@@ -201,8 +203,9 @@ class System:
     """What is known about the oscillator before inference.
 
     restoring: name of the restoring law. known: specified values of parameters (of the restoring law, theta0, omega0,
-    epsilon, noise_sd, ...), by name. free: priors of parameters that are inferred, by name; None for the default prior.
-    amplitude, frequency: reference amplitude (unit of displacement) and frequency (rad/s), if specified.
+    epsilon, noise_sd, ...), by name. free: priors of inferred parameters, by name; None for the default prior.
+    Parameters in neither mapping are inferred with default priors, except epsilon, which is then fixed. amplitude,
+    frequency: reference amplitude (unit of displacement) and frequency (rad/s), if specified.
     """
 
     restoring: str
@@ -321,10 +324,10 @@ class Reference:
     frequency: float
 
     def scales(self, rest: float) -> dict[str, float]:
-        """Return the numbers on which some damping forces depend, by their names in `damping.GIVEN`.
+        """Return the numbers on which some damping forces depend besides parameters, by name.
 
-        They are the rest position, the reference amplitude, and the peak velocity at this amplitude. rest: the
-        equilibrium, in rad or m.
+        They are `rest` (the equilibrium in rad or m, an argument), `reference_velocity` (the peak velocity at the
+        reference amplitude) and `reference_amplitude`.
         """
         return {"rest": rest, "reference_velocity": self.peak_velocity, "reference_amplitude": self.amplitude}
 
@@ -359,7 +362,7 @@ class Posterior:
 
     sampler: name of the sampler. names: names of the parameters. log_likelihood: log likelihood of each draw in nats,
     (chain, draw). stats: statistics of the sampler by name, such as the acceptance rate. summaries: for each parameter,
-    statistics of its draws by name. divergences: number of divergent transitions; None for samplers without them.
+    statistics of its draws by name. divergences: number of divergent transitions; None or 0 for samplers without them.
     evaluations: number of likelihood evaluations. ensembles: number of groups of chains, if the chains of a group
     depend on each other; None if all chains are independent. diagnostics: further diagnostics of the sampler. seconds:
     computing time. outcome: `ok`, or why the draws are unreliable or missing.
@@ -384,8 +387,9 @@ class Evidence:
     """Log marginal likelihood (nats) of one model by one method, with its standard error and diagnostic.
 
     model: name of the candidate, such as `viscous@pendulum`. log_evidence and stderr are NaN if they could not be
-    computed. diagnostic: text on the reliability of the result; "" if the method has none. evaluations: number of
-    likelihood evaluations. seconds: computing time. outcome: `ok`, or why the result is unreliable or missing.
+    computed; stderr also for Laplace's approximation. diagnostic: text on the reliability of the result; "" if the
+    method has none. evaluations: number of likelihood evaluations. seconds: computing time. outcome: `ok`, or why the
+    result is unreliable or missing.
     """
 
     model: str
@@ -413,10 +417,10 @@ def candidate_parts(name: str) -> tuple[str, str]:
 
 
 def sum_probabilities(probabilities: Mapping[str, float], part: int = 0) -> dict[str, float]:
-    """Return the total probability of each sum of damping terms over all restoring laws, the largest first.
+    """Return the total probability of each damping sum over all restoring laws, or of each law over all sums.
 
-    probabilities: probabilities of candidates by name (sum of damping terms and restoring law). part: 0 for the totals
-    of damping sums; 1 for the total of each restoring law over all damping sums.
+    The result is sorted, the largest total first. probabilities: probabilities of candidates by name (sum of damping
+    terms and restoring law). part: 0 for the totals of damping sums, 1 for those of restoring laws.
     """
     sums: dict[str, float] = {}
     for name, p in probabilities.items():
@@ -455,10 +459,11 @@ class Status(_Beginning):
     """The outcome of a task; the value contains the first words of its sentence.
 
     FAILED: the task failed because of a fault of the program. NOT_COMPUTED: the task depends on another one, which
-    failed. Both are computed again in the next run. PRUNED: the model has far lower evidence than others. NOT_SAMPLED:
-    the posterior of the model, and results that need its draws, are left out, because the model is not among the best
-    by evidence. NOT_APPLICABLE: the record has no data for the task. REFUSED: a method cannot work on this record; the
-    sentence is the reason alone.
+    failed. Both are computed again in the next run. PRUNED: the model is left out, because it is much less probable
+    than the best one, or because its motion does not follow the record. NOT_SAMPLED: the posterior of the model, and
+    results that need its draws, are left out, because the model is not among the best by evidence. NOT_APPLICABLE: the
+    record has no posterior, because it has no noise. REFUSED: a method cannot work on this record; the sentence is the
+    reason alone.
     """
 
     OK = "ok"
@@ -480,7 +485,7 @@ class FitStatus(_Beginning):
 def status_of(outcome: str) -> Status:
     """Return the status of a task from the text of its outcome.
 
-    It is the status with whose words the text begins, or `REFUSED` if there is none.
+    It is the status whose words are the text, or stand before a colon at its beginning; `REFUSED` if there is none.
     """
     if outcome == Status.OK.value:
         return Status.OK
@@ -526,9 +531,10 @@ _PER = {"angle": "", "velocity": "/s", "acceleration": "/s²", "envelope": ""}
 class Unit:
     """A unit of displacement, or of velocity or acceleration.
 
-    base: unit in which we compute: rad, m, or the unit itself for a sensor of unknown scale. factor: size of this unit
-    in the base unit, such as 0.001 for mm. quantity: "velocity" or "acceleration" if it is a unit of this quantity
-    (rpm, g); None for a unit of displacement. written: other spellings in column names, in small letters.
+    name: as in study files and options. base: unit in which we compute: rad, m, or the unit itself for a sensor of
+    unknown scale. factor: size of this unit in the base unit, such as 0.001 for mm. quantity: "velocity" or
+    "acceleration" if it is a unit of this quantity (rpm, g); None for a unit of displacement. written: other spellings
+    in column names, in small letters.
     """
 
     name: str
