@@ -161,10 +161,10 @@ class AveragedSolver(Solver):
         """Return the values of the blocks, and their derivatives, in a `Motion`; None if the trajectory diverges.
 
         The values are amplitude, phase and midline of each block (group of consecutive cycles) in turn, multiplied by
-        the factors in `track`. The arguments are those of `Solver.solve`, but `stop` is the number of values to return
-        (three for each block; None for all). The times and states in the result belong to the compressed oscillation,
-        which has M times the damping in 1/M of the time. None is also returned if an amplitude is zero, or if the
-        trajectory needs too many steps.
+        the factors in `track`, plus `defect`; the derivatives are those without `defect`. The arguments are those of
+        `Solver.solve`, but `stop` is the number of values to return (three for each block; None for all). The times and
+        states in the result belong to the compressed oscillation, which has M times the damping in 1/M of the time.
+        None is also returned if an amplitude is zero, or if the trajectory needs too many steps.
         """
         blocks = len(self.track.weights) if stop is None else -(-stop // NUMBERS)
         if blocks not in self._solvers:
@@ -203,8 +203,8 @@ class AveragedSolver(Solver):
         """Return a copy of this solver with the defect at parameters p, (k,), in place of its own; None if undefined.
 
         The defect is the result for the actual equation of motion minus that for the compressed oscillation, which has
-        M times the damping in 1/M of the time (`defect_at`). active: which damping terms are on. g, h: relative
-        deviations of damping and frequency at the knots; None for 0.
+        M times the damping in 1/M of the time. It is undefined if a trajectory diverges. active: which damping terms
+        are on. g, h: at the knots; the damping force is multiplied by 1 + g, the restoring force by 1 + 2h; None for 0.
         """
         defect = replace(self, defect=None).defect_at(p, active, g, h)
         return None if defect is None else replace(self, defect=defect)
@@ -212,12 +212,13 @@ class AveragedSolver(Solver):
     def defect_at(
         self, p: np.ndarray, active: np.ndarray, g: np.ndarray | None = None, h: np.ndarray | None = None
     ) -> np.ndarray | None:
-        """Return the values for the actual equation of motion minus those for the compressed oscillation, (3b,).
+        """Return the values for the actual equation of motion minus those that `solve` returns, (3b,).
 
-        The values are amplitude, phase and midline of each of b blocks of cycles. The compressed oscillation has M
-        times the damping in 1/M of the time. p: parameters at which both are computed, in the order of `names`, (k,).
-        active: which damping terms are on. g, h: relative deviations of damping and frequency at the knots; None for 0.
-        Return None if a trajectory diverges, or if an amplitude of the compressed oscillation is zero.
+        The values are amplitude, phase and midline of each of b blocks of cycles, as in `solve`, whose values are those
+        of the compressed oscillation plus the present `defect`. p: parameters at which both are computed, in the order
+        of `names`, (k,). active: which damping terms are on. g, h: at the knots; the damping force is multiplied by 1 +
+        g, the restoring force by 1 + 2h; None for 0. Return None if a trajectory diverges, or if an amplitude of the
+        compressed oscillation is zero.
         """
         own, true = self.solve(p, active, g, h, tangents=NONE), self.integrate_all_cycles(p, active, g, h)
         if own is None or true is None:
@@ -234,8 +235,9 @@ class AveragedSolver(Solver):
 
         A block is a group of consecutive cycles. The phase of each complex amplitude is relative to the reference
         phases `real_phases` in `track`. p: parameters in the order of `names`, (k,). active: which damping terms are
-        on. g, h: relative deviations of damping and frequency at the knots; None for 0. Return None if the trajectory
-        diverges. The duration is integrated in segments, each of which starts from the end of the one before.
+        on. g, h: at the knots; the damping force is multiplied by 1 + g, the restoring force by 1 + 2h; None for 0.
+        Return None if the trajectory diverges. The duration is integrated in segments, each of which starts from the
+        end of the one before.
         """
         t, order = _sort_times(self.track.real_times)
         knots = self.knots * self.slowness

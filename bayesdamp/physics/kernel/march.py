@@ -123,11 +123,12 @@ knot count as simultaneous if the relative difference of their times is below `S
 def acceleration(x, v, w, g, h, c, q, epsilon, rounding, law):
     """Return the acceleration θ̈ at displacement x and velocity v, in rad/s² or m/s².
 
-    w: position of the time between two knots, from 0 at the left knot to 1 at the right one. g, h: relative deviations
-    of the damping and of the frequency, two numbers each, for the left and the right knot; between them they are
-    linear. c, q, law: tuples of the coefficients of the damping terms, their further parameters, and the parameters of
-    the restoring law, as returned by `to_tuples`. epsilon: width ε of the range of velocities in which dry friction
-    changes its sign. rounding: the same width for terms whose force is steep but continuous at v = 0.
+    w: position of the time between two knots, from 0 at the left knot to 1 at the right one. g, h: deviations, two
+    numbers each, for the left and the right knot; between them they are linear. The damping force is multiplied by 1 +
+    g, the restoring force by 1 + 2h. c, q, law: tuples of the coefficients of the damping terms, their further
+    parameters, and the parameters of the restoring law, as returned by `to_tuples`. epsilon: width ε of the range of
+    velocities in which dry friction changes its sign. rounding: the same width for terms whose force is steep but
+    continuous at v = 0.
     """
     damps, pulls = g[0] + w * (g[1] - g[0]), h[0] + w * (h[1] - h[0])
     return -(1.0 + damps) * damping(x, v, epsilon, rounding, q, c) - (1.0 + 2.0 * pulls) * restoring(x, law)
@@ -137,8 +138,8 @@ def acceleration(x, v, w, g, h, c, q, epsilon, rounding, law):
 def acceleration_with_sign(x, v, w, g, h, c, q, rounding, sign, law):
     """Return the acceleration θ̈ (rad/s² or m/s²) if dry friction has exactly the sign `sign` (1 or −1).
 
-    Friction has this sign even if the velocity v is 0 or has the other sign. x: displacement. The other arguments are
-    those of `acceleration`.
+    Friction has this sign even if the velocity v is 0 or has the other sign. x: displacement. w, g, h, c, q, rounding,
+    law: as in `acceleration`.
     """
     v, epsilon = exact_sign(v, sign)
     return acceleration(x, v, w, g, h, c, q, epsilon, rounding, law)
@@ -262,7 +263,7 @@ def march(
     knots
         Increasing times in s, (n,). The integration extends from the first to the last.
     g, h
-        Relative deviations of the damping and of the frequency at the knots, (n,).
+        Deviations at the knots, (n,): the damping force is multiplied by 1 + g, the restoring force by 1 + 2h.
     tolerance
         Largest error of a step, relative to `sizes[0]` for θ and to `sizes[1]` for θ̇.
     sizes
@@ -279,8 +280,8 @@ def march(
     times
         Times of the s nodes, (s,).
     states
-        θ, θ̇ and θ̈ at each node, and the factor of the correction of the dense output in the step after it (see
-        `dense`), (s, 4).
+        θ, θ̇ and θ̈ at each node, and the factor k of the correction k u³(1 − u)³ that is added to the interpolation at
+        the fraction u of the step after it, (s, 4).
     slopes
         The tangents: derivatives of these four numbers by k parameters, (s, k, 4); 0 for terms that are off.
     """

@@ -48,8 +48,8 @@ class Slopes:
     times
         Times of the s nodes in s, (s,).
     slopes
-        For each of the k parameters of the kernel (with `ALL` also g and h at the knots): the tangent, its first and
-        second time derivative, and the factor of the correction between the nodes (see `dense`), (s, k, 4).
+        For each of the k parameters of the kernel (with `ALL` also g and h at the knots): the tangent of the angle, its
+        first and second time derivative, and the factor of the correction between the nodes (see `dense`), (s, k, 4).
     columns
         Indices, among these k, of the p tangents that the solver returns, (p,). The kernel can have more parameters.
     t
@@ -90,8 +90,8 @@ class Motion:
     times : ndarray, shape (s,)
         Times of the nodes in s.
     states : ndarray, shape (s, 4)
-        θ, θ̇, θ̈ at the nodes, and the factor of the correction by which values between the nodes are interpolated in
-        the step after each node (see `dense`). An `AmplitudeSolver` gives x and dx/dt instead, (s, 2).
+        θ, θ̇, θ̈ at the nodes, and the factor k of the correction k u³(1 − u)³ that is added to the interpolation at the
+        fraction u of the step after each node. An `AmplitudeSolver` gives x and dx/dt instead, (s, 2).
     """
 
     y: np.ndarray
@@ -105,7 +105,7 @@ class Motion:
         return self.slopes.at_samples() if isinstance(self.slopes, Slopes) else self.slopes
 
     def without_tangents(self) -> Motion:
-        """Return the motion with an empty array, (n, 0), in place of its derivatives."""
+        """Return the motion with an empty array, (n, 0), in place of its derivatives, to save memory."""
         return Motion(self.y, np.zeros((self.y.size, 0)), self.times, self.states)
 
     @cached_property
@@ -130,9 +130,9 @@ class Motion:
 
         An amplitude is half the distance between two turning points; its time is the middle between them. An amplitude
         that is larger than the previous one is replaced by the previous one, so that the amplitudes never grow. Half
-        cycles of zero amplitude are left out. For an averaged record (one reduced to amplitudes and phases) the motion
-        and its times are those of the compressed oscillation that is solved in its place, which decays through the same
-        amplitudes in fewer cycles.
+        cycles of zero amplitude are left out. Both arrays are empty if there are fewer than two turning points. For an
+        averaged record (one reduced to amplitudes and phases) the motion and its times are those of the compressed
+        oscillation that is solved in its place, which decays through the same amplitudes in fewer cycles.
         """
         times, states = self.refined
         v = states[:, 1]
@@ -168,11 +168,11 @@ class Solver:
         Width ε of the range of velocities, rad/s or m/s, in which dry friction changes its sign. With 0 friction is
         discontinuous, and the body may stick.
     knots
-        Times in s, (k,), at which the relative deviations g of the damping and h of the frequency are given; between
-        these times, g and h are linear.
+        Increasing times in s, (k,), at which the relative deviations g of the damping and h of the frequency are given;
+        between these times, g and h are linear. The first is 0, and no sample may be after the last.
     samples
         Times in s of the m samples in each of n windows, (n, m), increasing. If given, values are means over these
-        windows instead of values at t, and the last knot must not be before the last sample.
+        windows instead of values at t.
     """
 
     terms: tuple[str, ...]
@@ -203,6 +203,7 @@ class Solver:
 
         All terms that ship with bayesdamp are in one kernel, together with all laws that ship. If a term is not among
         them, the kernel contains only the solver's terms; if the law is not among them, it contains only this law.
+        Raises Refusal if a term or the law has no method `kernel` that can be compiled.
         """
         terms = SHIPPED if set(self.terms) <= set(SHIPPED) else self.terms
         return kernel_of(terms, SHIPPED_LAWS if self.restoring in SHIPPED_LAWS else (self.restoring,))
