@@ -234,8 +234,8 @@ def _cubic(at: np.ndarray, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> n
 class PowerLaw:
     """The decay law dA/dt ∝ -A^p of an amplitude A, whose exponent p is a parameter.
 
-    Its methods take two parameters in the argument `rates`: ln of the decay rate (1/s) at the reference amplitude
-    A_ref, and the exponent p.
+    Its methods take two parameters, named in `terms`, in the argument `rates`: ln of the decay rate (1/s) at the
+    reference amplitude A_ref, and the exponent p.
     """
 
     terms: tuple[str, ...] = ("log_rate", "exponent")
@@ -264,9 +264,10 @@ class PowerLaw:
 class AmplitudeSolver:
     """Compute how an amplitude A decays, x(t) = ln(A/A_ref), with the interface of the kernel's `Solver`.
 
-    The parameters of `solve` are those of the decay law, then x at the start. A `DecayLaw` has a parameter for each of
-    its damping terms: the decay rate in 1/s that the term causes at the reference amplitude A_ref. A `PowerLaw` has two
-    parameters: ln of the decay rate (1/s) at A_ref, and the exponent.
+    It is for envelopes: records that contain only amplitudes. The parameters of `solve` are those of the decay law,
+    then x at the start. A `DecayLaw` has a parameter for each of its damping terms: the decay rate in 1/s that the term
+    causes at the reference amplitude A_ref. A `PowerLaw` has two parameters: ln of the decay rate (1/s) at A_ref, and
+    the exponent.
 
     Attributes
     ----------
@@ -277,8 +278,8 @@ class AmplitudeSolver:
     duration
         Duration of the decay in s.
     knots
-        Number of knots of the deviation g, which are equidistant over the duration. g is the relative deviation of the
-        decay rate from the law; it is linear in time between the knots.
+        Number of knots of the deviation g, which are equidistant over the duration. The decay rate is that of the law
+        times 1 + g; g is linear in time between the knots.
     white
         Matrix (n, n) that whitens the noise of the measured ln A; decays and derivatives are multiplied by it. None for
         white noise.
@@ -364,10 +365,10 @@ def basis_integrals(s: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Scale:
-    """Scales of an oscillation on which damping forces and priors depend: amplitude at its start and angular frequency.
+    """Scales on which damping forces and priors of an envelope's analysis depend: amplitude at the start and frequency.
 
-    The amplitude is in rad or m, the frequency in rad/s. A scale that is unknown or not needed is 1; coefficients are
-    then relative to this scale.
+    The amplitude is in rad or m, the angular frequency in rad/s. A scale that is unknown or not needed is 1;
+    coefficients are then relative to this scale.
     """
 
     amplitude: float = 1.0

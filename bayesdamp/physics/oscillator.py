@@ -97,7 +97,7 @@ class Oscillator:
     def scales(self) -> tuple[str, ...]:
         """Return the names of the equilibrium and the reference scales that the damping terms need.
 
-        They are names in `damping.GIVEN`, each listed once.
+        They are `rest`, `reference_velocity` and `reference_amplitude`, as far as a term needs them, each listed once.
         """
         return tuple(dict.fromkeys(n for term in self.terms for n in term.given))
 
@@ -348,7 +348,7 @@ class Trajectories:
         p: values of all parameters, by name; epsilon is 0 if it is missing. Derivatives by parameters of the restoring
         law include their effect on the equilibrium `rest`. The derivative by epsilon is a central difference, and 0 at
         epsilon = 0. If the motion does not depend on a name, the derivative by it is 0. All results are NaN if the
-        trajectory diverges, or if a damping term needs the equilibrium and none is found.
+        samples that `record` returns are.
         """
         motion, epsilon = self._solve(p, PARAMETERS), _epsilon(p)
         if motion is None:
@@ -370,10 +370,10 @@ class Trajectories:
         return motion.y[: self._count], slopes
 
     def many(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the samples of m trajectories, (m, n), for m sets of parameters.
+        """Return the samples of m trajectories, (m, n), for m sets of parameters, each as `record` returns them.
 
-        values: for each parameter an array (m,), by name. All samples of a trajectory are NaN if it diverges, or if a
-        damping term needs the equilibrium and none is found.
+        values: for each parameter an array (m,), by name; epsilon is 0 if it is missing. All samples of a trajectory
+        are NaN if it diverges or needs too many steps, or if a damping term needs the equilibrium and none is found.
         """
         sets = zip(*(np.asarray(v, float).tolist() for v in values.values()), strict=True)
         return np.stack([self.record(dict(zip(values, numbers))) for numbers in sets])

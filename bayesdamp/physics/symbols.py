@@ -60,7 +60,7 @@ def parameter_unit(name: str, restoring: str, unit: str = "rad", quantity: str =
     restoring
         Name of the restoring law.
     unit
-        Unit of the displacement (rad, m, deg or mm), which replaces rad in the result.
+        Unit of the displacement, such as rad, mm or V, which replaces rad in the result.
     quantity
         The recorded quantity: "angle", "velocity" or "acceleration". Only the unit of `noise_sd` depends on it.
     """

@@ -92,8 +92,8 @@ class DampingTerm(ABC):
     """The parameters other than the coefficient that are inferred from the record. `kernel` takes them after ε, in this
     order."""
     given: tuple[str, ...] = ()
-    """Names of the equilibrium or reference scales (see `GIVEN`) that the force needs. `kernel` takes them as its last
-    arguments, after the parameters in `inferred`."""
+    """Names of the numbers that the force needs besides parameters: "rest" (the equilibrium), "reference_velocity" or
+    "reference_amplitude". `kernel` takes them as its last arguments, after the parameters in `inferred`."""
     bounded: bool = True
     """Whether an analysis whose model lacks this term reports an upper limit of the fraction of the dissipated energy
     that this term could cause. It has no effect for viscous, Coulomb and quadratic damping, and for terms that a user
@@ -108,7 +108,7 @@ class DampingTerm(ABC):
 
     @property
     def placed(self) -> bool:
-        """Whether the force depends on the position θ.
+        """Whether the force depends on the position θ; some estimators then refuse the term.
 
         This is assumed if `given` has "rest", or if the code of `kernel` reads its first argument.
         """

@@ -69,7 +69,7 @@ class RestoringLaw(ABC):
     """Whether the law can also describe a translation, with displacements in metres instead of angles."""
     shift: ClassVar[str] = ""
     """Name of the parameter that only shifts the force along θ, such as the rest angle; "" if the law has no such
-    parameter."""
+    parameter. A record of velocities or accelerations does not determine it."""
     positive: ClassVar[tuple[str, ...]] = ()
     """Names of the parameters that must be above 0."""
 
@@ -99,7 +99,7 @@ class RestoringLaw(ABC):
 
     @abstractmethod
     def start(self, frequency: float, rest: float, known: Mapping[str, float]) -> dict[str, float]:
-        """Return an initial guess of all parameters of the law, by name.
+        """Return an initial guess of all parameters of the law, by name, at which fits start.
 
         Known parameters keep their values. The others are chosen such that the equilibrium is `rest` (rad) and small
         oscillations about it have the angular frequency `frequency` (rad/s), as far as the known values allow it.
@@ -109,18 +109,19 @@ class RestoringLaw(ABC):
     def linear_form(self, theta: np.ndarray, known: Mapping[str, float]) -> LinearForm:
         """Write the law, at angles θ (n,), as a linear regression for the parameters that are not in `known`.
 
-        The result contains the regressors, the part of the force that follows from known parameters, and a function
-        that converts fitted coefficients to the unknown parameters (see `LinearForm`). It is needed because the
-        coefficients can be other quantities than the parameters. A law may ignore known values here if their parameters
-        cannot be separated from unknown ones. known: values of known parameters of the law, by name.
+        Estimators fit forces with it. The result contains the regressors, the part of the force that follows from known
+        parameters, and a function that converts fitted coefficients, which can be other quantities than the parameters,
+        to the unknown parameters (see `LinearForm`). A law may ignore known values here if their parameters cannot be
+        separated from unknown ones. known: values of known parameters of the law, by name.
         """
 
     def natural(self, p: Mapping[str, float]) -> dict[str, float] | None:
         """Convert the law's parameters to natural coordinates, which are quantities that a record determines well.
 
-        An example is the frequency. p: values of the law's parameters and theta0, by name. The result has the same
-        keys, but the value under a key can be another quantity; see each law. Return None if these coordinates do not
-        exist for p, or if the law has none.
+        An example is the frequency. Searches for a mode make straight steps in these coordinates. p: values of the
+        law's parameters and theta0, by name. The result has the same keys, but the value under a key can be another
+        quantity. Return None if these coordinates do not exist for p, or if the law has none; of the shipped laws only
+        the horizontal pendulum has them.
         """
         return None
 
