@@ -194,7 +194,7 @@ def _truncated_draws(
 class ReflectedT:
     """A multivariate Student t distribution in which some coordinates are replaced by their absolute values.
 
-    It has `T_DEGREES` degrees of freedom.
+    It has `T_DEGREES` degrees of freedom. Samplers and evidence methods use it as a proposal distribution.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def fit_reflected_t(y: np.ndarray, reflected: np.ndarray) -> ReflectedT:
     """Fit a `ReflectedT` to draws y, (n, d), by their moments.
 
     Before the reflection, its t distribution has the mean and the covariance of the draws. reflected: which coordinates
-    are reflected, (d,) of bool.
+    are reflected, (d,) of bool. Raises LinAlgError if the covariance is not positive definite.
     """
     covariance = np.atleast_2d(np.cov(y.T, ddof=1)) * (T_DEGREES - 2) / T_DEGREES
     return ReflectedT(y.mean(axis=0), np.linalg.cholesky(covariance), reflected)
