@@ -241,11 +241,12 @@ def _null_statistics(n: int, lags: int, seed: int) -> np.ndarray:
 def tangents(target: Target, mode: Mode) -> np.ndarray:
     """Return the derivatives of the whitened residuals by the parameters of the motion, one row for each, (k, n).
 
-    The rows are in the order of `target.names`. They are finite differences, per posterior standard deviation of the
-    parameter's standard normal score. Two kinds of parameters have no row: coefficients that are zero at the mode,
-    because they are at their bound and do not adapt to the residuals, and parameters whose derivative is not finite.
-    Under heavy-tailed noise the residuals are in the unit of the record instead of whitened, because whitening is not
-    linear for this noise and would distort the derivatives.
+    They span what a fit removes from the residuals, which `find_spectral_line` allows for. The rows are in the order of
+    `target.names`. They are finite differences, per posterior standard deviation of the parameter's standard normal
+    score. Two kinds of parameters have no row: coefficients that are zero at the mode, because they are at their bound
+    and do not adapt to the residuals, and parameters whose derivative is not finite. Under heavy-tailed noise the
+    residuals are in the unit of the record instead of whitened, because whitening is not linear for this noise and
+    would distort the derivatives.
     """
     at_zero = target.reflected & (np.abs(mode.z) <= ZERO_SCORE)
     free = [i for i in target.moving if not at_zero[i]]

@@ -331,8 +331,8 @@ class NoiseMap:
 def ridge_point(mode: Mode, reflected: np.ndarray, z: np.ndarray, others: np.ndarray) -> Maximum:
     """Maximise the log posterior over some of the standard normal scores, with the others fixed.
 
-    The common prior scale of damping coefficients is fixed as in `Mode.near`. Whether the search has converged is not
-    checked.
+    The common prior scale of damping coefficients is fixed at a typical value near the mode (`Mode.near`). Whether the
+    search has converged is not checked.
 
     Parameters
     ----------
@@ -514,7 +514,8 @@ def shear_of(target: Target, mode: Mode) -> Shear | None:
     from the mode.
 
     None is also returned if there are fewer than `RIDGE_DIMENSIONS` wide scores, if all other scores have half-normal
-    priors, or if the posterior on the ridge is not finite.
+    priors, or if the posterior on the ridge is not finite. NUTS, bridge sampling and importance sampling use the shear
+    if their results without it are poor.
     """
     reflected, d = target.reflected, mode.z.size
     covariance = mode.factor @ mode.factor.T
@@ -579,8 +580,8 @@ def _ridge(
 class Whitening:
     """The map from coordinates u, in which the posterior is nearly N(0, I), to straight scores, centre + factor @ u.
 
-    Straight scores are coordinates in which a curved ridge of the posterior is straight; `shear` maps them to standard
-    normal scores.
+    NUTS and emcee move in u. Straight scores are coordinates in which a curved ridge of the posterior is straight;
+    `shear` maps them to standard normal scores.
 
     Attributes
     ----------

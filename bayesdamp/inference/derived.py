@@ -48,8 +48,9 @@ class Motions:
     osc : Oscillator
         The oscillator: damping terms and restoring law.
     values : mapping of str to float or ndarray
-        Values of all parameters of the oscillator by name (theta0 and omega0 are not used): each a scalar, or an array
-        of draws; all arrays have the same shape.
+        Values by name of all parameters of the oscillator, and of the equilibrium and reference scales that its damping
+        terms need (`Oscillator.inputs`; theta0 and omega0 are not used): each a scalar, or an array of draws; all
+        arrays have the same shape.
     near : float
         Position at which the search for the equilibrium starts, in rad or m.
     amplitude : float
@@ -66,7 +67,7 @@ class Motions:
 
     @cached_property
     def _numbers(self) -> dict[str, np.ndarray]:
-        """All parameters of the oscillator except theta0 and omega0, by name, broadcast to arrays of the same shape."""
+        """The values of `Oscillator.inputs` except theta0 and omega0, by name, broadcast to arrays of one shape."""
         names = [n for n in self.osc.inputs if n not in ("theta0", "omega0")]
         arrays = np.broadcast_arrays(*[np.asarray(self.values[n], float) for n in names])
         return dict(zip(names, arrays, strict=True))
@@ -92,8 +93,8 @@ class Motions:
         """The damping ratio of each draw at the equilibrium; None if F′_damp is 0 for all draws, as for dry friction.
 
         It is F′_damp/(2ω_n), where F′_damp is the derivative of the damping force, per unit of inertia, by the velocity
-        at zero velocity, in 1/s. Terms that jump there (`DampingTerm.switches`) are left out. It is nan if there is no
-        stable equilibrium.
+        at zero velocity, in 1/s. Terms that jump or are steep there (`DampingTerm.switches`) are left out. It is nan if
+        there is no stable equilibrium.
         """
         smooth = [t for t in self.osc.terms if not t.switches]
         if not smooth:
@@ -193,8 +194,8 @@ def derive_quantities(motions: Motions) -> dict[str, np.ndarray]:
     """Compute the derived quantities that apply to the model: for each name, an array with the values of all draws.
 
     The names are those in `QUANTITIES`; the function `units` gives the units. Quantities that do not apply to the model
-    are left out. A value is nan or infinite if the quantity is not defined for that draw. The natural frequency is left
-    out if the parameters of the restoring law are scalars, which are the same for all draws.
+    of `motions` are left out. A value is nan or infinite if the quantity is not defined for that draw. The natural
+    frequency is left out if the parameters of the restoring law are scalars, which are the same for all draws.
     """
     quantities = {q.name: q.of(motions) for q in QUANTITIES}
     fixed = all(np.ndim(motions.values[n]) == 0 for n in motions.osc.law.parameters)

@@ -69,7 +69,8 @@ def maximise_posterior(
         Function of a point, (d,), and a step, (d,), that returns the end of the step, (d,), which may follow a curve;
         by default it returns their sum.
     close : float
-        The search ends when a step is shorter than this, in posterior sds (see `LAST_STEP`).
+        The search ends with a step that is shorter than this, in posterior sds, and whose gain is small too (see
+        `LAST_STEP`), or whose gain cannot be more than `HOPELESS_GAIN`.
 
     Returns
     -------
@@ -103,7 +104,8 @@ def maximise(
     retract : callable
         Function of a point, (d,), and a step, (d,), that returns the end of the step, (d,); by default their sum.
     close : float
-        The search ends when a step is shorter than this, in posterior sds (see `LAST_STEP`).
+        The search ends with a step that is shorter than this, in posterior sds, and whose gain is small too (see
+        `LAST_STEP`), or whose gain cannot be more than `HOPELESS_GAIN`.
 
     Returns
     -------
@@ -141,7 +143,8 @@ class LocalSearch:
         Start and end of the search, as scores (parameters transformed so that their priors are standard normal). At the
         start, parameters of the noise are already estimated from the residuals.
     end : float
-        Log posterior density at the end, in nats.
+        Log posterior density at the end, in nats, not normalised, with the common prior scale of coefficients fixed at
+        1; −∞ if it is not finite at the start.
     volume : float
         Log volume of the posterior at the end: −½ log det of the information; −∞ if the determinant is not positive.
         The probability of a mode is proportional to exp(end + volume).
@@ -232,7 +235,7 @@ class Mode:
         """The likelihood with the common prior scale of damping coefficients fixed at a typical value near the mode.
 
         All coefficients with a shared half-normal prior have the same, unknown scale. Without such coefficients it is
-        `likelihood` itself.
+        `likelihood` itself. Raises Refusal, as `factor` does, if the information is not positive definite.
         """
         return self._normal[0]
 
