@@ -40,7 +40,10 @@ class Draws:
 
     @staticmethod
     def of(target: Target, values: np.ndarray, outcome: str = OK) -> Draws:
-        """Convert draws of parameters, (chain, draw, d), in the order of `target.priors`, to standard normal scores."""
+        """Convert draws of parameters, (chain, draw, d), in the order of `target.priors`, to standard normal scores.
+
+        values: the draws, in the units of the parameters. outcome: "ok", or the reason why they are unreliable.
+        """
         scores = [np.asarray(p.score(values[..., i])) for i, p in enumerate(target.priors.values())]
         return Draws(np.stack(scores, axis=-1), outcome)
 
@@ -48,8 +51,9 @@ class Draws:
 class EvidenceMethod(ABC):
     """A method that computes the log evidence, log ∫ prior · likelihood, of one target in nats.
 
-    A target is one model with its record and priors. needs_draws: True if the method starts from draws of the
-    posterior. approximate: True if the method is exact only for a normal posterior and gives no standard error.
+    A target is one model with its record and priors. name: name by which the method is selected. needs_draws: True if
+    the method starts from draws of the posterior. approximate: True if the method is exact only for a normal posterior
+    and gives no standard error.
     """
 
     name: str
@@ -90,7 +94,10 @@ class EvidenceMethod(ABC):
     def timed(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:
-        """Compute the log evidence by `evidence`, and add the time that this took (in s) to the result."""
+        """Compute the log evidence by `evidence`, and add the time that this took (in s) to the result.
+
+        Arguments and exceptions are those of `evidence`.
+        """
         began = time.perf_counter()
         return replace(self.evidence(model, target, mode, seed, draws), seconds=time.perf_counter() - began)
 

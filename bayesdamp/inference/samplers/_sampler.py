@@ -43,8 +43,8 @@ class Settings:
     chains : int
         Number of chains (emcee: each of its two ensembles has at least four times as many walkers).
     warmup : int
-        Number of first draws of each chain that are discarded (emcee: half of this number); see `warmup_of` for models
-        with deviations from the laws.
+        Number of first draws of each chain that are discarded (emcee: half of this number); at most
+        `LINEAR_WARMUP` if the model allows for deviations from its laws.
     draws : int
         Number of draws of each chain after the warm-up; the smallest number if NUTS continues its chains (`grows`). For
         emcee it is the number of steps of each walker if `grows` is False; otherwise emcee ignores it.
@@ -72,7 +72,10 @@ class Settings:
 
 
 class Sampler(ABC):
-    """A method that draws from the posterior of a target (one model with its record and priors), given its mode."""
+    """A method that draws from the posterior of a target (one model with its record and priors), given its mode.
+
+    name: name by which it is selected.
+    """
 
     name: str
 
@@ -87,9 +90,9 @@ class Sampler(ABC):
     def sample_and_summarise(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Return the result of `sample`, with summaries of the parameters and with the time that sampling took, in s.
 
-        If the sampler gives draws but no summaries, they are computed for each parameter. An outcome "ok" is then
-        replaced by `verdict(summaries)`, which is "ok" or a sentence on the first parameter whose chains have not
-        converged or are too short. Raises Refusal like `sample`.
+        The arguments are those of `sample`. If the sampler gives draws but no summaries, they are computed for each
+        parameter. An outcome "ok" is then replaced by `verdict(summaries)`, which is "ok" or a sentence on the first
+        parameter whose chains have not converged or are too short. Raises Refusal like `sample`.
         """
         began = time.perf_counter()
         posterior = replace(self.sample(target, mode, settings), seconds=time.perf_counter() - began)

@@ -42,10 +42,11 @@ class Emcee(Sampler):
     name = "emcee"
 
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
-        """Return draws of two ensembles that start widely scattered about the mode (`seeded_starts`).
+        """Return draws of two ensembles, whose walkers start widely scattered about the mode (`seeded_starts`).
 
-        If `settings.grows`, long chains are thinned to between 40,000 and 80,000 draws; the summaries are those of all
-        draws before thinning.
+        In the result each walker is a chain, first those of one ensemble, then those of the other. If `settings.grows`,
+        long chains are thinned to between 40,000 and 80,000 draws in total; the summaries are those of all draws before
+        thinning.
         """
         d, warmup = mode.z.size, settings.warmup_of(mode) // 2
         walkers = 4 * max(d + 2, 8, settings.chains)
