@@ -47,9 +47,9 @@ BEYOND = 1.3
 COMPARED = "comparison"
 """Key under which `answer` stores the model comparison in its argument `comparisons`, a dictionary."""
 CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
-"""Names of the arrays of a damping curve that a verdict on several records needs. `amplitude`: the amplitudes. `ratio`,
-`low`, `high`: the damping ratio there, and the ends of its 95 % interval. `over`, `over_sd`: mean and sd of ln(damping
-ratio / damping ratio without deviations from the damping law)."""
+"""Names of the arrays of a damping curve that a verdict on several records needs. `amplitude`: the amplitudes, in the
+base unit. `ratio`, `low`, `high`: the damping ratio there, and the ends of its 95 % interval. `over`, `over_sd`: mean
+and sd of ln(damping ratio / damping ratio without deviations from the damping law)."""
 BY_LAW = ("ratio", "low", "high")
 """Names of the arrays with the damping ratio according to the damping laws, averaged over them by their probability,
 and its 95 % interval. They are left out if the damping is measured without a law (`Verdict.law_free`)."""
@@ -83,12 +83,14 @@ class Answer:
         (rad, m or the sensor's unit).
     arrays
         Arrays for the figure, by name: those of `inference.deviation.findings.picture` (without those of `OF_LAW` or
-        `BY_LAW` if the damping is measured without a law) and of `measured_curve`. For one of several records of a
-        specimen (the object that was recorded), also the likelihood of each model, `run/DAMPING@RESTORING/...`, `over`
-        and `over_sd`. Empty if an oscillation has no answer. For an envelope, see `answer_envelope`.
+        `BY_LAW` if the damping is measured without a law) and, if it can be measured, of `measured_curve`. For one of
+        several records of a specimen (the object that was recorded), also each model's likelihood,
+        `run/DAMPING@RESTORING/...`, `run/reference`, `over` and `over_sd` (see `_runs`). Empty if an oscillation has no
+        answer. For an envelope, see `answer_envelope`.
     further
-        Posterior draws of the models that were sampled (`draws/DAMPING@RESTORING`), and the arrays of the fits in
-        `content.laws` (`found/DAMPING@RESTORING/...`). Empty for an envelope.
+        Posterior draws, in natural units, of the models that were sampled without a doubt about the result
+        (`draws/DAMPING@RESTORING`), and the arrays of the fits in `content.laws` (`found/DAMPING@RESTORING/...`). Empty
+        for an envelope.
     """
 
     content: AnswerContent
@@ -186,10 +188,10 @@ def answer(
         of the record.
     sensor
         Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
-        every damping ratio. It is not used with the deviation "none".
+        damping ratios, unless these are measured without a law, or the deviation is "none".
     measured
-        Whether the record is a measurement. The probabilities of compared sums and restoring laws are then at most
-        `thresholds.CAP`, unless the deviation is "none".
+        Whether the record is a measurement. The probabilities of dampings and of the restoring law in the verdict are
+        then at most `thresholds.CAP`, unless the deviation is "none".
     seed
         Seed of all random numbers.
     notes
@@ -199,7 +201,8 @@ def answer(
         answer is from linear approximations of the motion.
     comparisons
         A dictionary in which the comparison by linear approximations is stored. A later call with this dictionary uses
-        the stored comparison, so its signal and the arguments on models, priors and noise must be the same.
+        the stored comparison; its signal, deviation, damping, restoring, known, priors, reference and noise must
+        therefore be the same.
     repeated
         Whether the signal is one of several records of a specimen (the object that was recorded). The answer then
         contains each model's likelihood (for `Answer.of_specimen`).
@@ -261,7 +264,7 @@ def answer(
         remarks += [f"{'+'.join(terms)} was not compared: {why}." for terms, why in reasons.items()]
     try:
         curve = law_free(signal)
-    except Refusal:  # the record is too short
+    except Refusal:  # for example because the record is too short
         curve = None
     measured_ratios = None
     if curve is not None and findings.ratios:

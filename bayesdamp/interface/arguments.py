@@ -53,8 +53,8 @@ def known_and_priors(
     Raises
     ------
     InputError
-        If a name is unknown, if the parameter cannot have the value or the prior, or if it is given twice. Damping
-        coefficients cannot be known.
+        If an argument is not a dictionary, if a name is unknown, if the parameter cannot have the value or the prior,
+        or if it is given twice. Damping coefficients cannot be known.
     """
     names, coefficients = names_of_parameters(terms, parameters), {TERMS.get(t).parameter for t in terms}
     values: dict[str, float] = {}

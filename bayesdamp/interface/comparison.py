@@ -126,7 +126,7 @@ class Comparison(Result):
         Columns: amplitude (in `unit`); ratio (equivalent damping ratio); lost (energy lost in a cycle per unit of
         inertia, in `unit`²/s²); ratio_low, ratio_high, lost_low and lost_high (ends of the intervals); unit (the file's
         unit of displacement; rad or m for a file in rpm or g); record (its name). There are no rows for an envelope,
-        for a record on which no model was compared, and for a record that is too short.
+        for a record on which no model was compared, and for one that is not suited (for example, too short).
         """
         return self._joined({n: f"free/{n}" for n in DAMPING_CURVES})
 
@@ -187,7 +187,7 @@ class Comparison(Result):
         Raises
         ------
         InputError
-            If no record has an answer, or `ax` does not contain this number of axes.
+            If there is nothing to plot (no oscillation has an answer), or `ax` does not contain this number of axes.
         """
         from matplotlib import rc_context
 
@@ -287,7 +287,7 @@ def compare(
     damping, restoring
         Sums of damping terms, such as "viscous+coulomb", and restoring laws to compare. By default these are the seven
         sums of viscous, Coulomb and quadratic damping, and all laws that the unit of the record allows. Other forms of
-        damping are tried in addition.
+        damping are tried in addition (not for envelopes).
     known
         Known values of parameters other than damping coefficients, by name, in base units: rad, m or the sensor's unit,
         and s.
@@ -295,7 +295,7 @@ def compare(
         Priors by name of the damping term or of the parameter, in base units; other parameters have default priors.
     sensor
         Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
-        every damping ratio. It is not used with the deviation "none".
+        damping ratios, unless these are measured without a law, or the deviation is "none".
     amplitudes
         Amplitudes at which to give the damping ratio, in the unit of the recorded file (in rad or m if that is a unit
         of velocity or acceleration); by default three in the range of the record. They may be outside each record's

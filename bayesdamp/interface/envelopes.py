@@ -52,7 +52,8 @@ def analyse(
     Raises
     ------
     InputError
-        If a damping term cannot be used for an envelope.
+        If a damping term cannot be used for this envelope: if it dissipates no energy, or needs a frequency or an
+        amplitude in rad or m that is not known.
     """
     try:
         # The matrices have about a hundred rows; with more than one BLAS thread this is slower.
@@ -98,7 +99,7 @@ def answer_envelope(
     Raises
     ------
     InputError
-        If a sum has more than three terms, if a term cannot be used for an envelope, or if no sum is left.
+        If a sum has more than three terms, a term cannot be used for this envelope (see `analyse`), or no sum is left.
     """
     from bayesdamp.report.figures.record import thin_line  # imports slowly
 

@@ -31,8 +31,8 @@ class Estimate(Result):
     initial, refined
         The estimator's own estimate from the record, and the result of the least-squares trajectory fit that starts
         from it. Each has the fields values and stderr (standard errors), by parameter, in the units `units`; details;
-        evaluations (number of evaluations of the method's objective); seconds (computing time); and outcome. values and
-        stderr contain only the parameters that were computed.
+        evaluations (number of simulations, fits or models that were evaluated); seconds (computing time); and outcome.
+        values and stderr contain only the parameters that were computed.
     units
         Unit of each parameter that one of the two stages computed, by name.
     """
@@ -97,7 +97,7 @@ def estimate(
         A name in `bayesdamp.estimators.ESTIMATORS`, such as "envelope" or "sindy": one of the eleven of the package, or
         one of your own.
     model
-        The model.
+        The model. Its noise models, priors, deviation and sensor have no effect.
     options
         Options of the estimator, by name, as in a study; by default its own defaults.
     seed
@@ -111,7 +111,8 @@ def estimate(
     Raises
     ------
     InputError
-        If an argument is invalid.
+        If an argument is invalid, if the restoring law does not suit the unit of the record, or if an oscillator with
+        the known parameters cannot oscillate about the record's midline.
 
     Examples
     --------

@@ -19,11 +19,12 @@ from bayesdamp.verdict.words import sentence
 def first_words(signal: Signal, unit: str = "") -> LawFreeDamping:
     """Measure frequency and damping of a free decay at three amplitudes, without assuming a damping law.
 
-    Sinusoids are fitted in short windows. The three amplitudes are that of the first window (the largest), that of the
-    last window (the smallest), and the geometric mean of both, in the signal's base unit. The field `sentence` of the
-    result describes it, with the mean frequency and its 95 % interval. Only in this sentence are the amplitudes in
+    Sinusoids are fitted in short windows. The arrays of the result, a `LawFreeDamping`, have three elements, for the
+    amplitude in the first window (the largest), the geometric mean of this and the last one, and that in the last
+    window (the smallest), in the signal's base unit. The field `sentence` of the result describes it, with the mean
+    frequency and its 95 % interval. Only in this sentence are the amplitudes in
     `unit`, such as "deg", if this is a unit of the signal's displacement. Raises Refusal if the record does not
-    oscillate or has too few cycles, or if the amplitudes of its cycles differ too much.
+    oscillate, has too few cycles, or is not suited for another reason (see `law_free`).
 
     >>> import bayesdamp as bd
     >>> signal = bd.simulate({"viscous": 0.05}, stiffness=20.0, duration=10.0, samples=400, noise_sd=0.003)

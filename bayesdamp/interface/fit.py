@@ -70,8 +70,8 @@ class Prediction(Result):
     t
         Times in s, shape (m,).
     value, sd
-        Motion of the best fit, and its standard deviation due to the uncertainty of the parameters (without noise),
-        each of shape (m,), in `unit`.
+        Motion of the best fit, and its standard deviation due to the uncertainty of the parameters and, if the model
+        allows them, of the deviations from its laws (without noise), each of shape (m,), in `unit`.
     quantity, unit
         The predicted quantity ("angle", "velocity" or "acceleration"), and its unit: that of the signal (rad, m or the
         sensor's), per s or s², not that of the recorded file.
@@ -136,14 +136,14 @@ class Fit(Result, Storable):
         laws, they are from the normal approximation of the posterior in z, otherwise from draws of the linear
         approximation.
     known
-        Values of the parameters that were not inferred, by name.
+        Values that were not inferred, by name: known or chosen parameters, constants of the noise model or of a term.
     fitted, residuals
         Trajectory, and record minus trajectory, in `signal.y_unit`, each of shape (n,); empty if nothing was fitted. If
         the model allows deviations, the trajectory includes those of the best motion. Both are then NaN at samples that
         are not used (after the amplitude has fallen below 5 % of its first value).
     log_posterior
         Log prior plus log likelihood of the values in nats, as a density in natural units, not normalised; NaN if the
-        model allows deviations.
+        model allows deviations, or nothing was fitted.
     outcome
         "ok", or a sentence that says why there is no fit.
     notes
@@ -226,14 +226,15 @@ class Fit(Result, Storable):
         """Return a table of equivalent damping ratios at several amplitudes, with their uncertainty.
 
         Columns: amplitude, unit (of the amplitude), value (median; a fraction), low and high (ends of the 95 %
-        interval), sd_noise (standard deviation due to noise) and sd_law (due to the deviation of the damping from its
-        law). The interval covers both, and the linearity error of the sensor.
+        interval), sd_noise (part of the standard deviation that is due to noise) and sd_law (the other part, due to the
+        deviation of the damping from its law and the linearity error of the sensor). The interval covers both. All
+        numbers but the amplitude are NaN if no motion has this amplitude.
 
         Parameters
         ----------
         amplitudes
-            Amplitudes in the file's unit of displacement (rad or m for a file in rpm or g), as in the table; by default
-            three in the range of the record.
+            Amplitudes in the file's unit of displacement (rad or m for a file in rpm or g), as in the table, which has
+            a row for each in this order; by default three in the range of the record, the largest first.
 
         Raises
         ------
@@ -444,11 +445,12 @@ def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None
 
     The model is first fitted by least squares, as in `compare`, to windows that grow from the first two cycles to the
     whole record. The search for the posterior mode starts from this fit and from `start`. If the model has several
-    noise models, the one with the highest evidence under this model is chosen.
+    noise models, the one with the highest evidence under this model is chosen; those without a noise parameter that has
+    a known value or a prior are left out.
 
     If the model allows deviations from its laws (`model.deviation`), `start` cannot be given. The noise model, and the
-    width ε of Coulomb friction if it is not known, are then chosen as in `compare`, with viscous, Coulomb and quadratic
-    damping together.
+    width ε of Coulomb friction if it is not known, are then chosen as in `compare`, with viscous, Coulomb, quadratic
+    and the model's other damping terms together.
 
     Parameters
     ----------
@@ -463,7 +465,8 @@ def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None
     Returns
     -------
     Fit
-        The fit. If the model cannot be fitted to this record, its outcome is a sentence with the reason.
+        The fit. If the model cannot be fitted to this record, or if a model with deviations is far less probable than
+        the larger sum of terms (above), its outcome is a sentence with the reason.
 
     Raises
     ------

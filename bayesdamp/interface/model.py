@@ -62,7 +62,8 @@ class Density(ResultView):
     Its methods take a vector x of the inferred parameters in the units `units` (not transformed), in the order of
     `names`, and raise InputError if x has another shape. The step sizes of the ODE solver are chosen at the best fit.
     Within three standard deviations of it, the numerical error of the log likelihood is at most 1e-3 nats; farther away
-    it is a small fraction of the difference from the maximum.
+    it is a small fraction of the difference from the maximum. If the model allows deviations from its laws, they are
+    integrated out of the likelihood.
 
     Attributes
     ----------
@@ -115,7 +116,7 @@ class Density(ResultView):
 
     @property
     def known(self) -> Mapping[str, float]:
-        """Values of parameters that are not inferred, by name."""
+        """Values that are not inferred, by name: parameters, and constants of the noise model or of damping terms."""
         return self.target.known
 
     def summary(self) -> pd.DataFrame:
@@ -242,12 +243,14 @@ class Model(Result):
     Parameters
     ----------
     damping
-        A sum of damping terms, such as "viscous+coulomb".
+        A sum of damping terms, such as "viscous+coulomb"; the terms are put into a fixed order.
     restoring
         Name of the restoring law, such as "linear" or "pendulum".
     noise
-        A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, of which
-        the evidence chooses one for the record.
+        A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, from which
+        one is chosen for the record: the one with the highest evidence. Unless the deviation is "none", Gaussian noise,
+        if it is among them, is replaced only by a model whose log evidence is clearly larger (at least 5 nats), and
+        never by correlated noise.
     priors
         Priors by damping term or parameter name, in base units (rad, m or the sensor's, and s); other parameters have
         default priors. If a name is both a damping term and a parameter of the restoring law, such as "cubic" with the
@@ -339,7 +342,7 @@ class Model(Result):
 
     @property
     def system(self) -> System:
-        """The known values and the priors of the parameters, in the form that estimators and inference use."""
+        """Known values, and in `free` the priors of other parameters (None: default), in the form that fits use."""
         given, unknown = self.parameter_priors, [n for n in self.parameters if n not in self.known]
         free = {n: given.get(n) for n in unknown if n != "epsilon" or n in given}
         return System(self.restoring, dict(self.known), free, self.amplitude, self.frequency)
@@ -447,7 +450,8 @@ class Case:
             The noise model.
         epsilon
             Velocity in rad/s (m/s for a translation) within which Coulomb friction changes its sign, if it was chosen
-            for this record; None if the model states it or infers it, or has no friction.
+            for this record. With None it is as the model states it: known, inferred, or else the default
+            (`Reference.friction_width`).
 
         Raises
         ------
@@ -543,7 +547,8 @@ def fit_approximate(signal: Signal, model: Model) -> Single:
 
     A record of many cycles is first reduced to amplitudes and phases, averaged over cycles. If this is not accurate
     enough, a record of at most `MOST_CYCLES` cycles is fitted again without averages. A record with a known initial
-    displacement or velocity is not reduced. Raises Refusal if the model cannot be fitted to the record.
+    displacement or velocity is not reduced. Raises Refusal if the model cannot be fitted to the record, and InputError
+    as `Case.of`.
     """
     fit = partial(
         fit_single,

@@ -42,7 +42,7 @@ MOST_VALUES = 20_000_000
 of the record; this is 160 MB."""
 DAMPING, FREQUENCY = "damping_deviation", "frequency_deviation"
 """Names of the variables in `Posterior.data` with the relative deviations of damping and frequency from their laws, at
-times along the record. With the suffix `_size` they name the mean size of each deviation over the record."""
+times along the record. With the suffix `_size` they name the mean size of each over the record (`Single.sizes`)."""
 RECORD = "record"
 """Name of the only variable in each group of `Posterior.data` whose values belong to the samples of the record: the
 observed values, the simulated values, or the log likelihoods."""
@@ -70,18 +70,18 @@ class Posterior(Result, types.Posterior):
     fit, sampler
         The fit, and the name of the sampler.
     names, summaries
-        Names of the inferred parameters, and mean, sd, quantiles and diagnostics of each, by name. Both are empty
-        without draws.
+        Names of the inferred parameters, and mean, sd, quantiles and diagnostics of each, by name. Both are empty if
+        the sampler gave no draws.
     draws
-        Draws in natural units (`fit.units`), shape (chain, draw, parameter), without the warmup.
+        Draws in natural units (`fit.units`), shape (chain, draw, parameter), without warmup; emcee may thin them.
     log_likelihood
         Log likelihood of each draw in nats, shape (chain, draw).
     stats
         Statistics of the sampler by name, each of shape (chain, draw).
     divergences
-        Number of divergent NUTS transitions; None for other samplers.
+        Number of divergent transitions of "nuts"; 0 or None for other samplers.
     evaluations, seconds
-        Number of evaluations of the likelihood, and computing time in s.
+        Number of evaluations of the likelihood (0 for smc, which does not count them), and computing time in s.
     ensembles
         Number of ensembles of chains that exchange information (emcee), for the diagnostics.
     diagnostics
@@ -112,12 +112,13 @@ class Posterior(Result, types.Posterior):
 
     @cached_property
     def data(self) -> xr.DataTree:
-        """All results as a data tree for ArviZ, computed at the first use. Raises Refusal without draws.
+        """All results as a data tree for ArviZ, computed at the first use.
 
         The groups are posterior, prior, posterior_predictive, log_likelihood (of each sample given all others, as in
         leave-one-out cross-validation), sample_stats, observed_data and constant_data. posterior_predictive is missing
         if the noise model cannot be simulated. Times are in s from the first sample, and units are attributes. With
-        very many samples and draws, posterior_predictive and log_likelihood are thinned to a size of 160 MB each.
+        very many samples and draws, posterior_predictive and log_likelihood contain only every n-th draw, so that each
+        has a size of 160 MB. Raises Refusal if the sampler gave no draws.
 
         If the model allows deviations from its laws, posterior and prior also contain the deviations at the times at
         which they are inferred (coordinate `knot`), and their mean sizes. Observed, simulated and log likelihood values
@@ -131,10 +132,13 @@ class Posterior(Result, types.Posterior):
     def derived(self) -> xr.Dataset:
         """Natural frequency, damping ratio, half-life and other quantities of each draw, (chain, draw).
 
-        Units are attributes. The quantities are at the amplitude to which default priors are scaled, which is the
-        attribute `amplitude` of each. A value is not finite if the quantity does not exist for a draw. The quantities
-        do not include deviations from the damping and restoring laws; the method `damping_ratio` does. Raises Refusal
-        without draws.
+        natural_frequency, damping_ratio and quality_factor are those of small oscillations. The others are at the
+        amplitude to which default priors are scaled; half_life is the time from this amplitude to half of it. Each has
+        the attributes `units` and `amplitude` (this amplitude as text, also for the three that do not depend on it). A
+        quantity that the model does not have, such as damping_ratio with friction alone, is missing, and so is
+        natural_frequency if all parameters of the restoring law are known. A value is not finite if the quantity does
+        not exist for a draw. Deviations from the laws are not included; the method `damping_ratio` includes them.
+        Raises Refusal if the sampler gave no draws.
         """
         import xarray as xr
 
@@ -154,7 +158,8 @@ class Posterior(Result, types.Posterior):
     def damping_ratio(self, amplitudes: Sequence[float] | None = None) -> pd.DataFrame:
         """Return a table of equivalent damping ratios at several amplitudes, from these draws.
 
-        The columns, `amplitudes` and errors are those of `Fit.damping_ratio`. Raises Refusal also without draws.
+        The columns, `amplitudes` and errors are those of `Fit.damping_ratio`. Raises Refusal also if the sampler gave
+        no draws.
         """
         self._require_draws()
         u = self.u.reshape(-1, self.u.shape[-1]) if self.u.size else None
@@ -165,18 +170,19 @@ class Posterior(Result, types.Posterior):
         """Log of the joint prior density of the parameters in natural units at each draw, (chain, draw).
 
         Deviations are not included, because they have no density: their prior is a mixture with a point mass at 0.
-        Raises Refusal without draws.
+        Raises Refusal if the sampler gave no draws.
         """
         self._require_draws()
         scales = self.fit.engine[0].scales
         return joint_log_density([self.fit.priors[n] for n in self.names], self.draws, scales)
 
     def summary(self, derived: bool = True) -> pd.DataFrame:
-        """Return a table with a row for each parameter and, if `derived`, each derived quantity; empty without draws.
+        """Return a table with a row for each parameter and, if `derived`, for each quantity of the property `derived`.
 
-        Derived quantities that do not exist for some draws are left out. The columns are mean, sd, quantiles, the
-        shortest 95 % interval, effective sample sizes, R-hat and unit. If the model allows deviations from its laws,
-        there are also the parts of each parameter's sd that are due to the noise and to the deviations, as in `Fit`.
+        It is empty if the sampler gave no draws. Quantities that do not exist for some draws are left out. The columns
+        are mean, sd, quantiles, the shortest 95 % interval, effective sample sizes, R-hat and unit. If the model allows
+        deviations from its laws, there are also the parts of each parameter's sd that are due to the noise and to the
+        deviations, as in `Fit`.
         """
         rows = {n: {**s, "unit": self.fit.units[n]} for n, s in self.summaries.items()}
         if derived and self.names:
@@ -208,7 +214,7 @@ class Posterior(Result, types.Posterior):
         InputError
             If a name is not an inferred parameter, or `ax` contains another number of axes.
         Refusal
-            If there are no draws.
+            If the sampler gave no draws.
         """
         self._require_draws()
         chosen = list(self.names if names is None else names)
@@ -233,7 +239,7 @@ class Posterior(Result, types.Posterior):
         return axes
 
     def _require_draws(self) -> None:
-        """Raise Refusal if there are no draws."""
+        """Raise Refusal, with the text `outcome`, if the sampler gave no draws."""
         if not self.names:
             raise Refusal(self.outcome)
 
@@ -246,7 +252,7 @@ class Posterior(Result, types.Posterior):
 
 
 def build_tree(post: Posterior, most: int) -> xr.DataTree:
-    """Return all results as a data tree for ArviZ, as `Posterior.data` explains. Raises Refusal without draws.
+    """Return all results as a data tree for ArviZ, as `Posterior.data` explains; raise Refusal if there are no draws.
 
     most: approximate largest number of values in each of the groups posterior_predictive and log_likelihood. If there
     would be more, these groups contain only every n-th draw, but at least one draw of each chain.
@@ -307,8 +313,9 @@ def _parameters(post: Posterior, draws: np.ndarray) -> Group:
 def _with_deviations(post: Posterior, law: Single, u: np.ndarray) -> Group:
     """Convert draws with deviations from the laws to a group: parameters, deviations and their mean sizes.
 
-    `u`, (chain, draw, K), contains the draws: the parameters as standard normal scores, then the deviations g (log
-    damping) and h (relative frequency) at the times `law.knots`.
+    The deviations in the group are exp(g) − 1 and h, their sizes those of g and h (`Single.sizes`). `u`, (chain, draw,
+    K), contains the draws: the parameters as standard normal scores, then the deviations g (log damping) and h
+    (relative frequency) at the times `law.knots`.
     """
     chains, count, total = u.shape
     flat = u.reshape(-1, total)
@@ -414,11 +421,12 @@ def sample(
         A name in `bayesdamp.inference.samplers.SAMPLERS`: nuts (the default if the model assumes exact laws) or emcee.
         If the model allows deviations from its laws, also smc, which is then the default.
     chains, warmup
-        Number of chains, 2 to 1000, and number of draws that each chain discards at its beginning, at least 10 (no
-        effect for smc). For emcee the chains are its walkers, of which it may use more than requested.
+        Number of chains, 2 to 1000, and number of draws that each chain discards at its beginning, at least 10 (emcee
+        discards half of it; smc none). With deviations from the laws nuts discards at most 50, emcee 25. For emcee the
+        chains are walkers, of which it uses at least 8 times the requested number.
     draws
-        Number of draws of each chain after the warmup, at least 10. By default 1,000; only then nuts and emcee add
-        draws if these are too few.
+        Number of draws of each chain after the warmup, at least 10. By default 1,000; only then nuts adds draws if
+        these are too few, and emcee makes as many as it needs instead.
     seed
         Seed of all random numbers.
 
@@ -498,7 +506,7 @@ class Evidence(Result, types.Evidence):
     diagnostic
         Diagnostic numbers of the method, in words.
     evaluations, seconds
-        Number of evaluations of the likelihood, and computing time in s.
+        Number of evaluations of the likelihood (for smc the number of draws), and computing time in s.
     outcome
         "ok", or a sentence that says why the value is unreliable or missing.
     signal, noise

@@ -77,7 +77,7 @@ class Result(ResultView):
         Raises
         ------
         InputError
-            If the file is missing or damaged, or does not contain a result of this class.
+            If the file is missing, damaged, not a result of this class, or cannot be read by this version.
         """
         result = _read(path)
         if not isinstance(result, cls):
@@ -111,7 +111,7 @@ def load(path: str | Path) -> Any:
 def _read(path: str | Path) -> Any:
     """Load a result from a file.
 
-    Raises InputError if the file is missing, damaged, or contains something else.
+    Raises InputError if the file is missing, damaged, contains something else, or cannot be read by this version.
     """
     path = Path(path)
     if not path.is_file():

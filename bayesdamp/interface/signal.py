@@ -62,7 +62,7 @@ class Signal(Result, types.Signal):
         Information on how the record was read and cleaned.
     whole_t, whole_y
         The whole record from which the decay was cut: times in s on the record's own time axis, and values in the unit
-        of y, shape (N,); empty if the signal was not cut from a record.
+        of y, without the sensor's zero offset, shape (N,); empty if the signal was not cut from a record.
     """
 
     whole_t: NDArray[np.float64] = field(default_factory=lambda: _EMPTY)
@@ -159,8 +159,8 @@ def signal(
     t
         Times in s, shape (n,).
     y
-        The recorded quantity, shape (n,), in the unit that follows from `unit` and `quantity`. With `rate`, it is the
-        first argument.
+        The recorded quantity, shape (n,), in the unit that follows from `unit` and `quantity`. With `rate`, it may be
+        the first argument.
     rate
         Sampling rate in Hz, instead of the times: `signal(y, rate=500.0)`.
     unit
@@ -184,8 +184,8 @@ def signal(
     Raises
     ------
     InputError
-        If an argument is invalid, or the arrays are not a valid record or (if `cleaned`) do not contain two periods of
-        an oscillation.
+        If an argument is invalid, if the arrays are not a valid record, or if (only with `cleaned`) they do not contain
+        two periods of an oscillation, or are for example clipped or rectified.
 
     Examples
     --------
@@ -272,7 +272,7 @@ def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> S
     """Find the free decay in a raw record, and return it as a signal.
 
     If the record is not the free decay of one oscillator (beats, growth), and start and stop are "auto", the signal is
-    the whole oscillation up to the end of the record.
+    the record from its largest value, or from its start, to its end.
 
     Parameters
     ----------
@@ -358,7 +358,7 @@ class Record(Result):
         """Return the free decay of one run, in base units (rad, m or the sensor's unit).
 
         If the run is not the free decay of one oscillator (beats, growth), and `start` and `stop` are "auto", the
-        signal is the whole oscillation up to the end of the run.
+        signal is the run from its largest value, or from its start, to its end.
 
         Parameters
         ----------
@@ -377,7 +377,7 @@ class Record(Result):
         ------
         InputError
             If the run does not exist, another argument is invalid, or the run does not contain two periods of an
-            oscillation.
+            oscillation, or cannot be used for another reason (for example because it is clipped or rectified).
         """
         if run not in self.runs:
             raise InputError(
@@ -390,7 +390,7 @@ class Record(Result):
     def signals(self) -> tuple[Signal, ...]:
         """Return the free decay of each run, as the method `signal` with its default arguments.
 
-        Raises InputError if any run does not contain two periods of an oscillation.
+        Raises InputError if `signal` does so for any run.
         """
         return tuple(self.signal(run) for run in self.runs)
 
@@ -426,15 +426,16 @@ def read(
         Columns of times and values, by name or by number from 1; in MATLAB and .npz files by a path with dots, such as
         "run.phi". They can be left out if only one choice is possible.
     rate
-        Sampling rate in Hz, for a file without times.
+        Sampling rate in Hz; it replaces times and rate of the file, and cannot be given with `time`.
     unit, quantity
         Unit and quantity of the values, as in `signal`; by default from the file (`Angle(deg)`, `acc (g)`). If the file
-        has no unit, an angle in rad is assumed, or in another unit (with a warning) if the values are too large for
+        has no unit, an angle in rad is assumed, or degrees or counts (with a warning) if the values are too large for
         rad.
     runs
         Runs to read, such as `2` or `"1,3-5"`; by default all. In the record they are numbered from 1.
     channels
-        Names of the channels to read; by default all that oscillate. Each run of each channel is a run of the record.
+        Columns to read in addition to `value`; without both, all that oscillate. Each run of each channel is a run of
+        the record.
     time_unit
         Unit of the times (`"ms"`, `"us"`, `"h"` ...); by default from the file, otherwise s.
 

@@ -57,7 +57,7 @@ def simulate(
     samples
         Number of equally spaced samples from 0 to `duration`, before gaps are removed.
     noise_sd
-        Standard deviation of the noise, in the unit of the quantity; for "student_t" the scale of the distribution.
+        Standard deviation of the noise, in the unit of the quantity (for "student_t" the scale); by default no noise.
     noise
         The noise model: "gaussian" (white), "correlated" or "student_t".
     outliers
@@ -90,7 +90,7 @@ def simulate(
     Raises
     ------
     InputError
-        If an argument is invalid or missing.
+        If an argument is invalid or missing, the motion grows without bound, or gaps take over half of the record.
 
     Examples
     --------
