@@ -46,7 +46,7 @@ def decide(
     """Decide on the verdict on one record.
 
     A law-free value is measured without assuming a damping law or a restoring law. It contradicts the value of a law if
-    they differ by more than a threshold and their 95 % intervals do not overlap.
+    they differ by more than a threshold, and their 95 % intervals do not overlap although the law-free one is widened.
 
     A damping is named without reservation (`decided`) if all of these conditions are met: its probability is at least
     `thresholds.DECIDED`; it is also the most probable damping under exact laws; the grade is not `DEVIATES`; and no
@@ -83,7 +83,8 @@ def decide(
     averages
         The averaging over cycles, if it was used because the record has very many cycles; else None.
     law_free
-        Damping ratios and frequency that are measured without a law, at or near the amplitudes of the findings' ratios.
+        Damping ratios and frequency that are measured without a law, at or near the amplitudes of the findings' ratios,
+        in the same order; None if they cannot be measured.
 
     Returns
     -------

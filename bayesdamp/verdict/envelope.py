@@ -187,10 +187,10 @@ def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple
     """Return the coefficients and further parameters of the terms in the most probable sum of damping terms.
 
     Each is averaged over all sums that contain the term. For a record in dB, whose amplitudes have no absolute scale,
-    the coefficients are in units of the amplitude at the start. If the frequency is not known, two rules apply: for a
-    term that is not a power of the amplitude, the decay rate at the start replaces the coefficient; and further
-    parameters whose unit contains a time are left out. draws: first draws of the rates with deviations from the laws
-    and the sensor's error, then draws without both.
+    the coefficients are in units of the amplitude at the start. If the frequency is not known, viscous, Coulomb and
+    quadratic damping have the coefficients of the amplitude's decay (`coefficient_from_rate`); for another term, the
+    decay rate at the start, `rate_TERM`, replaces the coefficient; and further parameters whose unit contains a time
+    are left out. draws: draws of the rates, first with deviations from the laws and the sensor's error, then without.
     """
     record, best, omega = decay.record, ranking.best, decay.blocks.frequency
     amplitude = float(np.exp(-best.start if record.logarithmic else decay.reference))
@@ -311,8 +311,8 @@ def shared_likelihoods(answers: Sequence[EnvelopeAnswer]) -> dict[str, tuple[Dam
 
     The likelihood of a record is a function of the scores of the sum's terms. The score of a term is its damping ratio
     at a reference amplitude, divided by `SCORE_RATIO`. The reference amplitude is the geometric mean of the records'
-    own reference amplitudes. If the frequency of any record is not known, the score is the term's decay rate times the
-    geometric mean of the records' durations, times a constant.
+    own reference amplitudes. If the frequency of any record is not known, the score is the term's decay rate at this
+    amplitude times the geometric mean of the records' durations, times a constant.
     """
     records = [a.likelihoods for a in answers if a.likelihoods]
     if not records:
@@ -400,11 +400,11 @@ def at_common_amplitudes(
 def specimen(name: str, answers: Sequence[EnvelopeAnswer]) -> Verdict | None:
     """Return the verdict on a specimen from the answers on its envelopes; None if fewer than two of them have a decay.
 
-    The common Q is the mean of ln Q over the records, which may differ by a normal random effect (`pool_records`). If
-    the frequency of a record is unknown, the decay rate is used instead of Q. Unless the damping is viscous with a
-    probability of at least `thresholds.DECIDED`, Q is assumed to depend on the amplitude. The common Q is then computed
-    at three amplitudes that all records have in common, and `quality_factor` or `rate` is that at the middle one. If
-    there are no common amplitudes, it is computed from the mean Q of each record, and a remark says so.
+    The common Q is exp of the mean of ln Q over the records, whose ln Q may differ by a normal random effect
+    (`pool_records`). If the frequency of a record is unknown, the decay rate is used instead of Q. Unless the damping
+    is viscous with a probability of at least `thresholds.DECIDED`, Q is assumed to depend on the amplitude. The common
+    Q is then computed at three amplitudes that all records have in common, and `quality_factor` or `rate` is that at
+    the middle one. Without common amplitudes it is computed from the mean Q of each record, and a remark says so.
 
     Sums whose terms have parameters besides their coefficients cannot be compared on all records together. If one was
     compared, the damping is "", and a remark gives that of each record; unless it was the only sum.

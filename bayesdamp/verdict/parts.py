@@ -18,9 +18,10 @@ class Grade(StrEnum):
 
     EXACT: the damping follows its law within a small limit (for an envelope: the law probably holds exactly), or laws
     were assumed to hold exactly. APPROXIMATE: the deviation from the law may be larger, but the law is still the
-    answer. DEVIATES: the deviation, or the unexplained residual, is so large that no law is named as the answer.
-    NO_FREE_DECAY: the record is not the free decay of one oscillator. NOT_WEIGHED: no model could be fitted.
-    `decide.grade_of`, and for an envelope `envelope.answer`, state the limits.
+    answer. DEVIATES: no law is named as the answer, because the deviation or the unexplained residual is too large, or
+    because the best law contradicts the damping that is measured without a law (for an envelope: because a single power
+    of the amplitude describes it much better). NO_FREE_DECAY: the record is not the free decay of one oscillator.
+    NOT_WEIGHED: no model could be fitted. `decide.grade_of`, and for an envelope `envelope.answer`, state the limits.
     """
 
     EXACT = "exact"
@@ -59,15 +60,16 @@ class FrequencyAt(IntervalAt):
 
 
 class OverLaw(IntervalAt):
-    """The damping divided by the damping of its law without the inferred deviation, at an amplitude."""
+    """The damping divided by the damping of its law at an amplitude: exp(g − mean of g), with the log deviation g."""
 
 
 @dataclass(frozen=True)
 class MeasuredNumber:
     """A number with its total 95 % interval, from `low` to `high`, and its unit.
 
-    sd_noise, sd_law: the parts of its standard deviation that are due to noise and to deviations of the damping from
-    its law; NaN if unknown.
+    sd_noise: the part of its standard deviation sd that is due to noise. sd_law: the other part, √(sd² − sd_noise²),
+    such as that due to deviations from the laws, to the sensor or, for several records, to differences between them.
+    Both are NaN if unknown.
     """
 
     value: float
@@ -82,8 +84,8 @@ class MeasuredNumber:
 class AtAmplitude:
     """A number at an amplitude, with its total 95 % interval, from `low` to `high`.
 
-    unit: unit of the amplitude, not of the number. sd_noise, sd_law: the parts of the number's standard deviation that
-    are due to noise and to deviations of the damping from its law; NaN if unknown.
+    unit: unit of the amplitude, not of the number. sd_noise, sd_law: the two parts of the number's standard deviation,
+    as in `MeasuredNumber`.
     """
 
     amplitude: float
@@ -103,8 +105,8 @@ class DampingRatio(AtAmplitude):
 class Coefficient:
     """A parameter of the damping or restoring law that a verdict names, with its total 95 % interval, low to high.
 
-    sd_noise, sd_law: the parts of its standard deviation that are due to noise and to deviations of the damping from
-    its law; NaN if unknown. unit: unit of all these numbers.
+    sd_noise, sd_law: the two parts of its standard deviation, as in `MeasuredNumber`; NaN for several records. unit:
+    unit of all these numbers.
     """
 
     name: str
@@ -232,8 +234,7 @@ def quality_of(r: DampingRatio) -> str:
 def ratios_table(ratios: Iterable[DampingRatio], caption: str = "", parts: bool = False) -> Table:
     """Return a table of damping ratios in per cent and of Q, with 95 % intervals, against amplitude.
 
-    `parts`: whether to add two columns with the parts of each standard deviation, those due to noise and those due to
-    deviations of the damping from its law.
+    `parts`: whether to add two columns with the parts `sd_noise` and `sd_law` of each standard deviation, in per cent.
     """
     columns: dict[str, Callable[[DampingRatio], str]] = {
         "amplitude": lambda r: f"{fmt.digits(r.amplitude, n=3)} {r.unit}",

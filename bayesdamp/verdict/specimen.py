@@ -126,7 +126,8 @@ def specimen(
     """Return the verdict on a specimen (one object that was recorded several times) from the answers on its records.
 
     All records have the same damping, times a factor for each record, whose spread is inferred. The verdict has the
-    grade `NOT_WEIGHED` if no model was fitted to all records, and no coefficients if a record contradicts its law.
+    grade `NOT_WEIGHED` if no model was fitted to all records, no coefficients if a record contradicts its law, and no
+    natural frequency if those of the records differ (`thresholds.FREQUENCIES_DIFFER`).
 
     Parameters
     ----------
@@ -135,10 +136,10 @@ def specimen(
     records
         Answers on its records.
     priors
-        Specified priors of the damping coefficients, by parameter; the others have default priors.
+        Specified priors of the damping terms' parameters, by parameter; the others have default priors.
     sensor
         Relative linearity error of the sensor (sd; 0.002 by default). It is the same in all records, so that a mean
-        over the records does not reduce it.
+        over the records does not reduce it. It has no effect if the laws of a record were assumed to hold exactly.
     seed
         Seed of the random draws.
     amplitudes
@@ -385,8 +386,8 @@ def _ratios(
 
     `reaching` maps each amplitude, in `unit`, to the indices of the records whose range contains it. Only these records
     are used at this amplitude, or all records if there are none. The damping ratio without deviations from the law is
-    drawn from the joint posterior. The deviation is the mean over the records (`pool_records`). The relative error
-    `sensor` of the sensor is added only if the laws may hold approximately.
+    drawn from the joint posterior; its sd is `sd_noise` of the results, and `sd_law` is the rest. The deviation is the
+    mean over the records (`pool_records`). The sensor's error `sensor` is added only if laws may hold approximately.
     """
     approximate = all("over" in r.curve for r in records)
     specimen_rows, following_rows = [], []

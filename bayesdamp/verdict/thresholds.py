@@ -9,14 +9,15 @@ from math import log
 DECIDED = 0.95
 """One damping is named without reservation only if its probability is at least this (conventional)."""
 CAP = 0.99
-"""Largest probability of a sum of damping terms or a restoring law that a verdict gives for a measured record. Measured
-on records whose laws do not hold exactly: nine in ten statements with a probability above 0.95 were right."""
+"""Largest probability of a damping or a restoring law that a verdict gives for a measured record, unless its laws are
+assumed to hold exactly; for an envelope or several records it always applies. Measured on records whose laws do not
+hold exactly: nine in ten statements with a probability above 0.95 were right."""
 NAMED = 0.05
 """If a verdict does not decide on a damping, its sentence mentions up to two other dampings whose probability is at
 least this. The sentence on the energy mentions another form of damping from the same probability."""
 EXACT = 0.03
 """The grade is exact if the 95 % interval of the deviation from the damping law (a fraction) ends at or below this,
-unless another limit makes it `DEVIATES`."""
+unless another limit makes it `DEVIATES`. For envelopes see `LIKELY_EXACT`."""
 DEVIATES = 0.25
 """If the deviation from the damping law is larger than this fraction, the grade is `DEVIATES`: no law is named as the
 answer. The median of the deviation is compared; for an envelope its 97.5 % quantile, unless its grade is exact. The
@@ -46,7 +47,7 @@ UNEXPLAINED = 0.05
 """The grade is `DEVIATES` if the rms residual beyond the noise is larger than this fraction of the first amplitude."""
 UNDESCRIBED = 0.5
 """The verdict says that no damping model describes the record if the rms residual beyond the noise is larger than this
-fraction of the amplitude (conventional: half)."""
+fraction of the first amplitude, or for an envelope of the amplitude (conventional: half)."""
 OTHER_MOTION = 0.05
 """A record is not the free decay of one oscillator if the amplitude of a second oscillation, or the growth of the
 amplitude, is at least this fraction of the amplitude of the first oscillation."""

@@ -49,8 +49,9 @@ _RATIOS = 3
 def _cells(name: str, value: Any) -> dict[str, object]:
     """Return the cells of verdicts.csv, by column, for the value of the field `name`.
 
-    Rivals, other forms, energies and remarks become one text each. For energies there is also a cell for each term,
-    with the probability that the damping contains it. Of damping ratios only the first `_RATIOS` are used.
+    A number with an interval becomes a cell for each of its `_PARTS`. Rivals, other forms, energies and remarks become
+    one text each. For energies there is also a cell for each term, with the probability that the damping contains it.
+    Of damping ratios only the first `_RATIOS` are used.
     """
     match name:
         case "rivals":
@@ -89,26 +90,27 @@ class Verdict(CheckedMethods):
     grade
         How well the damping and restoring laws hold, or why none was compared (see `Grade`).
     decided
-        Whether the record decides which damping it is; False if other dampings remain possible.
+        Whether the record decides which damping it is; False if other dampings remain possible, or no law is the answer
+        (`Grade.DEVIATES`).
     damping, probability, rivals
         The most probable of the compared sums of damping terms, with its terms joined by + ("" if none was compared);
-        its probability (NaN if none was compared; at most `thresholds.CAP`, unless the record is simulated or the laws
-        were assumed to hold exactly); and all other dampings with their probabilities. The rivals include forms of
-        damping outside the compared sums, which may be more probable.
+        its probability (NaN if none was compared; for the limit see `thresholds.CAP`); and all other dampings with
+        their probabilities. The rivals include forms of damping outside the compared sums, which may be more probable.
     restoring, restoring_probability
         Name and probability of the most probable restoring law; "" and NaN for an envelope.
     frequency
         Natural frequency of small oscillations in Hz, from the restoring law; None if the record does not determine or
-        contradicts it. For an envelope: the frequency of its oscillation, if it was specified. For a record that is not
-        a free decay: the frequency of its largest oscillation.
+        contradicts it, or if those of several records differ. For an envelope: the frequency of its oscillation, if it
+        was specified. For a record that is not a free decay: the frequency of its largest oscillation.
     frequency_at
-        Frequency in Hz at the smallest amplitude of `damping_ratio` (or close to it; the amplitude is included). It
-        may be measured without a law although `law_free` is False: if the measured value is more precise than that
-        of the laws, contradicts it, or is the only one.
+        Frequency in Hz at the last amplitude of `damping_ratio` (or close to it; the amplitude is included); None for
+        several records. It may be measured without a law although `law_free` is False: if the measured value is more
+        precise than that of the laws, contradicts it, or is the only one.
     exponent
         Exponent p of the damping force fitted as one power |v|^p of the velocity, with its 95 % interval.
     damping_ratio
-        Equivalent viscous damping ratios (fractions) at amplitudes of the record, usually three, the largest first.
+        Equivalent viscous damping ratios (fractions) at the requested amplitudes in their order, by default at up to
+        three amplitudes of the record, the largest first.
     energy, other_forms
         The share of the energy that each compared term dissipates, whether it is in `damping` or not; and upper limits
         for the shares of forms of damping that are not in `damping`. Both are fractions; both are empty if `law_free`.
@@ -130,8 +132,9 @@ class Verdict(CheckedMethods):
         Whether both damping_ratio and frequency_at are measured without assuming a law, because no law is the answer;
         and whether no law is the answer because the best damping law contradicts the measured damping ratios.
     coefficients
-        Parameters of the damping that is named and of the restoring law, in base units (rad, m or the sensor's, and s).
-        For a specimen, only those of the damping. Empty if `contradicted`.
+        Parameters of the damping that is named and of the restoring law, in base units (rad, m or the sensor's, and s);
+        for an envelope see the unit of each. For a specimen, only those of the damping. Empty for several envelopes, or
+        if `contradicted`.
     motion, modes
         For a record that is not a free decay of one oscillator: the kind of motion, and its oscillations, the largest
         first.

@@ -39,7 +39,8 @@ def sentence(v: Verdict) -> str:
 def _answer(v: Verdict) -> str:
     """Return the sentence on the damping, its size, the frequency, and how well the damping law holds.
 
-    If the record is not a free decay, the sentence describes its motion instead.
+    If the record is not a free decay, the sentence describes its motion instead. If no damping model describes the
+    record (`thresholds.UNDESCRIBED`), it says so.
     """
     if v.motion is not None:
         text = describe_motion(v, v.motion)
