@@ -110,15 +110,15 @@ def run(
     Returns
     -------
     list of Estimate
-        An estimate for each stage, in the order of `STAGES`. If a method cannot be applied to the record, or a value is
-        not finite, the estimate has no values, and its outcome is the reason. Without an initial estimate there is no
-        refined one either. Exceptions other than Refusal propagate.
+        An estimate for each stage in `stages`, in the order of `STAGES`. It has no values, and its outcome is the
+        reason, if the method cannot be applied to the record, if a value is not finite although the outcome would be
+        OK, or if there is no initial estimate to refine. Exceptions other than Refusal propagate.
 
     Raises
     ------
     InputError
-        If the estimator, an option, a stage or a damping term is unknown, the value of an option is wrong, or no
-        oscillation is possible with the known restoring parameters.
+        If the estimator, an option, a stage, a damping term or the restoring law is unknown, the value of an option is
+        wrong, or no oscillation is possible with the known restoring parameters.
     """
     for stage in stages:
         if stage not in STAGES:

@@ -36,7 +36,7 @@ def without_the_negligible(expression: Any, v: np.ndarray, share: float) -> Any:
 
 
 def text_of(expression: Any) -> str:
-    """Return an expression as text, with constants of six digits, such as 0.1·v − 0.05·|v|·v."""
+    """Return an expression as text, with six significant digits, such as 0.1·v − 0.05·|v|·v."""
     rounded = expression.xreplace({c: sympy.Float(c, 6) for c in expression.atoms(sympy.Float)})
     named = rounded.replace(sympy.Abs, lambda inner: sympy.Symbol(f"|{text_of(inner)}|"))
     return sympy.sstr(named, full_prec=False).replace("**", "^").replace("*", "·").replace("-", "−")

@@ -109,7 +109,7 @@ class _TrajectoryFit:
     def mean_square(self, x: np.ndarray) -> float:
         """Return the mean square of the residuals in the squared unit of the record; ∞ if the motion is unbounded.
 
-        x: the unknowns in natural units, in the order of `names`.
+        x: values of the unknowns, (k,), in the order of `names`.
         """
         r = self.trajectories.record(self._parameters(x)) - self.signal.y
         return float(np.mean(r**2)) if np.all(np.isfinite(r)) else np.inf
@@ -119,8 +119,9 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     """Fit the trajectory (the solution of the equation of motion) to the record by least squares, starting at `first`.
 
     The unknowns are the damping coefficients, which cannot be negative, and all parameters that are not known: those of
-    the restoring law, and displacement (theta0) and velocity (omega0) at the start. An unknown without a value in
-    `first` starts from a value that follows from the record's features.
+    the restoring law, and displacement (theta0) and velocity (omega0) at the start. They start from their values in
+    `first`; those that are not coefficients start from the record's features if `first` has no value, or if these fit
+    better (`_start`).
 
     A fit has lost the phase of the record if its rms residual is at least 0.3 of the record's standard deviation. Then
     the first two cycles are fitted, and this window is doubled until it covers the whole record. If this fit loses the
@@ -138,7 +139,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     problem
         The damping terms, and the known parameters of the system.
     first
-        The estimate of the first stage.
+        The estimate of the first stage, with a value for each damping coefficient.
 
     Returns
     -------
@@ -153,6 +154,8 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     ------
     Refusal
         If the trajectory is unbounded for every start, or the record has no oscillation or too few samples.
+    InputError
+        If no oscillation is possible with the known restoring parameters.
     """
     features = checked_features(signal)
     osc = oscillator(problem)
@@ -251,8 +254,8 @@ def least_squares(
 def _start(fit: _TrajectoryFit, units: np.ndarray, first: Estimate, features: Features) -> np.ndarray:
     """Return the values from which the fit of the k unknowns starts, (k,), in the order of `fit.names`.
 
-    Damping coefficients are those of the estimate `first`, but at least `units`, which has the smallest start value of
-    each coefficient in its unit. The other unknowns have their values in `first`, or those of the record's features
+    Damping coefficients are those of the estimate `first`, which must have them all, but at least `units`, their
+    smallest start values. The other unknowns have their values in `first`, or those of the record's features
     (`fit.base`) if these fit the first three periods better.
     """
     estimated = {**fit.base, **first.values}
@@ -314,10 +317,10 @@ def cramer_rao(
     Parameters
     ----------
     problem
-        The damping terms, and the known parameters of the system.
+        The damping terms, and the names of the known parameters of the system; their values have no effect.
     parameters
-        The true value of every parameter of the oscillator, by name (`Oscillator.parameters`); other names have no
-        effect.
+        The true value of every parameter of the oscillator (`Oscillator.parameters`), also of the known ones, by name;
+        other names have no effect.
     times
         Times of the samples, s, shape (n,), not decreasing; the motion starts at times[0].
     noise_sd

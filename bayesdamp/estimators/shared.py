@@ -64,7 +64,7 @@ class SmoothedMotion:
     equation of motion, still holds after all its parts were smoothed so. everywhere: theta, omega, alpha at all n
     samples, each (n,). bandwidth: the highest angular frequency that the spline follows, in rad/s. theta0, omega0:
     displacement and velocity of the spline at the first sample, even if others are known. integrated: number of
-    constants of integration that had to be guessed for the displacement; 0 for a recorded angle.
+    constants of integration that were guessed, 0 to 2; 0 for a recorded angle.
     """
 
     t: np.ndarray
@@ -105,8 +105,8 @@ def known_restoring(problem: Problem) -> dict[str, float]:
 def free_names(problem: Problem) -> list[str]:
     """Return the names of the unknown parameters that are not damping.
 
-    They are those of the restoring law, and displacement (theta0) and velocity (omega0) at the start, as far as the
-    problem does not state them as known.
+    They are, in this order, those of the restoring law, and displacement (theta0) and velocity (omega0) at the start,
+    as far as the problem does not state them as known.
     """
     names = (*oscillator(problem).law.parameters, "theta0", "omega0")
     return [name for name in names if name not in problem.system.known]
@@ -124,7 +124,7 @@ def free_start(problem: Problem, theta0: float, omega0: float) -> dict[str, floa
 def epsilon_of(problem: Problem, features: Features) -> float:
     """Return the width ε (rad/s or m/s) within which dry friction changes its sign with the velocity.
 
-    It is the known value, or else 2 % of the record's peak velocity.
+    It is the known value (0 for friction that jumps), or else 2 % of the record's peak velocity.
     """
     known = problem.system.known.get("epsilon")
     if known is not None:
@@ -148,8 +148,9 @@ def further_values(problem: Problem, features: Features) -> dict[str, float]:
 def start_parameters(signal: Signal, problem: Problem, features: Features) -> dict[str, float]:
     """Return all parameters of a trajectory except the damping coefficients: known values, or values from the record.
 
-    They include those of `further_values`. Unknown restoring parameters follow from the record's frequency and midline,
-    unknown theta0 and omega0 (displacement and velocity at the start) from the smoothed record.
+    They are returned by name and include those of `further_values`. Unknown restoring parameters follow from the
+    record's frequency and midline, unknown theta0 and omega0 (displacement and velocity at the start) from the spline
+    of `motion`. Raises InputError or Refusal if one of these two functions does.
     """
     osc, known = oscillator(problem), problem.system.known
     p = dict(osc.law.start(features.frequency, features.rest, known_restoring(problem)))
@@ -164,7 +165,8 @@ def rest_position(signal: Signal, problem: Problem, features: Features) -> float
     """Return the position about which the motion oscillates, in rad or m.
 
     It is the midline of a record of displacements. A velocity or acceleration does not show it: then it is the stable
-    equilibrium nearest to 0 of the restoring law with its known parameters, or 0 if there is none.
+    equilibrium nearest to 0 of the restoring law, whose unknown parameters are guessed (`RestoringLaw.start`), or 0 if
+    there is none.
     """
     if DERIVATIVES[signal.quantity] == 0:
         return features.rest
@@ -226,7 +228,8 @@ def checked_features(signal: Signal) -> Features:
     Raises
     ------
     Refusal
-        If the record has no oscillation, or too few samples in a period.
+        If the record has fewer than ten samples or no oscillation, or fewer than `LEAST_SAMPLES_PER_CYCLE` samples in a
+        period.
     """
     features = measure(signal)
     if features.samples_per_cycle < LEAST_SAMPLES_PER_CYCLE:
@@ -238,7 +241,7 @@ def checked_features(signal: Signal) -> Features:
 
 
 def has_noise(signal: Signal, features: Features) -> bool:
-    """Return whether a record has enough noise for a likelihood: more than `NO_NOISE` times its amplitude."""
+    """Return whether a record has enough noise for a likelihood: more than `NO_NOISE` times its largest amplitude."""
     return noise_level(signal) > NO_NOISE * float(np.abs(features.turning_amplitudes).max())
 
 
@@ -270,9 +273,9 @@ def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarr
     """Return times and samples (t, y) of a record, thinned to at most `most` samples.
 
     A longer record with noise above 1e-5 of its amplitude is averaged: each block of successive samples, at most
-    1/`MEANS_PER_CYCLE` of a cycle long, becomes its mean. Blocks that contain an interruption of the sampling are left
-    out. If more than `most` values remain, or the record has less noise, evenly spread values are selected. Times are
-    in s, samples in the unit of the record, (m,) each.
+    1/`MEANS_PER_CYCLE` of a cycle long, becomes its mean time and mean value. Blocks that contain an interruption of
+    the sampling are left out. If more than `most` values remain, or the record has less noise, evenly spread values are
+    selected. Times are in s, samples in the unit of the record, (m,) each.
     """
     t, y = signal.t, signal.y
     size = float(np.abs(features.turning_amplitudes).max())
@@ -289,9 +292,9 @@ def thin_record(signal: Signal, features: Features, most: int) -> tuple[np.ndarr
 def phase_of(signal: Signal, features: Features) -> Polynomial:
     """Return the phase of a record in rad, a polynomial in time (s).
 
-    The phase is 0 at the first turning point, and grows by π from one turning point to the next. If there are at least
-    9 turning points, and they cover more than 0.75 of the record, the polynomial has degree 3, to follow a frequency
-    that changes with the amplitude. Otherwise it is a straight line.
+    The phase is about 0 at the first turning point in `features`, and grows by about π from each of them to the next.
+    If there are at least 9 turning points, and they cover more than 0.75 of the record, the polynomial has degree 3, to
+    follow a frequency that changes with the amplitude. Otherwise it is a straight line.
     """
     turns = features.turning_times
     if turns.size >= 9 and turns[-1] - turns[0] > 0.75 * (signal.t[-1] - signal.t[0]):
@@ -304,13 +307,14 @@ def motion(
 ) -> SmoothedMotion:
     """Compute displacement, velocity and acceleration from a record, whose times may be uneven.
 
-    Only the part of the record before its first interruption of the sampling is used (`before_gap`). If the noise is
-    negligible, a spline of degree 7 interpolates it: the noise in the acceleration of this spline (about 6σ/Δt² for an
-    angle with noise σ and sampling interval Δt) must be below a thousandth of the acceleration. Otherwise a spline of
-    degree 7 with `knots_per_period` knots in a period (fewer if the samples are few) is fitted by least squares,
-    without samples that deviate from it by more than six robust standard deviations. The selected times of the result
-    leave out the ends of the record, where the spline is inaccurate. A recorded velocity or acceleration is integrated
-    (`integrate`). Raises Refusal if there are too few samples.
+    Only the part of the record before its first interruption of the sampling is used (`before_gap`). If it has at least
+    28 samples and negligible noise, a spline of degree 7 interpolates it: the noise in the acceleration of this spline
+    (about 6σ/Δt² for an angle with noise σ and sampling interval Δt) must be below a thousandth of the acceleration.
+    Otherwise a spline of degree 7 with `knots_per_period` knots in a period (fewer if the samples are few) is fitted by
+    least squares, without samples that deviate from it by more than six robust standard deviations. The selected times
+    of the result (`t`) are not near the ends of the record, where the spline is inaccurate; after a fit, at most 32 in
+    a knot spacing are selected. A recorded velocity or acceleration is integrated (`integrate`). Raises Refusal if
+    there are too few samples.
     """
     noise, signal = noise_level(signal), before_gap(signal, features.period)
     t, y = signal.t, signal.y
@@ -376,7 +380,7 @@ def before_gap(signal: Signal, period: float) -> Signal:
 
 
 def _knots(t: np.ndarray, spacing: float) -> np.ndarray:
-    """Return the inner knots of a spline, about `spacing` (s) apart, with at least two samples between neighbours.
+    """Return the inner knots of a spline, about `spacing` (s) apart, with at least two samples in each interval.
 
     t: times of the samples in s, (n,).
     """
@@ -467,7 +471,8 @@ def optional_package(name: str) -> Any:
     Raises
     ------
     Refusal
-        If the package is not installed. The message says how to install it.
+        If the package is not installed; the message says how to install it. If another package that it needs is
+        missing, the ModuleNotFoundError is not caught.
     """
     try:
         with warnings.catch_warnings():
@@ -484,7 +489,8 @@ def optional_package(name: str) -> Any:
 class Options(BaseModel):
     """Options of an estimator. Subclasses have a field with a default for each option.
 
-    Unknown options are errors, and so are infinite and NaN values.
+    Unknown options, infinite values and NaN raise pydantic's ValidationError (`parse_options` converts it to
+    InputError).
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -554,6 +560,7 @@ def reason_not_applicable(estimator: Estimator[Any], damping: tuple[str, ...]) -
     """Return the reason why an estimator cannot estimate a sum of these damping terms, or None if it can.
 
     damping: names of the terms. The reason is text for a message, without a capital letter and a full stop.
+    Raises InputError if a term is unknown.
     """
     if reason := estimator.refuses(damping):
         return reason
