@@ -135,8 +135,9 @@ def make_generator(
     Raises
     ------
     InputError
-        If the first signal is a file, the study has several noise models or one that depends on the record, no
-        reference amplitude or frequency follows from the study, or the prior of a parameter would depend on the record.
+        If `model` is not a valid sum, the first signal is a file, the study has several noise models or one that
+        depends on the record, no reference amplitude or frequency follows from the study, or the prior of a parameter
+        would depend on the record.
     """
     spec = study.signals[0]
     if not isinstance(spec.source, Simulation):
@@ -248,10 +249,11 @@ def compute_chunk(study: Study, model: str, first: int) -> Product:
     Product
         The content is a `RanksContent` with the outcome of each record and the names of the k quantities: the
         parameters, and last the log likelihood. The arrays are for c = `RECORDS_PER_TASK` records and s samplers, in
-        the units of the parameters (nats for the log likelihood). truth (c, k): the true values. value and stderr (c,
-        k): the refined estimate and its standard errors; NaN where missing, as for the log likelihood. ranks (c, s, k):
-        number of thinned draws below the true value, 0 to calibration.draws; −1 if the sampler gave no draws. below (c,
-        s, k): fraction of all draws below the true value; NaN if there are no draws.
+        the units of the parameters (nats for the log likelihood). truth (c, k): the true values; NaN for the log
+        likelihood if the record has no posterior mode. value and stderr (c, k): the refined estimate and its standard
+        errors; NaN where missing, as for the log likelihood. ranks (c, s, k): number of thinned draws below the true
+        value, 0 to calibration.draws; −1 if the sampler gave no draws. below (c, s, k): fraction of all draws below the
+        true value; NaN if there are no draws.
     """
     source, table, p = make_generator(study, model), study.calibration, study.posterior
     names = [*source.blank.names, LIKELIHOOD]

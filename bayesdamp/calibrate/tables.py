@@ -113,9 +113,9 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
 def _ranks(study: Study, results: Results) -> Iterator[tuple[str, str, str, np.ndarray, np.ndarray]]:
     """Yield the ranks of the true value among posterior draws, for each model, sampler and parameter.
 
-    Each item contains the names of model, sampler and parameter, the ranks, (n,), and the fractions, (n,), for the n
-    records that have draws of this sampler. A rank is the number of thinned draws below the true value; a fraction is
-    the share of all draws below it.
+    The log likelihood counts as a parameter. Each item contains the names of model, sampler and parameter, the ranks,
+    (n,), and the fractions, (n,), for the n records that have draws of this sampler. A rank is the number of thinned
+    draws below the true value; a fraction is the share of all draws below it.
     """
     for chunks in results.values():
         content = RanksContent.of(chunks[0])
@@ -286,7 +286,7 @@ def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
 
 
 def _bins(hit: np.ndarray, p: np.ndarray) -> Iterator[Row]:
-    """Yield a row for each bin of `EDGES` that contains records, those whose `p` is between the edges of the bin.
+    """Yield a row for each bin of `EDGES` that contains records: those with lower edge < `p` ≤ upper edge.
 
     hit, (n,): whether the most probable model of each record is the true one. p, (n,): the probability of this model. A
     row contains the edges (from, to), the number of records, their mean `p` (probability), the fraction of them whose

@@ -81,7 +81,7 @@ class Runs:
 
     @cached_property
     def along_noise(self) -> list[ErrorSeries]:
-        """The errors of the estimators as functions of the noise level, in per cent of the first amplitude.
+        """The errors of the estimators as functions of the noise level, which is in per cent of the first amplitude.
 
         The list contains one series for each run in `noise` and each damping with at least three noise levels in it. It
         is empty without runs.

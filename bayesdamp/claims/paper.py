@@ -208,7 +208,8 @@ def _hybrid(comparison: EstimatorComparison) -> Judgement:
 def _row(method: str, comparison: EstimatorComparison) -> Judgement:
     """Judge the errors that the paper's table 2 prints for one estimator, by the measured errors in `comparison`.
 
-    Initial estimates are those before the trajectory fit, refined estimates those after it. The verdict is
+    The printed errors are those in `comparison.published`. Initial estimates are those before the trajectory fit,
+    refined estimates those after it. The verdict is
 
     - "cannot be judged" if `comparison` does not contain the estimator,
     - "better than claimed" if every initial error is smaller than the printed one by more than the factor

@@ -99,9 +99,9 @@ class _TrajectoryFit:
         return {**self.base, **dict(zip(self.names, map(float, x)))}
 
     def linearise(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residuals (n,), in the unit of the record, and their Jacobian (n, k) by the unknowns x (k,).
+        """Return the residuals (trajectory minus record), (n,), and their Jacobian (n, k) by the unknowns x (k,).
 
-        Both are NaN if the motion is unbounded.
+        The residuals are in the unit of the record. Both are NaN if the motion is unbounded.
         """
         values, slopes = self.trajectories.with_slopes(self._parameters(x), self.names)
         return values - self.signal.y, slopes.T

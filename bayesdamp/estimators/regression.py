@@ -330,7 +330,7 @@ def velocity_map(n: int, h: float, half: int) -> sparse.csr_matrix:
     """Return the matrix (n, n) that computes velocities from n displacements, h (s) apart.
 
     Row i has the weights of Savitzky and Golay: the derivative at sample i of a polynomial of degree `DEGREE` (less if
-    n is small) that is fitted to the 2 half + 1 nearest samples.
+    n is small) that is fitted to the 2 half + 1 nearest samples. half: at most (n − 1)//2 is used.
     """
     half = min(half, (n - 1) // 2)
     width = 2 * half + 1

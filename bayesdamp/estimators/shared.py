@@ -182,8 +182,8 @@ def decay_start(problem: Problem, features: Features) -> dict[str, float]:
 
     The logarithmic decrement in half a cycle at amplitude A is π times the sum of the terms' equivalent damping ratios
     at A. The coefficients follow by non-negative least squares, in which each half cycle is weighted by its amplitude;
-    they can be 0. The result, by name, is rough but robust. If fewer than two half cycles have an amplitude above three
-    times the noise, each coefficient is instead that of a damping ratio of 0.01.
+    they can be 0. The result, by name, is a rough but robust start for fits. If fewer than two half cycles have an
+    amplitude above three times the noise, each coefficient is instead that of a damping ratio of 0.01.
     """
     osc = oscillator(problem)
     # The amplitude of a half cycle is half the distance of its turning points: no midline is needed.
@@ -294,7 +294,8 @@ def phase_of(signal: Signal, features: Features) -> Polynomial:
 
     The phase is about 0 at the first turning point in `features`, and grows by about π from each of them to the next.
     If there are at least 9 turning points, and they cover more than 0.75 of the record, the polynomial has degree 3, to
-    follow a frequency that changes with the amplitude. Otherwise it is a straight line.
+    follow a frequency that changes with the amplitude. Otherwise it is a straight line. The estimators `pinn` and `rnn`
+    use it.
     """
     turns = features.turning_times
     if turns.size >= 9 and turns[-1] - turns[0] > 0.75 * (signal.t[-1] - signal.t[0]):

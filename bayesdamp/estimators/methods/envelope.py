@@ -59,9 +59,9 @@ class Envelope(Estimator[EnvelopeOptions]):
 
         If theta0 or omega0 (the start of the motion) is unknown, a common factor on both is fitted too, even if one of
         them is known. Unknown restoring parameters are not fitted: they are computed from the record's frequency and
-        midline. There are no standard errors. Raises Refusal if the record has fewer than `LEAST_CYCLES` cycles, if its
-        envelope is above `options.above` times the noise (6 by default) for less than a period, or if the trajectory is
-        unbounded.
+        midline. There are no standard errors. Raises Refusal if `checked_features` or `motion` does, if the record has
+        fewer than `LEAST_CYCLES` cycles, if its envelope is above `options.above` times the noise (6 by default) for
+        less than a period, or if the trajectory is unbounded.
         """
         features = checked_features(signal)
         if features.cycles < LEAST_CYCLES:
@@ -149,9 +149,9 @@ class _EnvelopeMatch:
     def fit(self, coefficients: np.ndarray, scaled: bool) -> tuple[np.ndarray, float]:
         """Fit the damping coefficients by bounded least squares, starting from the given values.
 
-        The search varies the coefficients divided by their starting values, which stay ≥ 0, and, if `scaled`, a factor
-        on the initial state of the motion (see `parameters`). Return the k coefficients in natural units, (k,), and
-        this factor (1.0 if not `scaled`).
+        No coefficient becomes negative. If `scaled`, a factor ≥ 0 on the initial state of the motion is fitted too (see
+        `parameters`); it starts at 1. Return the k coefficients, (k,), in the units of `coefficients`, and this factor
+        (1.0 if not `scaled`).
         """
         k = coefficients.size
         units = np.maximum(coefficients, coefficients.max() * 1e-3 if k == 1 else 1e-12)

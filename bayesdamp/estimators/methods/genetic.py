@@ -89,7 +89,8 @@ class Genetic(Estimator[GeneticOptions]):
         """Return the unknown parameters with the least misfit in the last generation, without standard errors.
 
         `details["course"]` has a list for each unknown parameter, by name: its value in the best trajectory of each
-        generation. Raises Refusal if all trajectories of the last generation diverge.
+        generation. Raises Refusal if `checked_features` or `motion` does, or if all trajectories of the last generation
+        diverge.
         """
         features = checked_features(signal)
         genes = Genes(signal, problem, features)
@@ -229,10 +230,11 @@ def _balance(
 def coefficient_alone(term: DampingTerm, features: Features) -> float:
     """Return the coefficient with which one damping term alone would cause the decay of the record.
 
-    With the equivalent damping ratio r(A) per unit of the coefficient c, the amplitude A falls as dA/dt = −c r(A) ω A.
-    So c is the integral of dA/(ω A r(A)) over the fall of the amplitude, divided by the time from the first to the last
-    turning point. The fall is from the largest turning amplitude to the last one. The last one counts as at least twice
-    the noise, at least a thousandth of the largest, and at most 1 − `LEAST_DECAY` of the largest.
+    It sets the search range of the coefficient (`ALONE`). With the equivalent damping ratio r(A) per unit of the
+    coefficient c, the amplitude A falls as dA/dt = −c r(A) ω A. So c is the integral of dA/(ω A r(A)) over the fall of
+    the amplitude, divided by the time from the first to the last turning point. The fall is from the largest turning
+    amplitude to the last one. The last one counts as at least twice the noise, at least a thousandth of the largest,
+    and at most 1 − `LEAST_DECAY` of the largest.
     """
     sizes = features.turning_amplitudes
     scale = features.amplitude / max(float(sizes[0]), 1e-300)

@@ -38,7 +38,8 @@ The singular values are those of the matrix of the dictionary's values along the
 class KoopmanOptions(Options):
     """Options of dynamic mode decomposition.
 
-    lag: time from one state to the next in periods, or 0 to choose it by whether the record has noise.
+    lag: time from one state to the next in periods, or 0 to use `NOISY_STEP` for a record with noise and `STEP` for one
+    without.
     """
 
     lag: float = Field(default=0.0, ge=0.0, le=0.2)
@@ -65,7 +66,8 @@ class Koopman(Estimator[KoopmanOptions]):
         """Estimate the generator from the record, and the coefficients by regression of the acceleration that it gives.
 
         The result includes unknown restoring parameters, and an unknown start, which comes from the smoothed record. It
-        has no standard errors.
+        has no standard errors. Raises Refusal if `checked_features` or `motion` does, if the record is too short, or if
+        K has no real logarithm.
         """
         features = checked_features(signal)
         library = candidates(problem, features, signal.unit, mixed=True)

@@ -49,8 +49,9 @@ class LeastSquares(Estimator[LeastSquaresOptions]):
     ) -> Estimate:
         """Regress the acceleration on the damping and the unknown restoring forces; return all unknown parameters.
 
-        An unknown start comes from the smoothed record. There are no standard errors. Raises Refusal if the record
-        determines only combinations of the parameters.
+        An unknown start comes from the smoothed record. There are no standard errors. Raises Refusal if
+        `checked_features` or `motion` does, if the record determines only combinations of the parameters, or if total
+        least squares has no solution.
         """
         features = checked_features(signal)
         smoothed = motion(signal, problem, features)

@@ -51,7 +51,9 @@ class NeuralOde(Estimator[NeuralOdeOptions]):
     ) -> Estimate:
         """Train a network for the damping force, and return the coefficients of its projection on the damping terms.
 
-        Unknown restoring parameters and an unknown start are trained with it. There are no standard errors.
+        Unknown restoring parameters and an unknown start are trained with it. There are no standard errors. The outcome
+        is a sentence if the training did not converge. Raises Refusal if PyTorch or torchdiffeq is not installed, if
+        `checked_features` or `motion` refuses the record, or if a trajectory is not finite.
         """
         optional_package("torch")
         optional_package("torchdiffeq")

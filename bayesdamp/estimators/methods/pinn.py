@@ -52,7 +52,8 @@ class Pinn(Estimator[PinnOptions]):
         """Return the coefficients with which a network for the motion fits record and equation of motion best.
 
         The unknown restoring parameters and an unknown start are those of the same network. There are no standard
-        errors.
+        errors. The outcome is a sentence if the training did not converge. Raises Refusal if PyTorch is not installed,
+        if `checked_features` or `motion` refuses the record, or if the loss is not finite.
         """
         optional_package("torch")
         from bayesdamp.estimators.networks import collocation

@@ -107,7 +107,8 @@ class Rnn(Estimator[RnnOptions]):
 
         Unknown restoring and start parameters come from the record's features and the smoothed record, without standard
         errors. Raises Refusal if the coefficient that the network gives in the last round is near an end of the range
-        in which it was trained, or outside.
+        in which it was trained, or outside. Refusal is raised too if PyTorch is not installed, or by
+        `checked_features`, `motion`, `Stretches` and `Simulator.sequences`.
         """
         optional_package("torch")
         from bayesdamp.estimators.networks.recurrent import RecurrentNetwork
@@ -180,7 +181,7 @@ class Stretches:
 
 
 class Simulator:
-    """Simulate records that resemble a given record, and describe each by a sinusoid for each stretch.
+    """Simulate records like a given one, to train the recurrent network; describe each by a sinusoid for each stretch.
 
     A stretch is a part of usually half a cycle (`Stretches`); there the record is a cos φ + b sin φ, with its phase φ.
     parameter: name of the damping coefficient. centre: logarithm of the coefficient that the record's mean decay

@@ -186,7 +186,7 @@ FLOOR = 1e-4
 amplitude."""
 END = 0.5
 """Length at each end of a smoothed record, in periods, that the regression leaves out, because splines are inaccurate
-there."""
+there; it is at most 15 % of the record."""
 MOST_CANCELLATION = 10.0
 """Largest sum of the rms of all terms (coefficient times column) of a solution, as a multiple of the rms of the
 regression's target. In a solution above it, large terms cancel each other and fit noise."""
@@ -228,10 +228,10 @@ class Derivatives:
 class SparseModel:
     """A solution of the sparse regression, with only some of the p candidate terms (the library).
 
-    support (p,): whether each term is used. x (p,): the coefficients in natural units, 0 for unused
-    terms. sound: whether its damping coefficients are not negative and its terms do not cancel each other. score:
-    extended Bayesian information criterion of the predicted record; the smallest is best. It is ∞ if the solution is
-    not sound.
+    support (p,): whether each term is used. x (p,): coefficients of the unscaled terms, 0 for unused ones. sound:
+    whether its damping coefficients are not negative and its terms do not cancel each other (`MOST_CANCELLATION`).
+    score: extended Bayesian information criterion of the predicted record; the smallest is best. It is ∞ if the
+    solution is not sound, and before `score_models`.
     """
 
     support: np.ndarray
@@ -251,8 +251,9 @@ class Sindy(Estimator[SindyOptions]):
     integrated to predict the record; the solution whose prediction has the smallest extended Bayesian information
     criterion is selected (prediction test: Mangan, Kutz, Brunton and Proctor, Proceedings of the Royal Society A 473,
     2017, 20170009; criterion: Chen and Chen, Biometrika 95, 2008, 759). The estimate comes from the best solution that
-    has exactly the damping terms of the model. If the selected solution has other terms than the model, `outcome` is a
-    sentence that names the differences.
+    has exactly the damping terms of the model; if none of these is sound (`SparseModel`), its coefficients may be
+    negative. If the selected solution has other terms than the model, `outcome` is a sentence that names the
+    differences.
     """
 
     options = SindyOptions
@@ -263,8 +264,9 @@ class Sindy(Estimator[SindyOptions]):
         """Return the coefficients of a sparse regression of the acceleration (Brunton, Proctor and Kutz 2016).
 
         If the regression selects other terms than those of the model, `outcome` is a sentence that names them;
-        `details` has the names and coefficients of the selected terms. The estimate has only the model's terms, and no
-        standard errors.
+        `details` has the names (`selected`) and coefficients (`coefficients`) of the terms that it selects. The
+        estimate has only the model's terms, and no standard errors. Raises Refusal if pysindy is not installed, if
+        `checked_features` or `motion` does, or if the target of the regression is zero.
         """
         optional_package("pysindy")
         features = checked_features(signal)

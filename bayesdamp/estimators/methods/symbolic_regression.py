@@ -83,8 +83,9 @@ class SymbolicRegression(Estimator[SymbolicRegressionOptions]):
         """Estimate the coefficients from the chosen expression on the Pareto front; there are no standard errors.
 
         Unknown restoring parameters are fitted for this expression; an unknown start comes from the smoothed record.
-        `details["chosen"]` is the expression as text. Raises Refusal if the damping force is constant or not finite, or
-        if no expression describes it better than a constant.
+        `details["chosen"]` is the expression as text. Raises Refusal if Operon or SymPy is not installed, if
+        `checked_features` or `motion` does, if the damping force is constant or not finite, or if no expression
+        describes it better than a constant.
         """
         optional_package("pyoperon")
         sympy = optional_package("sympy")

@@ -44,8 +44,8 @@ class TopologicalOptions(Options):
     """Options of the persistence method.
 
     variant: "published" uses the formulas as first published by Myers and Khasawneh, "as_printed" equations (7) to (11)
-    of the paper that `bayesdamp.estimators` cites.
-    significance: the α of the noise cutoff, the probability that a lifetime of noise exceeds it.
+    of the paper that `bayesdamp.estimators` cites, which are for recorded displacements only. significance: the α of
+    the noise cutoff, the probability that a lifetime of noise exceeds it.
     """
 
     variant: Literal["published", "as_printed"] = "published"
@@ -70,8 +70,8 @@ class Pairs:
     def choose_lifetimes(self) -> tuple[float, float, int]:
         """Return lifetimes L_0 (the first) and L_n, and the number n of periods between them.
 
-        L_n is the lifetime whose ratio L_n/L_0 is nearest to `OPTIMAL_RATIO`, or the last lifetime if all ratios are
-        larger.
+        L_n is the lifetime after L_0 whose ratio L_n/L_0 is nearest to `OPTIMAL_RATIO`, or the last lifetime if all
+        ratios are larger. n is at least 1.
         """
         lifetimes = self.p - self.v
         ratio = lifetimes / lifetimes[0]
@@ -104,7 +104,8 @@ class Topological(Estimator[TopologicalOptions]):
 
         The formulas use the natural frequency if all restoring parameters are known, else that of the record. Unknown
         restoring parameters and an unknown start come from the record's features and the smoothed record. Raises
-        Refusal if too few lifetimes exceed the noise.
+        Refusal if gudhi is not installed, if `checked_features` or `motion` does, if too few lifetimes exceed the
+        noise, or if the formula for quadratic damping finds no two successive cycles.
         """
         features = checked_features(signal)
         osc, known = oscillator(problem), known_restoring(problem)

@@ -80,9 +80,9 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         """Return the coefficients of a sparse regression of the weak form (Messenger and Bortz 2021).
 
         The estimate has all damping terms of the model, and no others, with standard errors. If the regression selects
-        other terms, `outcome` is a sentence that names them; `details` has the names and coefficients of the selected
-        terms. Unknown restoring and start parameters have no standard errors. Raises Refusal if the record is too
-        short.
+        other terms, `outcome` is a sentence that names them; `details` has the names (`selected`) and coefficients
+        (`coefficients`) of the terms that it selects. Unknown restoring and start parameters have no standard errors.
+        Raises Refusal if `checked_features` or `motion` does, or if the record is too short.
         """
         features = checked_features(signal)
         sigma, osc, known = noise_level(signal), oscillator(problem), known_restoring(problem)

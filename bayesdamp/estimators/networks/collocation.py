@@ -94,15 +94,15 @@ class Collocation(ScaledRecord):
         self.first = np.concatenate([weights[: -output.size].numpy(), output, physical])
 
     def data(self, x: Tensor) -> Tensor:
-        """Return the misfits of the n samples, (n,), scaled such that their sum of squares is the mean square misfit.
+        """Return the network's misfits at the n samples, (n,), divided by √n.
 
-        The unit is Aωᵏ, with the record's amplitude A, its angular frequency ω, and the order k of the recorded
-        derivative. x: the unknowns, (k,), or one row for each misfit.
+        A misfit is predicted minus recorded quantity, in units of Aωᵏ, with the record's amplitude A, its angular
+        frequency ω, and the order k of the recorded derivative. x: the unknowns, (k,), or one row for each misfit.
         """
         return (self.motion(x, self.data_inputs)[:, -1] - self.y) / self.y.numel() ** 0.5
 
     def begin(self, x: Tensor) -> Tensor:
-        """Return the weighted misfits of angle and velocity at the start, (2,); 0 where the value is not known.
+        """Return the network's weighted misfits of angle and velocity at the start, (2,); 0 for unknown values.
 
         They are in units of the record's amplitude A, and of Aω with its angular frequency ω, times the square root of
         the option `start_weight`. x: the unknowns, (k,), or one row for each misfit.
@@ -124,11 +124,11 @@ class Collocation(ScaledRecord):
         return (self.physics_weight / angle.numel()) ** 0.5 * (acceleration + force / (self.a * self.w**2))
 
     def motion(self, x: Tensor, inputs: Tensor) -> Tensor:
-        """Return the angle from the equilibrium and its time derivatives up to order j − 1, (n, j).
+        """Return the network's output: the angle from the equilibrium and its first j − 1 time derivatives, (n, j).
 
-        The derivative of order k is in units of Aωᵏ, with the record's amplitude A and angular frequency ω.
-        x: the unknowns, of which only the weights are used. inputs: the network's inputs and their derivatives by ωt,
-        (n, j, inputs).
+        It is the motion in the physics-informed estimator. The derivative of order k is in units of Aωᵏ, with the
+        record's amplitude A and angular frequency ω. x: the unknowns, (k,), or one row for each of the n times; only
+        the weights are used. inputs: the network's inputs and their derivatives by ωt, (n, j, inputs).
         """
         return self.network.output(x[..., : self.network.count], inputs)
 

@@ -32,7 +32,7 @@ STEADY = 1e-3
 
 
 class Shooting(ScaledRecord):
-    """The loss of a learnt damping force as a sum of squares.
+    """The loss of the neural ODE, whose damping force is learnt, as a sum of squares.
 
     The damping force is a network. Multiple shooting integrates the motion separately in short segments of the record.
     Angles are measured from the equilibrium in units of the record's amplitude A, times in 1/ω with its angular

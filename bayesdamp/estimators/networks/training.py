@@ -160,7 +160,8 @@ def on_tensors(kernel: Callable[..., Any]) -> Callable[..., Tensor]:
     """Convert a kernel, the Python function of a force of single numbers, to a function that torch can differentiate.
 
     Each argument of the new function is a tensor (n,), a number, or a tuple of these where the kernel takes a tuple; it
-    returns a tensor (n,). A kernel that branches with `if` is called for one number after the other.
+    returns a tensor (n,). A kernel that branches with `if` is called for one number after the other. The new function
+    raises Refusal if the kernel uses a function that torch does not have.
     """
     on_rows = with_names(kernel, _Mathematics())
 
@@ -213,7 +214,7 @@ def descend(evaluate: Callable[[np.ndarray], Evaluated], x: np.ndarray) -> Itera
     Yields
     ------
     Round
-        The start, and the end of each step.
+        The start, and the end of each step that lowered the loss.
     """
     evaluations, damping, failed = 1, FIRST, False
     r, derive = evaluate(x)
@@ -277,7 +278,7 @@ def train(
     descent
         The rounds of `descend`.
     rounds
-        The largest number of steps.
+        The largest number of rounds after the first, in each of which a step lowered the loss.
     watch
         Function that maps the unknowns to the watched numbers (m,), in units in which they are about 1.
     steady
@@ -313,13 +314,15 @@ def train(
 
 
 class ScaledRecord:
-    """A record and its oscillator, scaled by the record's amplitude a (rad or m) and angular frequency w (rad/s).
+    """A record and its oscillator, scaled by the record's amplitude a and angular frequency w.
 
-    t, recorded: times in s and samples, (n,) each, at most `MOST_SAMPLES`. order: order of the recorded derivative of
-    the displacement. y: the samples (a displacement minus the equilibrium) in units of a wᵒʳᵈᵉʳ. base: values of all
-    parameters but the coefficients. ratios: equivalent damping ratio per unit of each coefficient. coefficients,
-    restoring: names of the unknown parameters. is_given (2,): 1 where the angle or the velocity at the start is known,
-    else 0. known_begin (2,): the values of these two, the angle relative to the equilibrium, in units of a and a w.
+    It is the base class of `Collocation` and `Shooting`. a: displacement amplitude at the first sample, in rad or m. w:
+    in rad/s. t, recorded: times in s and samples, (n,) each, at most `MOST_SAMPLES`. order: order of the recorded
+    derivative of the displacement. y: the samples (a displacement minus the equilibrium) in units of a wᵒʳᵈᵉʳ. rest:
+    the equilibrium, in rad or m. base: values of all parameters but the coefficients, by name. ratios: equivalent
+    damping ratio per unit of each coefficient. coefficients, restoring: names of the damping coefficients, and of the
+    unknown restoring parameters. is_given (2,): 1 where the angle or the velocity at the start is known, else 0.
+    known_begin (2,): the values of these two, the angle relative to the equilibrium, in units of a and a w.
     """
 
     def __init__(self, signal: Signal, problem: Problem, features: Features) -> None:
@@ -339,9 +342,10 @@ class ScaledRecord:
         self.known_begin = torch.tensor(begin, dtype=REAL) / self.a
 
     def restoring_force(self, theta: Tensor, values: Tensor) -> Tensor:
-        """Return the restoring force per unit of inertia, (n,), in rad/s², at angles theta (n,) in rad.
+        """Return the restoring force per unit of inertia, (n,), in rad/s², at angles theta (n,) in rad, not scaled.
 
-        values: the unknown restoring parameters in the order of `restoring`, (k,) or one row for each angle, (n, k).
+        values: the unknown restoring parameters in their units, in the order of `restoring`, (k,) or one row for each
+        angle, (n, k).
         """
         p = self.base | dict(zip(self.restoring, values.unbind(-1)))
         law = self._osc.law
@@ -350,7 +354,7 @@ class ScaledRecord:
     def damping_shapes(self, omega: Tensor) -> Tensor:
         """Return the damping force per unit of each coefficient, (n, terms), at velocities (n,) in rad/s.
 
-        The displacement is 0, because the terms must not depend on it.
+        The velocities are not scaled. The displacement is 0, because the terms must not depend on it.
         """
         # If ε is 0, friction jumps with the sign of the velocity.
         width = self._epsilon or torch.where(omega == 0.0, 1.0, EXACT * omega.detach().abs())

@@ -96,8 +96,8 @@ class Decay:
     blocks
         The readings in the window, averaged in blocks, with their possible noises.
     reference
-        ln of the reference amplitude A_ref in the record's unit; for levels in dB, ln of its ratio to the amplitude at
-        0 dB.
+        ln of the reference amplitude A_ref in the record's unit (for powers, of their root); for levels in dB, ln of
+        its ratio to the amplitude at 0 dB.
     """
 
     record: EnvelopeRecord

@@ -183,8 +183,8 @@ class RateLikelihood:
         Parameters
         ----------
         log_amplitude
-            ln of the amplitude, in the record's unit. Outside of the tabulated amplitudes each rate is extrapolated as
-            a power of the amplitude.
+            ln of the amplitude, in the unit of `reference`. Outside of the tabulated amplitudes each rate is
+            extrapolated as a power of the amplitude.
         rate
             The unit: the rate in 1/s that corresponds to a score of 1.
 

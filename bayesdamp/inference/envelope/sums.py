@@ -194,9 +194,9 @@ def list_assumptions(sums: Sequence[tuple[str, ...]], left_out: Sequence[str] = 
     Parameters
     ----------
     sums : sequence of tuple of str
-        Names of the terms of each sum.
+        Names of the terms of each sum. A sentence lists the sums unless they are those of `SUMS`.
     left_out : sequence of str
-        Sentences that say which sums are left out and why; they are included.
+        Sentences that say which sums are left out and why; they are included in the result.
     """
     compared = () if tuple(sums) == SUMS else (f"Damping sums compared: {', '.join(map('+'.join, sums))}.",)
     inferred = [p for name in further_terms(sums) for p in TERMS.get(name).inferred]
@@ -264,7 +264,7 @@ def loosest_fit(b: Blocks, sums: Sequence[Sum], inverse: np.ndarray) -> tuple[De
     lacks are added with rates of 0.
 
     inverse: matrix that whitens the noise, (n, n). Returns the law, ln(A/A_ref) at the start, and the rates c_i of its
-    terms in 1/s (see `DecayLaw`).
+    terms in 1/s (see `DecayLaw`). The noise is inferred from its residuals (`decay.infer_noises`).
     """
     every = Sum(SUMS[-1], b.ends[0], float(b.x.min())).law()
     steep = replace(every, terms=("steep",), each=(_power(STEEPEST_POWER),))
@@ -468,12 +468,12 @@ class Ranking:
 
     @property
     def best(self) -> Sum:
-        """The most probable sum."""
+        """The most probable sum of damping terms."""
         return self.sums[int(np.argmax(self.log_evidence))]
 
     @property
     def best_exact(self) -> Sum:
-        """The most probable sum if the damping laws are assumed to be exact (no deviation)."""
+        """The most probable sum of damping terms if their laws are assumed to be exact (no deviation)."""
         return self.sums[int(np.argmax(self.log_exact))]
 
     @property
@@ -577,6 +577,7 @@ def fit_power_law(b: Blocks, ranking: Ranking) -> PowerFit:
 def power_candidates(b: Blocks) -> list[EnvelopeCandidate]:
     """Fit the damping term `power` (force ∝ |v|^p); return candidates with several values of p.
 
-    The values of p are points that represent its posterior.
+    The values of p are points that represent its posterior. If a power law describes a decay better than all sums,
+    decay rates are drawn from these candidates too.
     """
     return compare_sums(b, [Sum(("power",), b.ends[0], float(b.x.min()))])
