@@ -38,9 +38,9 @@ class NeuralOdeOptions(Options):
 class NeuralOde(Estimator[NeuralOdeOptions]):
     """Learn the damping force as a network, and project it on the damping law (the sum of the problem's terms).
 
-    A negative coefficient is reported as it is. The details of the estimate are three lists: velocities (`velocity`,
-    rad/s), and at these the learnt force (`force`, rad/s²) and the force of the damping law with the estimated
-    coefficients (`law`, rad/s²).
+    A negative coefficient is not set to 0. The details of the estimate are three lists: velocities (`velocity`, rad/s),
+    and at these the learnt force (`force`, rad/s²) and the force of the damping law with the estimated coefficients
+    (`law`, rad/s²).
     """
 
     by_position = "its network computes the force from the velocity alone"

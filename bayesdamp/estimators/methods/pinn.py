@@ -40,7 +40,7 @@ class PinnOptions(Options):
 class Pinn(Estimator[PinnOptions]):
     """Train damping coefficients and unknown restoring parameters together with a network for the motion.
 
-    A negative coefficient is reported as it is.
+    A negative coefficient is not set to 0.
     """
 
     by_position = "the damping in its loss is a function of the velocity alone"

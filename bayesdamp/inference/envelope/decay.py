@@ -73,7 +73,8 @@ class Curve:
     fit_sd
         Posterior standard deviation of the fit in dB.
     scatter
-        Standard deviation of the noise of a block in dB, for the first of the possible noises.
+        Standard deviation of the noise of a block in dB, for the first of the possible noises (without a slow part of
+        the noise floor).
     """
 
     t: np.ndarray
@@ -141,7 +142,8 @@ class Decay:
         Both are differences of ln A, which are relative to the amplitude A. In their mean squares each block has its
         squared fitted amplitude as weight. The weighted mean of the residuals is subtracted first. The excess is the
         root of the mean square of the residuals minus that of the noise; it is 0 if this difference is negative. The
-        noise is the first of the possible ones. fit: fitted ln(A/A_ref) at the blocks, (n,).
+        noise is the first of the possible ones, without a slow part of the noise floor. fit: fitted ln(A/A_ref) at the
+        blocks, (n,).
         """
         weight = np.exp(2.0 * fit)
         weight = weight / weight.sum()
