@@ -116,7 +116,7 @@ def _evidence(
 
     source: the generator of the model whose evidence is computed. drawn: the record, from this or any other model; its
     true values are not used. labels: values that determine the random numbers, together with the study's seed. Raises
-    Refusal if no mode is found, or the evidence is not finite.
+    Refusal if the record shows no oscillation, no mode is found, or the evidence is not finite.
     """
     assumed = replace(drawn, target=replace(source.blank, signal=drawn.signal))
     mode, _ = mode_of(assumed, source.system)

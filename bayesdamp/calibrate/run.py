@@ -116,7 +116,8 @@ def run_calibration(
     ------
     InputError
         If the study cannot be calibrated, if `out` contains files that no run wrote, or if another run is writing
-        there. Then nothing is computed.
+        there; then nothing is computed. Also if no record of a model can be simulated (`Generator.draw`); results that
+        are already stored stay there.
     """
     console = console or Console(stderr=True)
     if records is not None:

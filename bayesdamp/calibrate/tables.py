@@ -67,10 +67,10 @@ def _adjust(family: Iterable[Row]) -> list[Row]:
 def calibration_rows(study: Study, results: Results) -> list[Row]:
     """Return the rows of calibration.csv; each row is one test.
 
-    For each model, sampler and parameter there is a test of the ranks, and a test of coverage for each level of
-    intervals (`LEVELS`). Further rows test the coverage of the intervals of the refined estimates (trajectory fits).
-    Samplers and refined estimates are two families of tests, each with its own adjusted p values (`p_holm`). results:
-    results of tasks by series.
+    For each model, sampler and parameter (also the log likelihood) there is a test of the ranks, and a test of coverage
+    for each level of intervals (`LEVELS`). Further rows test the coverage of the intervals of the refined estimates
+    (trajectory fits). Samplers and refined estimates are two families of tests, each with its own adjusted p values
+    (`p_holm`). results: results of tasks by series.
 
     Values in a row:
 
@@ -152,7 +152,7 @@ def rank_rows(study: Study, results: Results) -> Iterator[Row]:
     """Yield the rows of ranks.csv: the ranks of the true values among thinned posterior draws.
 
     A row contains the ranks of all records with draws, in the order of the records, for one model, sampler and
-    parameter: in one field, separated by spaces.
+    parameter (or the log likelihood): in one field, separated by spaces.
     """
     for model, sampler, name, ranks, _ in _ranks(study, results):
         text = " ".join(map(str, ranks.tolist()))

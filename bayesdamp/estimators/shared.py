@@ -513,7 +513,7 @@ class Estimator(ABC, Generic[OptionsType]):
     can."""
 
     def __init_subclass__(cls) -> None:
-        """Set the name of an estimator of this package to the name of its file."""
+        """Set the name of an estimator in `estimators.methods` to that of its file; others must set it themselves."""
         super().__init_subclass__()
         package, _, file = cls.__module__.rpartition(".")
         if package == f"{__package__}.methods":

@@ -195,8 +195,8 @@ regression's target. In a solution above it, large terms cancel each other and f
 class SindyOptions(Options):
     """Options of SINDy.
 
-    switch: the form of friction in the library: "tanh" for tanh(θ̇/ε), "sign" for sign(θ̇) (section 3.4 of the paper
-    that `bayesdamp.estimators` cites).
+    switch: the form of friction in the library: "tanh" for tanh(θ̇/ε) with the width ε of `epsilon_of` (if it is 0, for
+    sign(θ̇)), "sign" for sign(θ̇) (section 3.4 of the paper that `bayesdamp.estimators` cites).
     """
 
     switch: Literal["tanh", "sign"] = "tanh"
@@ -315,7 +315,8 @@ class Sindy(Estimator[SindyOptions]):
 def _differentiate(signal: Signal, problem: Problem, features: Features) -> Derivatives:
     """Compute displacement, velocity and acceleration from a record.
 
-    A record with negligible noise is interpolated; any other is smoothed by `OscillationSpline`.
+    Only the record before its first interruption of the sampling is used. With negligible noise it is interpolated,
+    otherwise smoothed by `OscillationSpline`. The rows of the result leave out the ends.
     """
     plain, signal = motion(signal, problem, features), before_gap(signal, features.period)
     t, y = signal.t, signal.y

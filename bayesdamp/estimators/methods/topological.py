@@ -170,7 +170,8 @@ def significant_pairs(
     else the noise of the record; if there are many more lifetimes than cycles, it is at least 0.680 times their median.
     Each lifetime is reduced by the noise floor: twice the median amount by which white noise raises the maximum of the
     samples at a turning point. Variant "as_printed": the cutoff of equation (7) and the floor of equation (8) of the
-    paper that `bayesdamp.estimators` cites, with erfc⁻¹(2α/N) for N lifetimes.
+    paper that `bayesdamp.estimators` cites, with erfc⁻¹(2α/N) for N lifetimes; σ is then always the noise of the
+    record.
     """
     sigma, signal = noise_level(signal), before_gap(signal, features.period)
     y = signal.y - features.rest

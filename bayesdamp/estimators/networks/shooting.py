@@ -139,9 +139,10 @@ class Shooting(ScaledRecord):
     def evaluate(self, x: np.ndarray) -> Evaluated:
         """Return the weighted residuals (n,): of the samples, of the jumps between segments, and of a known start.
 
-        A jump is the state at the end of a segment minus the start of the next one. The sum of squares is the mean
-        square misfit of the samples plus the squared option `continuity_weight` times the squares of the others. The
-        second result is a function that computes the Jacobian by the unknowns x (k,), (n, k).
+        A jump is the state at the end of a segment minus the start of the next one. The residuals of unknown start
+        values are 0. The sum of squares is the mean square misfit of the samples plus the squared option
+        `continuity_weight` times the squares of the others. The second result is a function that computes the Jacobian
+        by the unknowns x (k,), (n, k).
         """
         unknowns = torch.from_numpy(x)
         with torch.no_grad():

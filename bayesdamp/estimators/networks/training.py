@@ -113,7 +113,7 @@ class DenseNetwork:
     def last_hidden(self, weights: Tensor, inputs: Tensor) -> Tensor:
         """Return the jets of the last hidden layer, (n, j, sizes[-2]), for those of the inputs, (n, j, sizes[0]).
 
-        A jet contains a value and its first j − 1 time derivatives.
+        A jet contains a value and its first j − 1 time derivatives. weights: as in `output`.
         """
         return _hidden(self._layers(weights)[:-1], inputs)
 

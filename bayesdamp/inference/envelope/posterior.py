@@ -154,7 +154,8 @@ class RateLikelihood:
     slope, information
         Coefficients for rates in 1/s: in s, (c, d), and in s², (c, d, d).
     reference
-        ln of the reference amplitude in the record's unit; if the unit is dB, ln of its ratio to the amplitude at 0 dB.
+        ln of the reference amplitude in the record's unit (for powers, of their root); if the unit is dB, ln of its
+        ratio to the amplitude at 0 dB.
     log_amplitudes
         ln of n amplitudes in the unit of `reference`, (n,), increasing.
     log_losses
