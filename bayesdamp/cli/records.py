@@ -333,7 +333,7 @@ def distinguishing_label(record: FileRecord, records: Sequence[FileRecord]) -> s
 
 
 def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> list[RecordOptions]:
-    """Convert records to the entries [[signal]] of a study, in the same order.
+    """Convert records to the `RecordOptions` from which `comparison_tables` makes a study, in the same order.
 
     If a file contains numbered runs, the runs of one channel are repeats of one specimen. The name of the specimen is
     the name of the file without its ending, followed by the name of the channel if there are several. Other records

@@ -83,8 +83,8 @@ def run_and_print(
 ) -> int:
     """Run a study, print its verdicts, and return the exit status.
 
-    For up to `FEW_RECORDS` records, each verdict is printed as soon as it is available. The exit status is that of
-    `run_study`, but 3 if `failed` is not empty.
+    For up to `FEW_RECORDS` records, each verdict is printed as text as soon as it is available, unless `as_json` is
+    true. The exit status is that of `run_study`, but 3 if `failed` is not empty.
 
     Parameters
     ----------

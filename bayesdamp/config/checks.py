@@ -54,8 +54,8 @@ def check_keys(raw: Iterable[str], valid: Iterable[str], key: str) -> None:
 def read_section(model: type[Model], raw: object, key: str) -> Model:
     """Check a table of the study file, and return it as an instance of `model`, the class that defines its keys.
 
-    `key` is the full key of the table, for messages; empty for the top of the file. Raises StudyError for an unknown,
-    missing or wrong key; the message states valid values.
+    `key` is the full key of the table, for messages; empty for the top of the file. Raises StudyError if `raw` is not a
+    table, or for an unknown, missing or wrong key; the message states valid values.
     """
     fields = {n: f for n, f in model.model_fields.items() if not f.exclude}
     given = check_table(raw, key)

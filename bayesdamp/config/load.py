@@ -70,16 +70,16 @@ _PUBLISHED = ("estimator", "signal", "error_pct", "time")
 """Columns of a CSV file of published results: the estimator, the signal, the error in per cent, the computing time."""
 _NO_STUDY = "give a study file (TOML), or a run's run.json"
 PRUNE_NATS = 20.0
-"""A candidate (a sum of damping terms under a restoring law) is left out of the sampling and of the full evidence
-computation if its log evidence is at least this far below the largest, in nats: its relative probability is then at
-most 2e-9. For this test the evidence is computed by linear approximations."""
+"""In a comparison, a candidate (a sum of damping terms under a restoring law) is left out of everything after the
+answer (estimate, fit, chains, full evidence) if its log evidence is at least this far below the largest, in nats: its
+relative probability is then at most 2e-9. For this test the evidence is computed by linear approximations."""
 SAMPLED_CANDIDATES = 2
-"""Number of candidates (sums of damping terms under a restoring law) whose posterior is sampled, the most probable
-ones."""
+"""Number of candidates (sums of damping terms under a restoring law) that the NUTS chains of a comparison sample, the
+most probable ones; the sampled answer has its own rule."""
 WARMUP, DRAWS = 100, 500
-"""`WARMUP`: number of first draws of each of four Markov chains, which are discarded. `DRAWS`: number of draws of each
-chain that are used. They are nearly independent, because the sampler works in whitened coordinates; if they are not, it
-adds draws."""
+"""`WARMUP`: number of first draws of each of the four NUTS chains of a comparison, which are discarded. `DRAWS`: number
+of draws of each chain that are used. They are nearly independent, because the sampler works in whitened coordinates; if
+they are not, it adds draws."""
 LEAST_NOISE = 1e-3
 """Standard deviation of the noise that is added to a record without noise, as a fraction of the amplitude. Noise is
 needed to compute a likelihood; this value is typical of a good encoder."""
@@ -100,8 +100,8 @@ def shipped_folder() -> Path:
 def study_file(given: Path) -> Path:
     """Return the given path if it exists, otherwise the path of the study with this name in the package.
 
-    A path with a folder or a suffix is returned as it is if there is no such study. Raises InputError for another
-    unknown name.
+    The name may end in .toml. A path with a folder or another suffix, and an unknown name that ends in .toml, are
+    returned as they are. Raises InputError for an unknown name without a suffix.
     """
     if given.exists() or len(given.parts) != 1 or given.suffix not in ("", ".toml"):
         return given
@@ -143,8 +143,9 @@ def has_other_study(study: Study, folder: Path) -> bool:
 def _read_question(path: Path) -> tuple[dict[str, Any], Path, dict[str, str]]:
     """Read a study from a run.json.
 
-    Returns the tables of the study, the folder of its files, and the names of the user's modules by their SHA-256.
-    Raises StudyError if the file contains no study, or if an input file is missing or has changed.
+    Returns the tables of the study, the folder of its files, and the names of the user's modules by their SHA-256. The
+    folder is the first that contains all input files unchanged, of: that of the run's time, that of the run.json, the
+    working directory. Raises StudyError if there is none, or if the file cannot be read or contains no study.
     """
     try:
         run = json.loads(path.read_text(encoding="utf-8"))
@@ -495,9 +496,10 @@ def comparison_tables(
         Seed of all random numbers.
     deviation
         Whether the damping and restoring laws hold exactly ("none") or only approximately ("law"). "auto" allows
-        deviations for measured records only.
+        deviations only in the answer on a measured record, not in samplers and evidence methods.
     sensor
-        Relative linearity error of the sensor (standard deviation).
+        Relative linearity error of the sensor (standard deviation), which is added to the uncertainty of damping ratios
+        where deviations are allowed; without effect on envelopes.
 
     Raises
     ------

@@ -39,11 +39,11 @@ from bayesdamp.plugins import nearest
 from bayesdamp.types import UNITS, InputError, System
 
 START = ("theta0", "omega0")
-"""Names of the initial conditions of a motion: displacement (rad or m) and velocity (rad/s or m/s) at the first
-sample."""
+"""Names of the initial conditions of a motion: displacement (rad or m) and velocity (rad/s or m/s) at the first sample
+that is used."""
 NOISE = ("noise_sd", "noise_time", "noise_dof")
-"""Names of the noise parameters: standard deviation in the record's unit, correlation time in s, and degrees of freedom
-of Student's t."""
+"""Names of the noise parameters: standard deviation in the base unit of the recorded quantity (such as rad or rad/s),
+correlation time in s, and degrees of freedom of Student's t."""
 REFERENCE = ("amplitude", "frequency", "inertia")
 """Keys of [system] that are not inferred: amplitude (rad or m) and frequency (rad/s) by which priors are scaled, and
 inertia (kg m² or kg), with which forces and energies get physical units."""
@@ -144,9 +144,9 @@ def _read_systems(
     Returns
     -------
     systems
-        A system for each law. A parameter that is given as a number is known; any other has its stated prior, or None,
-        which means its default prior.
-        The first law is the one that `own` or `base` names, or else the first of `laws`.
+        First the system under the law that `own` or `base` names, or else under the first of `laws`; then one under
+        each other law of `laws`. A parameter that is given as a number is known; any other has its stated prior, or
+        None, which means its default prior.
     reference
         Amplitude (rad or m), frequency (rad/s) and inertia (kg m² or kg), as far as the tables state them, by name.
 
@@ -373,7 +373,7 @@ def _read_envelope(entry: SignalTable, given: Mapping[str, Any], folder: Path, k
     """Return the specification of a signal that is an envelope (recorded amplitudes), which has no restoring law.
 
     `entry` is the table [[signal]]; `given` contains only the keys that the file states. Raises StudyError if a key
-    does not apply to an envelope, if its file is missing, or if `compare` is wrong.
+    that does not apply to an envelope differs from its default, if the file is missing, or if `compare` is wrong.
     """
     fields = SignalTable.model_fields
     stray = next((n for n in given if n in _NOT_OF_ENVELOPES and given[n] != fields[n].default), None)

@@ -41,7 +41,7 @@ SomeNames = Annotated[Names, Field(min_length=1)]
 Levels = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(_tuple_of), Field(min_length=1)]
 Deviation = Literal["auto", "none", "law"]
 """Whether the damping and restoring laws hold exactly ("none") or only approximately, with deviations ("law"). "auto"
-allows deviations for measured records only."""
+allows deviations only in the answer on a measured record, not in samplers and evidence methods."""
 MOST_SAMPLES = 10_000_000
 """Greatest number of samples of a simulated record, and of draws of a Markov chain, that a study may ask for; a larger
 number is an error (conventional)."""
@@ -213,7 +213,8 @@ class EstimatorsTable(StudySection):
     The tables with options of single estimators are not included. use: names of estimators and of their variants; "all"
     becomes the names of the eleven methods of the paper (`names_for_all`), without the user's own estimators. stages:
     "initial" (the estimate of the method itself), "refined" (a least-squares fit of the motion that starts from this
-    estimate). repeats: for a name, the largest number of repeats of a signal on which this estimator runs.
+    estimate). repeats: for a name, on how many repeats of a signal (the first ones) this estimator runs; all by
+    default.
     """
 
     use: Annotated[Names, BeforeValidator(lambda use: names_for_all() if use == "all" else use)] = Field(
@@ -232,9 +233,10 @@ class ModelsTable(StudySection):
 
     compare: damping sums (sums of damping terms, such as viscous+coulomb); "all" stands for the seven sums of viscous,
     Coulomb and quadratic damping. restoring: restoring laws that each sum is combined with; if it is empty, each signal
-    has only the law of its system. prior: priors by damping term, as tables of the file or, in a checked `Study`, as
-    prior objects. prune: a model is left out if its log evidence is at least this many nats below the best; None keeps
-    all. The test uses the log evidences of the answer on the record, which are linear approximations.
+    has only the law of its system. prior: priors by damping term (for its coefficient) or by name of a term's further
+    parameter; tables of the file or, in a checked `Study`, prior objects. prune: a model with a log evidence at least
+    this many nats below the best is left out of everything after the answer (estimators, fits, samplers, evidence);
+    None keeps all. The test uses the log evidences of the answer on the record, which are linear approximations.
     """
 
     compare: Annotated[SomeNames, BeforeValidator(lambda sums: all_sums() if sums == "all" else sums)] = (
@@ -255,12 +257,12 @@ class PosteriorTable(StudySection):
     """[posterior]: samplers, noise models, deviations and numbers of draws.
 
     samplers: names of the MCMC samplers. noise: name of a noise model, or several names; "auto" means all. If there are
-    several, the most probable one on each record is used. best: number of the most probable models of a record whose
-    posterior is sampled; None for all. deviation: whether the damping and restoring laws hold exactly ("none") or only
-    approximately ("law"); "auto" allows deviations for measured records only. sensor: relative linearity error of the
-    sensor (standard deviation). chains: number of Markov chains. warmup: number of first draws of each chain that are
-    discarded (emcee: half of it). draws: number of stored draws of each chain; `nuts` adds draws if these are too few,
-    and `emcee` ignores it and runs until its chains have converged.
+    several, one is chosen on each record by its evidence (see `Study.noises`). best: number of the most probable models
+    of a record that the samplers sample; None for all. deviation: see `Deviation`. sensor: relative linearity error of
+    the sensor (standard deviation), which widens the intervals of damping ratios where deviations are allowed. chains:
+    number of Markov chains. warmup: number of first draws of each chain that are discarded (emcee: half of it; with
+    deviations, at most 50). draws: number of stored draws of each chain; `nuts` adds draws if these are too few, and
+    `emcee` ignores it and runs until its chains have converged.
     """
 
     samplers: Names = Field(("nuts", "emcee"), description="a list of samplers' names")
@@ -287,8 +289,9 @@ class PosteriorTable(StudySection):
 class EvidenceTable(StudySection):
     """[evidence]: methods of computing the evidence, and when nested sampling (the referee) checks them.
 
-    methods: names, such as "laplace" and "importance". referee: "auto" (if the methods disagree or one is unreliable),
-    "always" or "never". If `methods` contains nested sampling, it is computed whatever `referee` is.
+    methods: names, such as "laplace" and "importance". referee: "auto" (if the methods disagree, one is unreliable, or
+    there is none besides Laplace's), "always" or "never". If `methods` contains nested sampling, it is computed
+    whatever `referee` is.
     """
 
     methods: Names = Field(("importance", "bridge"), description="a list of methods' names")
@@ -365,12 +368,13 @@ class Recording(FileTable):
 class SignalSpec:
     """A signal of the study: a record that is simulated or read, and what is known about its oscillator.
 
-    name: name of the signal. system: what is known about the oscillator, under the first restoring law. source: how the
-    record is simulated or read. inertia: in kg m² (kg for a translation), used only for results in physical units.
-    compare: damping sums that are compared on this signal; None for those of the study. estimate: damping sums whose
-    coefficients the estimators estimate; None for all. laws: the restoring laws that are compared; empty if it is only
-    the law of `system`. alternatives: what is known about the oscillator under each other law. specimen: name of the
-    tested object, or "". All records of one specimen have a common verdict.
+    name: name of the signal. system: what is known about the oscillator, under the restoring law that a table `system`
+    names or else the first of `laws`. source: how the record is simulated or read. inertia: in kg m² (kg for a
+    translation), used only for results in physical units. compare: damping sums that are compared on this signal; None
+    for those of the study. estimate: damping sums whose coefficients the estimators estimate; None for all. laws: the
+    restoring laws that are compared; empty if it is only the law of `system`. alternatives: what is known about the
+    oscillator under each other law in `laws`. specimen: name of the tested object, or "". All records of one specimen
+    have a common verdict.
     """
 
     name: str
@@ -536,7 +540,9 @@ class Study:
     def noises(self) -> tuple[str, ...]:
         """The names of the noise models of the study; "auto" means all that are available, with the user's plug-ins.
 
-        If there are several, the answer on each record chooses the one with the largest evidence.
+        If there are several, samplers and evidence methods use the one with the largest evidence on the record. The
+        answer prefers Gaussian noise, unless another one except correlated noise has a clearly larger evidence (5 nats
+        or more).
         """
         given = self.posterior.noise
         if isinstance(given, str):

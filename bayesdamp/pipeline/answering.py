@@ -23,8 +23,9 @@ ANSWER, SAMPLED_ANSWER = "answer", "sampled"
 verdict: `ANSWER` from linear approximations of every model; `SAMPLED_ANSWER`, after it, also from draws of the
 posteriors of the most probable models."""
 _COMPARISONS: dict[str, dict[str, ModelComparison]] = {}
-"""Cache of the last model comparison by linear approximations in this process, by the key of its task. The task
-`SAMPLED_ANSWER` on the same record starts from this comparison instead of computing it again."""
+"""Cache of the last model comparison by linear approximations in this process: by the key of its task, the dictionary
+`comparisons` of `interface.answer.answer`. The task `SAMPLED_ANSWER` on the same record starts from it instead of
+computing it again."""
 
 
 def _terms_of(study: Study, spec: SignalSpec) -> tuple[str, ...]:
@@ -156,7 +157,7 @@ def rank_candidates(record: StudyRecord, nats: float | None) -> list[tuple[str, 
     - The log evidence allows deviations from the laws if the study's samplers allow them and any candidate has such an
       evidence. Otherwise it assumes exact laws. Candidates without this evidence are left out.
     - Candidates whose log evidence is at least `nats` below the largest one are left out, unless `nats` is None.
-    - The candidate with the largest log evidence that allows deviations is always in the list.
+    - The candidate with the largest log evidence that allows deviations is always in the list, if necessary at its end.
     """
     content = AnswerContent.maybe(record.find(ANSWER))
     usable = [r for r in content.candidates if r.outcome == OK] if content else []

@@ -115,7 +115,8 @@ def count_parallel_jobs(jobs: list[Job], depth: Depth) -> int:
 def jobs_of(study: Study) -> list[Job]:
     """Return all jobs of a study; the jobs on single models come last.
 
-    An envelope has a single job, its answer. A run may leave out some of the jobs on single models.
+    An envelope has a single job, its answer; none if the study has no samplers and evidence methods. A run may leave
+    out some of the jobs on single models.
     """
     # First repeat 0 of all signals, then repeat 1, and so on: an interrupted run then has results for every signal.
     most = max(s.repeats for s in study.signals)
@@ -172,8 +173,9 @@ def stages(
     The jobs of a stage depend on the results that are stored when the iterator is asked for it. So run the jobs of each
     stage before asking for the next one. A stage can be empty.
 
-    answer_first: whether models are compared by linear approximations on all records before any record is sampled. If
-    False, each record is sampled when its models have been compared, and the comparison is not computed twice.
+    depth: step after which the stages end. answer_first: whether models are compared by linear approximations on all
+    records before any record is sampled. If False, each record is sampled when its models have been compared, and the
+    comparison is not computed twice.
     """
     jobs = jobs_of(study)
     sampled = {job.signal for job in jobs if job.task_group == SAMPLED_ANSWER and is_within(job, depth)}

@@ -49,8 +49,9 @@ class Candidate(ResultView):
     their units, and their standard deviations; empty if there is no mode. log_posterior: log posterior density at the
     mode (nats, not normalised), for parameters that are transformed so that each has a standard normal prior; nan if
     there is no mode. estimates: for each estimator, its estimates at each stage. posteriors: the posterior by each
-    sampler; its log likelihoods are nan if the file of its draws is missing. evidence: the log evidence by each method.
-    outcome: the reason why there is no mode; "ok" if there is one, or if the study needs none.
+    sampler; its log likelihoods are nan if the file of its draws is missing. evidence: the log evidence by each method;
+    nan if it gave none, or if it is nested sampling that was not needed as a check. outcome: the reason why there is no
+    mode; "ok" if there is one, or if none was searched for.
     """
 
     record: str
@@ -83,7 +84,8 @@ class Run(ResultView):
     """The results of a study, read from the folder of its run.
 
     folder: path of this folder, with tables, results of tasks, figures and report.html. name: name of the study.
-    outcome: "ok", or a text with the number and the names of the tasks that failed or whose results are damaged.
+    outcome: "ok", or a text with the number and the names of the tasks that failed or whose results are damaged, among
+    all results in the folder.
     """
 
     folder: Path
@@ -95,15 +97,17 @@ class Run(ResultView):
         """The table estimates.csv, with a row for each estimated parameter of a model by an estimator at a stage.
 
         A row contains the value with its standard error, and for a simulated record the true value and the error in per
-        cent. The stages are the method's own estimate and the trajectory fit that starts from it.
+        cent. The stages are the method's own estimate and the trajectory fit that starts from it. A stage without an
+        estimate has one row, whose `outcome` says why.
         """
         return self._read("estimates.csv")
 
     @cached_property
     def posteriors(self) -> pd.DataFrame:
-        """The table posteriors.csv, with a row for each parameter of the posterior of a model by a sampler.
+        """The table posteriors.csv, with a row for each parameter of a model (also derived ones) and sampler.
 
-        A row contains mean, sd, quantiles, the shortest 95 % interval and the diagnostics of the sampler.
+        A row contains mean, sd, quantiles, the shortest 95 % interval and the diagnostics of the sampler. A sampler
+        without draws has one row, whose `outcome` says why.
         """
         return self._read("posteriors.csv")
 
@@ -112,16 +116,18 @@ class Run(ResultView):
         """The table evidence.csv, with a row for each record, model and method.
 
         A row contains the log evidence with its standard error in nats, the log Bayes factor relative to the best model
-        by the same method, and the posterior probability of the model (nan if the method lacks the evidence of some
-        models).
+        by the same method, and the posterior probability of the model (nan if the method lacks the evidence of a model
+        that another method has, and for sequential Monte Carlo, "smc"). The method "combined" is the evidence that the
+        report uses.
         """
         return self._read("evidence.csv")
 
     @cached_property
     def fits(self) -> pd.DataFrame:
-        """The table fits.csv, with a row for each record and model that has a fit.
+        """The table fits.csv, with a row for each record and model that was fitted or sampled in the answer.
 
-        A row contains the rms of the residuals, the checks of the fit, and the size of deviations from the damping law.
+        A row contains the rms of the residuals and the checks of the fit at the posterior mode (if it failed, `verdict`
+        says why), and from the sampled answer the size of deviations from the damping law.
         """
         return self._read("fits.csv")
 

@@ -43,8 +43,8 @@ SMC = "smc"
 def write_tables(study: Study, store: Store) -> None:
     """Write the tables estimates.csv, posteriors.csv, evidence.csv and fits.csv, and the run.json of a run.
 
-    Rows are in the order of signals, repeats and models. The files are written to the folder of `store`, which must
-    show only the results of the current study.
+    Rows are in the order of signals, repeats and models (evidence.csv: signals, repeats, methods and models). The files
+    are written to the folder of `store`, which must show only the results of the current study.
     """
     makers = [_estimates, _posteriors, _evidence, _fits]
     for (name, columns), rows_of in zip(TABLES.items(), makers, strict=True):
@@ -57,9 +57,9 @@ def write_verdicts(study: Study, store: Store) -> None:
 
     A verdict is on a record, or on a specimen (a tested object with several records).
 
-    - verdict.json has an object for each verdict, in rad, m or the sensor's unit.
-    - verdicts.csv has a row for each verdict, in the unit of the record's file (in a base unit, such as rad, if the
-      records of a specimen have different units).
+    - verdict.json has an object for each verdict, with amplitudes in rad, m or the sensor's unit.
+    - verdicts.csv has a row for each verdict, with amplitudes in the unit of the record's file (in a base unit, such as
+    rad, if the records of a specimen have different units).
     - damping_curves.csv has the damping curve of each record that is measured without assuming a damping law, in the
       unit of the record's file.
     - population.csv, with damping coefficients over all specimens, is written if the study has several specimens.
@@ -100,7 +100,8 @@ def write_verdicts(study: Study, store: Store) -> None:
 def _specimen_verdict(study: Study, store: Store, name: str, specs: Sequence[SignalSpec]) -> Verdict | None:
     """Return the verdict on a specimen: a tested object with several records.
 
-    specs: the signals of the specimen. The result is None if fewer than two of its records have an answer.
+    specs: the signals of the specimen. The result is None if fewer than two of its records have an answer with compared
+    models (for envelopes: with a decay).
     """
     records = (StudyRecord(study, spec, repeat, store) for spec in specs for repeat in range(spec.repeats))
     answers = [a for a in map(stored_answer, records) if a is not None]

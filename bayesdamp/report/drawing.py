@@ -168,7 +168,7 @@ class Drawings:
         Parameters
         ----------
         name
-            Name of the file; characters that a file name should not contain are replaced.
+            Name of the file without its ending; characters that a file name should not contain are replaced.
         caption
             Plain text below the figure, which is also its alternative text.
         draw

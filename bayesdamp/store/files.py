@@ -129,7 +129,8 @@ def netcdf_bytes(tree: xr.DataTree) -> bytes:
 def write_json(path: Path, obj: object) -> None:
     """Write a value to a file as strict, indented JSON; nan becomes null, infinities become "inf" and "-inf".
 
-    The value is first converted by `split`. The file is written by `write_bytes`.
+    The value is first converted by `serial.split`: dataclasses become objects, arrays become lists. The file is written
+    by `write_bytes`.
     """
     text = json.dumps(_strict(split(obj)), indent=2, ensure_ascii=False, allow_nan=False)
     write_bytes(path, (text + "\n").encode())
@@ -170,7 +171,7 @@ def unpack(path: Path, first: str, *, arrays: bool = True) -> tuple[dict[str, An
     """Return the values and the arrays (by name) in a zip archive that `pack` made; no arrays if `arrays` is false.
 
     first: name of the member with the values. Among the values is also the list `arrays` of the names of all arrays.
-    Raises one of `READ_ERRORS` if the file is damaged or is not such an archive.
+    Raises one of `READ_ERRORS` if the file is missing, damaged or not such an archive.
     """
     with zipfile.ZipFile(path) as archive:
         head = json.loads(archive.read(first))
@@ -224,8 +225,9 @@ TABLES: dict[str, tuple[str, ...]] = {
         "window_spread", "predictive_p", "deviation", "deviation_low", "deviation_high", "unexplained_pct", "verdict",
     ),
 }  # fmt: skip
-"""Columns of the tables of every study, by file name. All intervals are 95 %; log_evidence and its stderr are in nats,
-error_pct and unexplained_pct in per cent, seconds in s, and parameters in the column `unit`."""
+"""Columns of the tables of every study, by file name. All intervals are 95 %. log_evidence, its stderr and
+log_bayes_factor are in nats, error_pct and unexplained_pct in per cent, seconds in s. The column `unit` has the unit of
+the values of a parameter, `rms_unit` that of rms."""
 
 POPULATION = (
     "model", "restoring", "parameter", "unit", "specimens", "mean", "mean_low", "mean_high", "spread", "spread_low",

@@ -67,7 +67,7 @@ FILES = (
 """Names of the files in the folder of a run, besides `TABLES` and `CALIBRATION_TABLES`. A running process locks the
 file `LOCK`."""
 HEAD_MEMBER = "cell.json"
-"""Name of the first member in the zip archive of a task's result, with its name, key, outcome, seconds and values."""
+"""Name of the first member in the zip archive of a result: JSON with the task's name, key, outcome, seconds, values."""
 _ZIP_HEADER = 30
 """Number of bytes before the name of the first member in a zip archive (zip specification, local file header)."""
 _ELSEWHERE = "choose another folder with --out"
@@ -77,7 +77,7 @@ NO_DRAWS = np.empty((0, 0, 0)), np.empty((0, 0))
 
 
 def claim(folder: Path, tables: Iterable[str] = ()) -> None:
-    """Mark a folder as the folder of a run, after checking that it contains nothing that a run would overwrite.
+    """Mark a folder as the folder of a run, after checking that a run would overwrite only files of an earlier run.
 
     A missing folder is created. A folder was written by a run if it has the mark `MARK_FILE`, or a run.json of a run.
 
@@ -151,7 +151,8 @@ class TaskName:
 
     kind: kind of task. record: name of the signal. repeat: number of the repeat, from 0. candidate: the damping model,
     such as `viscous+coulomb`; followed by @ and the restoring law if several restoring laws are compared. method: the
-    estimator, sampler or evidence method. If a name does not have a part, this part is "" (None for the repeat).
+    estimator, sampler or evidence method. If a name does not have a part, this part is "" (None for the repeat). In a
+    calibration's tasks, `ranks/MODEL/FIRST` and `recovery/FIRST`, record is MODEL or FIRST.
     """
 
     kind: str
@@ -197,7 +198,7 @@ class TaskResult:
 
 
 class Store:
-    """The results of a run's tasks, each in an `.npz` file under `cells/`. Nothing is created before the first write.
+    """The results of a run's tasks, each in an `.npz` file under `cells/`. Only `write` and `lock` create files.
 
     A file has the name of its task, so that a new result replaces the old one. The file also contains the result's key,
     a hash of everything on which the result depends. only: the key of each visible result, by task name. Results of
@@ -298,9 +299,9 @@ class Store:
     def lock(self) -> Iterator[None]:
         """Lock the folder for writing within this context, and remove the temporary files of a killed run.
 
-        Raises InputError if another process has locked the folder, if `claim` refuses it (it contains files with names
-        that a run uses, but that no run wrote), or if it cannot be written (for example, it is a file). Raises OSError
-        if the disk is full. The operating system releases the lock of a process that dies.
+        Raises InputError if another run has locked the folder (also one in this process), if `claim` refuses it (it
+        contains files with names that a run uses, but that no run wrote), or if it cannot be written (for example, it
+        is a file). Raises OSError if the disk is full. The operating system releases the lock of a process that dies.
         """
         try:
             claim(self.folder, (*TABLES, *CALIBRATION_TABLES))
@@ -454,9 +455,9 @@ class Content:
 class RecordContent(Content):
     """The values of a record, from the task `signal/NAME/REPEAT`.
 
-    The samples are in `arrays` of the same result: `t` in s, and `y` in the base unit `unit`, such as rad (for a
-    velocity or an acceleration: `unit` per s or per s²); a measured record also has `raw_t` and `raw_y` (see
-    `compute_signal`). step: step to which `y` is rounded, in the unit of `y`; 0 if it is not rounded. provenance:
+    name: of the signal. The samples are in `arrays` of the same result: `t` in s, and `y` in the base unit `unit`, such
+    as rad (for a velocity or an acceleration: `unit` per s or per s²); a measured record also has `raw_t` and `raw_y`
+    (see `compute_signal`). step: step to which `y` is rounded, in the unit of `y`; 0 if it is not rounded. provenance:
     source of the record, and how it was cleaned. bound: for the first repeat of a simulated record, the Cramér–Rao
     bound (smallest standard deviation) by parameter; {} if there is none.
 
@@ -560,10 +561,10 @@ class ComparedCandidate:
     A candidate is a sum of damping terms under a restoring law. log_evidence: log evidence (nats) if damping and
     restoring force may deviate from their laws; None if this was not computed. log_evidence_exact: log evidence (nats)
     if the laws hold exactly; None if this was not computed. outcome: "ok", or why there is no result. rms: root mean
-    square residual of the fit with exact laws, in the base unit of the record, such as rad; None if there is no result,
-    or if the record was reduced to amplitudes and phases. place: for a form of damping that the study does not compare,
-    the compared sum that is its limiting case; "" if there is none. parameters: names of the inferred damping
-    parameters.
+    square residual of the fit with exact laws, in the base unit of the recorded quantity, such as rad/s for a velocity;
+    None if there is no result, or if the record was reduced to amplitudes and phases. place: for a form of damping that
+    the study does not compare, the compared sum that is its limiting case; "" if there is none. parameters: names of
+    the inferred damping parameters.
     """
 
     damping: str
@@ -586,10 +587,10 @@ class SampledPosterior:
     """The posterior of one candidate (a sum of damping terms under a restoring law), sampled by sequential Monte Carlo.
 
     parameters: for each parameter its mean, sd, quantiles and other summaries, in the parameter's unit. deviation: size
-    of the relative deviation from the damping law, (2.5 % quantile, median, 97.5 % quantile); 0.1 is 10 %. unexplained:
-    root mean square of the residual with exact laws that the noise does not account for, as a fraction of the first
-    amplitude. log_evidence, stderr: log evidence and its standard error, in nats. acceptance: acceptance rate of the
-    last moves. temperatures: number of increases of the inverse temperature.
+    of the relative deviation from the damping law, (2.5 % quantile, median, 97.5 % quantile); 0.1 is 10 %; zeros under
+    exact laws. unexplained: root mean square of the residual with exact laws that the noise does not account for, as a
+    fraction of the first amplitude. log_evidence, stderr: log evidence and its standard error, in nats. acceptance:
+    acceptance rate of the last moves. temperatures: number of increases of the inverse temperature.
     """
 
     damping: str
@@ -656,11 +657,12 @@ class AnswerContent(Content):
 
     verdict: the conclusion, as `Verdict.to_dict` returns it, with amplitudes in the base unit, such as rad. candidates:
     results of the compared damping sums under each restoring law. rivals: results of other forms of damping, which the
-    study does not compare. priors: descriptions of the priors. posteriors: posteriors of the candidates that were
-    sampled; () from the task `answer`. laws: fits of the candidates that allow deviations from the laws. noise: name of
-    the noise model that is used. noises: all noise models that were fitted. epsilon: velocity (rad/s or m/s) within
-    which Coulomb friction changes its sign, if it was not known. envelope: further values for an envelope; its answer
-    has only these and the verdict.
+    study does not compare. priors: descriptions of the priors of each candidate that was fitted. posteriors: posteriors
+    of the candidates that were sampled, without unreliable ones; () from the task `answer`. laws: fits of the
+    candidates that allow deviations from the laws. noise: name of the noise model that is used. noises: all noise
+    models that were fitted. epsilon: velocity (rad/s or m/s) within which Coulomb friction changes its sign, as chosen
+    by the comparison; None if it was given. envelope: further values for an envelope; its answer has only these and the
+    verdict. If no model was compared (no free decay, or every fit failed), only `verdict` has a value.
     """
 
     verdict: Mapping[str, Any]

@@ -21,7 +21,8 @@ installation check fails (conventional)."""
 def machine() -> str:
     """Check that the machine has at least `LEAST_MEMORY` GiB of physical memory.
 
-    Return a text with the cores and the memory; raise InputError if the memory is too small.
+    Return a text with the cores and the memory; raise InputError if the memory is too small. On Windows the memory is
+    not checked.
     """
     text = f"{cores()} core{'s' if cores() > 1 else ''}"
     if hasattr(os, "sysconf"):  # not on Windows

@@ -113,9 +113,9 @@ class StudyCandidate:
     def fit(self) -> Fit:
         """The fit of the candidate to the record, from which samplers and evidence methods start.
 
-        If the laws hold exactly, it is the stored posterior mode. If the study allows deviations from the laws, it is
-        the fit that the task `ANSWER` on the record has stored. Raises Refusal if that task gave no fit, and KeyError
-        if it has no stored result.
+        It is the posterior mode that the task `mode/...` has stored or, if the study has deviation = "law", the fit
+        with deviations from the laws that the task `ANSWER` on the record has stored. Raises Refusal if this task gave
+        no mode or not this fit, and KeyError if it has no stored result.
         """
         signal = self.record.signal
         if self.study.likelihood == "law":

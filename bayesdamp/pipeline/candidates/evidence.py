@@ -26,8 +26,8 @@ def evidence_parts(study: Study, path: str, keys: Mapping[str, str]) -> dict[str
     """Return the inputs of each evidence task of a candidate besides its fit, by name of the task.
 
     They are part of what the key (hash) of each task is computed from: the name of the method, and the key of the draws
-    if the method needs draws. The task of the referee (nested sampling), which also depends on the other methods, is
-    last.
+    if the method needs draws. If nested sampling is only the referee, its task, which also depends on the other
+    methods, is last.
 
     Parameters
     ----------
@@ -52,8 +52,8 @@ def compute_evidence(candidate: StudyCandidate, method: str, seed: int) -> Produ
     """Compute the evidence of a candidate by one method.
 
     The content of the result is an `EvidenceContent`. The referee (nested sampling) is skipped if the study uses it
-    only when the other methods disagree, and they agree; its content then has no evidence. Raises Refusal if there is
-    no fit, or if the method is not applicable to it.
+    only when the other methods disagree, and they agree; its content then has no evidence. Laplace's approximation does
+    not count as another method. Raises Refusal if there is no fit, or if the method is not applicable to it.
     """
     study = candidate.study
     if method == REFEREE and REFEREE not in study.evidence.methods and study.evidence.referee == "auto":

@@ -28,7 +28,7 @@ def compute_mode(candidate: StudyCandidate) -> Product:
     """Search for the highest posterior mode of a candidate, and check its fit.
 
     The content of the result is a `ModeContent`. The arrays are the times `t` in s, the motion `fit` and the `residual`
-    in the unit of the record, the whitened residuals and their autocorrelation, and the arrays of the mode itself
+    in the base unit of the record, the `whitened` residuals, their `autocorrelation`, and the arrays of the mode itself
     (`stored/...`). Raises Refusal if the search finds no mode, or if the record has no noise.
     """
     if not candidate.record.content.noisy:

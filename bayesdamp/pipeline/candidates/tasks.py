@@ -47,7 +47,8 @@ random seed. Tasks of the kind "mode", which have no method, are not included: `
 def task_keys(candidate: StudyCandidate) -> dict[str, str]:
     """Return the names of all tasks of a candidate with their keys, in an order in which the tasks can be computed.
 
-    A key is the hash of the task's inputs and code. The tasks themselves are not computed.
+    A key is the hash of the task's inputs and code. The tasks themselves are not computed. A study without samplers and
+    evidence methods has only the estimates.
     """
     study, spec, model, record_key = candidate.study, candidate.spec, candidate.model, candidate.record.key
     forces = [*map(TERMS.source, candidate.terms), LAWS.source(candidate.restoring)]
@@ -88,7 +89,8 @@ def task_keys(candidate: StudyCandidate) -> dict[str, str]:
 def compute(candidate: StudyCandidate, name: str) -> Product:
     """Compute the task with this name, such as `mode/bench/0/viscous`, and return its result without storing it.
 
-    Raises Refusal if the outcome of the record is not OK, or if the method is not applicable to the record.
+    Raises Refusal if the outcome of the record is not OK, if there is no mode or fit to start from, or if the method is
+    not applicable to the record.
     """
     record = candidate.record.result
     if record.outcome != OK:

@@ -46,8 +46,8 @@ the end of the decay, and the band (± 2 sd) of the readings' noise."""
 def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str) -> Figure:
     """Draw the answer on a record in four panels: record and fit, damping ratio, residual, energy lost in a cycle.
 
-    If `arrays` contains no fit (because the record contradicts every damping law), the residual is left out and there
-    are three panels.
+    If `arrays` contains no fit (because the best damping law contradicts the measured damping), the residual is left
+    out and there are three panels.
 
     Parameters
     ----------

@@ -127,7 +127,7 @@ def draw_raw_record(
         Start and end of the part that is used, in s on the time axis of t. If the end is None, no part is marked as
         used.
     decays
-        All free decays in the record. Those that overlap the used part are not marked.
+        All free decays in the record, also on the time axis of t. Those that overlap the used part are not marked.
     """
     figure = Figure(figsize=(WIDTH, 2.0))
     ax = figure.add_subplot()

@@ -100,7 +100,7 @@ class RecordChecks:
     Attributes
     ----------
     verdict
-        The verdict on the record; None if there is none.
+        The verdict on the record, with amplitudes in the unit of its file; None if there is none.
     model
         Name of the study's model that has the damping and the restoring law of the answer. If there is no answer, it is
         the study's most probable model. None if the study has no such model.

@@ -102,7 +102,8 @@ class RunFolder:
     Raises
     ------
     InputError
-        If the folder does not contain a run, or a table or verdict.json is damaged.
+        If the folder does not contain a run, another version of bayesdamp wrote it, or a table or verdict.json is
+        damaged.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -247,7 +248,8 @@ class RunFolder:
         return lru_cache(MOST_RESULTS)(self._store.find)
 
     def task_results(self, *parts: object) -> list[TaskResult]:
-        """Return the undamaged results of all tasks whose names begin with these parts (see `task_result`)."""
+        """Return the undamaged results of all tasks whose names begin with these parts and have further ones after
+        them."""
         prefix = "".join(f"{part}/" for part in parts)
         names = self._names.get(parts[:2], ()) if len(parts) > 1 else self._places
         results = (self.task_result(name) for name in names if name.startswith(prefix))
@@ -485,8 +487,8 @@ def specimens(run: RunFolder) -> list[Verdict]:
 def curve_of(answer: RecordAnswer) -> Curve | None:
     """Return the points of an answer's damping curve that are finite and have a positive amplitude.
 
-    Amplitudes are in the unit of the record's file, ratios are fractions. None if there are fewer than two points, or
-    if the verdict has no damping ratio.
+    Amplitudes are in the unit of the record's file, ratios are fractions. None if there are fewer than two points, if
+    the verdict has no damping ratio, or if its ratios were measured without a damping law.
     """
     if not answer.verdict.damping_ratio or not set(CURVE) <= set(answer.arrays):
         return None

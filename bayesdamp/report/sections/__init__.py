@@ -201,7 +201,8 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     Raises
     ------
     InputError
-        If the folder does not contain a run, or if an incompatible version of bayesdamp wrote the run.
+        If the folder does not contain a run, if an incompatible version of bayesdamp wrote the run, or if `claim`
+        refuses the folder.
     """
     run = RunFolder(folder)
     claim(run.folder)
