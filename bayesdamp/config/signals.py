@@ -51,8 +51,8 @@ LARGEST_VALUE = 1e24
 """Largest absolute value that a study may give as the true value of a parameter of a simulation, in the parameter's
 unit (conventional)."""
 LEAST_CYCLES, MOST_CYCLES = 0.01, 1e6
-"""Smallest and largest number of cycles of a simulated record; other numbers are an error of the study
-(conventional)."""
+"""Smallest and largest number of cycles (of small oscillations) of a simulated record; other numbers are an error of
+the study (conventional)."""
 MOST_SIGNALS = 100_000
 """Greatest number of signals of a study, counted after each is repeated for all values of the sweeps; more are an error
 (conventional)."""

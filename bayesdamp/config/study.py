@@ -167,8 +167,8 @@ class SimulateTable(StudySection):
     duration: length of the record in s. samples: number of samples before gaps are removed. repeats: number of records,
     which differ only in their random numbers (noise, outliers and gaps). noise: name of the noise model. outliers:
     number of spikes, or their fraction of the samples if it is below 1. gaps: number of time spans from which the
-    samples (each time 1/50 of them) are removed. quantum: step to which values are rounded, in the record's unit; 0 for
-    none. quantity: the simulated quantity. unit: unit of the displacement.
+    samples (each time 1/50 of them) are removed. quantum: step to which values are rounded, in their unit (such as
+    rad/s); 0 for none. quantity: the simulated quantity. unit: unit of the displacement.
     """
 
     duration: float = Field(
@@ -519,7 +519,7 @@ class Study:
 
     @property
     def priors(self) -> dict[str, Prior]:
-        """The priors that the study states for parameters of damping terms, by name of the parameter."""
+        """The priors that [models] states for parameters of damping terms, by name of the parameter, such as "zeta"."""
         return {TERMS.get(t).parameter if t in TERMS.names() else t: p for t, p in self.models.prior.items()}
 
     @property
