@@ -62,9 +62,9 @@ def answer_key(record: StudyRecord, kind: str = ANSWER) -> str:
 def compute_answer(record: StudyRecord, kind: str) -> Product:
     """Compute the answer on a record: compare its damping models, and form the verdict.
 
-    The content of the result is an `AnswerContent`; its arrays are those of the figure (`findings.picture`), of the
-    sampled posteriors and of the fits. If no model can be fitted, the outcome is the verdict's sentence, which gives
-    the reason; otherwise it is OK.
+    The content of the result is an `AnswerContent`; its arrays are `Answer.arrays` (for the figure) and
+    `Answer.further` (draws and fits) of `interface.answer`. If no model can be fitted, the outcome is the verdict's
+    sentence, which gives the reason; otherwise it is OK.
 
     kind: `ANSWER`, by linear approximations; or `SAMPLED_ANSWER`, which starts from the comparison of `ANSWER` if this
     process has computed it just before, and computes it first otherwise.

@@ -25,7 +25,7 @@ def read_recording(source: Recording, name: str) -> tuple[EnvelopeRecord, Envelo
 
     The envelope gets the name `name`. If the study states only the start or only the stop, the other end is searched
     for; if it states neither, the window is None. Raises InputError if the file cannot be read, if the window contains
-    too few readings, or if the search finds no decay.
+    too few readings, or if the search for the other end finds no decay.
     """
     record = _read(source, source.path.stat().st_mtime_ns)
     first, last = (None if isinstance(end, str) else end for end in (source.start, source.stop))

@@ -26,7 +26,7 @@ models, which have no task group."""
 
 
 def describe_stage(study: Study, jobs: list[Job]) -> str:
-    """Return what the jobs of a stage do, in words, such as "measuring the damping of 2 records by sampling"."""
+    """Return what the jobs of a stage (at least one) do, such as "measuring the damping of 2 records by sampling"."""
     names = {job.signal for job in jobs}
     specs = [spec for spec in study.signals if spec.name in names]
     sums = {candidate_parts(job.model)[0] for job in jobs if job.model}

@@ -117,8 +117,8 @@ class Run(ResultView):
 
         A row contains the log evidence with its standard error in nats, the log Bayes factor relative to the best model
         by the same method, and the posterior probability of the model (nan if the method lacks the evidence of a model
-        that another method has, and for sequential Monte Carlo, "smc"). The method "combined" is the evidence that the
-        report uses.
+        that another method has, and for sequential Monte Carlo, "smc"). The method "combined" joins the results of the
+        others.
         """
         return self._read("evidence.csv")
 

@@ -165,8 +165,8 @@ def _head(record: StudyRecord, candidate: str) -> Row:
 def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
     """Return the true value of a parameter of a simulated record, in the parameter's unit.
 
-    The true coefficient of a damping term that was not simulated is 0. The result is NaN for a measured record, and for
-    a parameter of a restoring law other than the simulated one.
+    The true coefficient of a damping term that was not simulated is 0. The result is NaN for a measured record, for a
+    parameter of a restoring law other than the simulated one, and for other unknown values.
     """
     if not isinstance(spec.source, Simulation):
         return math.nan
