@@ -30,7 +30,7 @@ FAINT = "#d9d9d9"
 """`INK`, `MUTED` and `FAINT` are greys for lines and text, from the most to the least prominent."""
 
 WIDTH = 9.6
-"""Width in inches of a figure that fills the width of the page; the report does not scale it."""
+"""Width in inches of a figure that fills the width of the page; an inch has 100 CSS pixels there."""
 
 RC = rc_params_from_file(Path(__file__).parent / "templates" / "figures.mplstyle", use_default_template=False)
 """Matplotlib settings of all figures, for `matplotlib.rc_context`."""

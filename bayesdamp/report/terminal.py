@@ -129,7 +129,7 @@ def print_conclusion(folder: Path, console: Console) -> None:
 
 
 def print_warnings(run: RunFolder, console: Console) -> None:
-    """Print the warnings from reading the records of a run, each with the record's name if there are several."""
+    """Print the warnings from reading the records of a run, with the record's name if the run has several records."""
     for signal in run.signals:
         whose = f"{signal}: " if len(run.signals) > 1 else ""
         for warning in run.provenance(signal).warnings:

@@ -91,5 +91,5 @@ def stage(name: str) -> str:
 
 
 def unit(text: str) -> str:
-    """Return a unit with its exponents as superscripts, such as s² for `s^2`."""
+    """Return a unit with its exponents 2 and 3 as superscripts, such as s² for `s^2`."""
     return text.replace("^2", "²").replace("^3", "³").replace("s2", "s²").replace("**2", "²")

@@ -52,7 +52,7 @@ def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: 
     Parameters
     ----------
     arrays
-        The arrays of the answer, as `inference.deviation.findings.picture` returns them, already converted to `unit`.
+        `Answer.arrays` of the answer (`interface.answer`), already converted to `unit` by `picture_in_unit`.
     unit
         Unit of the displacement. The energy per unit of inertia is in `unit`²/s².
     damping
@@ -89,7 +89,7 @@ def draw_answer(
         The four axes in this order; the axes of the residual may be None. They are switched off if `arrays` contains no
         fit.
     arrays
-        The arrays of the answer, as `inference.deviation.findings.picture` returns them, already converted to `unit`.
+        `Answer.arrays` of the answer (`interface.answer`), already converted to `unit` by `picture_in_unit`.
     unit
         Unit of the displacement.
     damping

@@ -227,7 +227,7 @@ class ErrorSeries:
     model, factor
         The damping of the signals, and the factor in which they differ: a key of `FACTORS`.
     values
-        Values of the factor, ascending, in the unit that `FACTORS` gives.
+        Values of the factor, one for each signal, ascending, in the unit that `FACTORS` gives.
     bounds
         The Cramér–Rao bound on the sd of an unbiased estimate of the first coefficient at each value, in per cent of
         its true value; nan if there is none.
@@ -269,8 +269,9 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
     """Return all series of simulated signals that differ only in noise, sampling or length, with their errors.
 
     One of these three factors varies in a series and has at least three different values, rounded to two significant
-    digits. The two other factors have their most common values among the signals with the same damping. Signals whose
-    natural frequency does not follow from known parameters are left out.
+    digits. The two other factors have their most common values among the signals with the same damping sum. Other
+    settings, such as the coefficients, are not compared. Signals whose natural frequency does not follow from known
+    parameters are left out.
     """
     # By damping and signal: the values of noise, sampling and length, to two digits.
     designs: dict[str, dict[str, list[float]]] = {}

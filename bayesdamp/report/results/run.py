@@ -194,7 +194,7 @@ class RunFolder:
         return (self.info.get("signals") or {}).get(signal) or {}
 
     def unit(self, signal: str) -> Unit:
-        """Return the unit of a signal's record; rad if run.json does not state it."""
+        """Return the unit of a signal's displacement, or of its values (rpm, g); rad if run.json states none."""
         return unit_named(self.about(signal).get("unit") or "rad")
 
     def quantity(self, signal: str) -> str:
@@ -248,8 +248,10 @@ class RunFolder:
         return lru_cache(MOST_RESULTS)(self._store.find)
 
     def task_results(self, *parts: object) -> list[TaskResult]:
-        """Return the undamaged results of all tasks whose names begin with these parts and have further ones after
-        them."""
+        """Return the undamaged results of all tasks whose names begin with these parts, and have more parts after them.
+
+        Without parts, return those of all tasks. The parts are as for `task_result`.
+        """
         prefix = "".join(f"{part}/" for part in parts)
         names = self._names.get(parts[:2], ()) if len(parts) > 1 else self._places
         results = (self.task_result(name) for name in names if name.startswith(prefix))
@@ -498,10 +500,10 @@ def curve_of(answer: RecordAnswer) -> Curve | None:
 
 
 def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Table:
-    """Return a table with a row for each record.
+    """Return a table with a row for each record: its damping, probability, frequency and damping ratio.
 
-    The damping ratio in a row is at the middle one of the amplitudes of the record's verdict. Instead of a damping
-    ratio, an envelope has its quality factor Q or its decay rate.
+    The damping ratio is at the middle one of the amplitudes of the record's verdict. Instead of it, an envelope has its
+    quality factor Q (its decay rate if no envelope has a Q) and the power of the velocity.
 
     Parameters
     ----------

@@ -114,7 +114,8 @@ class SignalSection(Section):
     anchor = ""
     """Prefix of the anchors to which other sections link; the signal's name follows it. "" for no anchors."""
     draws_models = False
-    """Whether the section has figures of models. If true and there are many signals, the note `ONE_MODEL` is shown."""
+    """Whether the section has figures of models. If true, the note `ONE_MODEL` is shown for more than `_MOST`
+    signals."""
 
     @abstractmethod
     def shows(self, run: RunFolder, signal: str) -> bool:

@@ -155,8 +155,9 @@ def _ranks(names: Sequence[str], counts: Counts, result: Mapping[str, Any]) -> F
     counts
         Number of records with each rank, by sampler and parameter (see `Counts`).
     result
-        Part of run.json. `bins`: number of bins of the histograms; draws + 1 is a multiple of it. `bands`: for each
-        number of records (a string), the range that contains the count in a bin with 99 % probability.
+        The entry `result` of run.json. `bins`: number of bins of the histograms; draws + 1 is a multiple of it.
+        `bands`: for each number of records (a string), the range that contains the count in a bin with 99 %
+        probability.
     """
     figure = Figure(figsize=(WIDTH, 1.9))
     axes = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]
