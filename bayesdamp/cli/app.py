@@ -17,7 +17,7 @@ from bayesdamp.cli.border import discard_output, machine_refusal, one_line, prep
 from bayesdamp.machine import collect_garbage_rarely, kill_as_interrupt
 
 INTERNAL_ERROR, WRONG_INPUT, INTERRUPTED = 1, 2, 130
-"""Exit statuses: an internal error, an error of the user, and an interrupt (Ctrl-C)."""
+"""Exit statuses: an internal error, wrong input or a fault of the machine, and an interrupt (Ctrl-C)."""
 OUTPUT_CLOSED = 141
 """Exit status if the reader of the output closes it, as in `bayesdamp look rig.csv | head -3`. Shells use this number
 for a process that SIGPIPE has ended."""

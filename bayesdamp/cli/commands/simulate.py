@@ -105,18 +105,18 @@ def simulate_with_defaults(
     Parameters
     ----------
     damping, other
-        Values of the options --damping and --set, by name.
+        Values of the options --damping (coefficients by term, and a term's further parameters) and --set, by name.
     restoring
         The restoring law.
     noise_sd
-        Standard deviation of the noise in rad; by default 1 % of half the range of the record without noise.
+        Standard deviation of the noise in rad; None for 1 % of half the range of the record without noise.
     **options
         Further options of `bayesdamp.simulate`.
 
     Raises
     ------
     InputError
-        If the record cannot be simulated.
+        If the record cannot be simulated, or if `noise_sd` is None and the oscillator does not move.
     """
     further = {key for name in TERMS.names() for key in TERMS.get(name).further}
     terms = {name: value for name, value in damping.items() if name not in further} or DAMPING_DEFAULTS
