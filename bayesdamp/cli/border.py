@@ -62,7 +62,8 @@ def prepare_streams() -> None:
 
     If the process was started without stdout or stderr, they are opened on the null device; otherwise the next opened
     file would get their file descriptors. Streams replace characters that they cannot encode. If the environment
-    variable MPLBACKEND is set, it becomes "agg", with which Matplotlib needs no screen. COLUMNS is deleted if it is 0.
+    variable MPLBACKEND is set, it becomes "agg", with which Matplotlib needs no screen. COLUMNS is deleted if it is 0
+    or empty.
     """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)

@@ -90,13 +90,13 @@ class FileTable(StudySection):
     """The keys of [[signal]] that state how the file of a record is read.
 
     None means that the file itself states it, or that it is chosen automatically. time, angle: columns of the times and
-    of the recorded quantity (also if it is not an angle), by name or number from 1. unit: unit of the displacement.
-    quantity: the recorded quantity. frequency: frequency of the oscillation in Hz, for an envelope. rate: sampling rate
-    in Hz, for a file without times. clock: times of the samples: "as_logged" (the time stamps), "uniform" (equal steps,
-    fitted to the stamps), or "auto" to choose. run, channel: the record to use of a file with several. time_unit: unit
-    of the file's times. start, stop: limits of the free decay in s, in the times of the record; "auto" finds them.
-    least_noise: standard deviation of the noise that is added to a record without noise, as a fraction of its
-    amplitude.
+    of the recorded quantity (also if it is not an angle), by name or number from 1. unit: unit of the displacement;
+    only for an envelope it can be left to the file. quantity: the recorded quantity. frequency: frequency of the
+    oscillation in Hz, for an envelope. rate: sampling rate in Hz, for a file without times. clock: times of the
+    samples: "as_logged" (the time stamps), "uniform" (equal steps, fitted to the stamps), or "auto" to choose. run,
+    channel: the record to use of a file with several. time_unit: unit of the file's times. start, stop: limits of the
+    free decay in s, in the times of the record; "auto" finds them. least_noise: standard deviation of the noise that is
+    added to a record without noise, as a fraction of its amplitude.
     """
 
     time: ColumnName | None = Field(None, description="a column's name or its number from 1")
@@ -135,10 +135,11 @@ class FileTable(StudySection):
 class SignalTable(FileTable):
     """A table [[signal]]: a record that is simulated or read.
 
-    It has either `simulate` or `file`. system: known or free parameters of the oscillator, which replace or complete
-    those of the table [system]. compare, restoring: damping sums (such as viscous+coulomb) and restoring laws to
-    compare instead of those of [models]. estimate: the damping sums whose coefficients the estimators estimate; all
-    by default. specimen: name of the tested object, the same for all repeats on it; they have a common verdict.
+    It has either `simulate` or `file` (a path, relative to the folder of the study). system: known or free parameters
+    of the oscillator, which replace or complete those of the table [system]. compare, restoring: damping sums (such as
+    viscous+coulomb) and restoring laws to compare instead of those of [models]. estimate: the damping sums whose
+    coefficients the estimators estimate; all by default. specimen: name of the tested object, the same for all repeats
+    on it; they have a common verdict.
     """
 
     name: Name = Field(description="a name in quotes: at most 64 letters, digits, - and _")

@@ -119,7 +119,8 @@ def _population(specimens: Sequence[Verdict | None]) -> Iterator[Row]:
     """Yield the rows of population.csv: mean and spread of each damping coefficient over the specimens.
 
     specimens: the verdict on each specimen (tested object); None if it names no damping. There are no rows if one of
-    them is None, or if the specimens do not have a common model (see `pool_coefficients`).
+    them is None, or if the specimens do not have a common model (see `pool_coefficients`). Lower ends of intervals are
+    at least 0.
     """
     verdicts = [v for v in specimens if v is not None]
     if len(verdicts) < len(specimens):

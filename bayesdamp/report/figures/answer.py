@@ -83,6 +83,8 @@ def draw_answer(
 ) -> None:
     """Draw the panels of `answer` on the given axes: record, damping ratio, residual, energy lost in a cycle.
 
+    The energy is that of each damping term or, if `arrays` has none by term, the total that is measured without a law.
+
     Parameters
     ----------
     axes
