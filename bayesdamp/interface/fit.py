@@ -275,7 +275,9 @@ class Fit(Result, Storable):
             raise InputError(f"predict: unknown quantity {wanted!r}{nearest(wanted, list(QUANTITIES))}")
         times = numbers_of(t, "t", "predict").ravel()
         if not np.all(np.isfinite(times)):
-            raise InputError("predict: t must be finite times, in s from the first sample")
+            raise InputError(
+                "predict: t must be finite times in s, counted from the first sample of the signal"
+            )
         if self.law is not None:
             value, sd = predict_approximate(self.law, times, wanted)
         else:

@@ -100,7 +100,7 @@ def decide(
     )
     q = findings.frequency_at
     by_law = (
-        None if q is None or not ratios else FrequencyAt(ratios[-1].amplitude, unit, q.value, q.low, q.high)
+        FrequencyAt(min(r.amplitude for r in ratios), unit, q.value, q.low, q.high) if q and ratios else None
     )
     contradicted = off = narrower = False
     own_ratios, own_frequency = (), None

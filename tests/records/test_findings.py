@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import bayesdamp
+from bayesdamp.config import Recording
+from bayesdamp.pipeline.records import read_free_decay
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import Kind, findings, unit_or_guess
 from tests.records.tables import T, Y, write_table
@@ -72,3 +74,14 @@ def test_values_too_large_for_rad_are_read_in_deg_or_counts_with_a_warning(
     record = bayesdamp.read(path)
     assert record.unit == unit
     assert ("no unit given" in str(record.signal().provenance.warnings)) is (unit != "rad")
+
+
+def test_a_rate_unlike_that_of_the_file_is_a_warning_in_python_and_in_a_study(tmp_path: Path) -> None:
+    path = write_table(tmp_path / "a.csv", "# sample rate: 50 Hz\nx,angle", Y[::-1], Y)
+    read = [bayesdamp.read(path, value=2, rate=rate).signal() for rate in (50.0, 500.0)]
+    read.append(read_free_decay(Recording(file="a.csv", path=path, angle=2, rate=500.0), "a"))
+    assert ["its file states 50 Hz" in str(signal.provenance.warnings) for signal in read] == [
+        False,
+        True,
+        True,
+    ]

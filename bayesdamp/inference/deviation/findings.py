@@ -189,7 +189,7 @@ def compute_findings(
         that is not compared).
     amplitudes : sequence of float, optional
         Amplitudes at which damping ratios are computed, in rad or m; by default `default_amplitudes`. An empty sequence
-        gives no ratios. `Findings.frequency_at` is for the last amplitude.
+        gives no ratios. `Findings.frequency_at` is for the smallest amplitude.
     sensor : float
         Relative sd of damping ratios because of the sensor's linearity and clock. It is included unless the comparison
         assumes exact laws.
@@ -248,7 +248,7 @@ def compute_findings(
         undetermined=undetermined,
         inseparable=inseparable,
         midline=midline_drift(leading),
-        frequency_at=frequency_of_draws(every, wanted[-1]) if wanted else None,
+        frequency_at=frequency_of_draws(every, min(wanted)) if wanted else None,
         over_law=ratio_over_law(every, wanted, np.random.default_rng([seed, 3])) if approximate else (),
         over_curve=log_ratio_over_law(every, along, np.random.default_rng([seed, 4])) if approximate else (),
     )

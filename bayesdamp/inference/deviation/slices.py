@@ -35,6 +35,7 @@ from bayesdamp.inference.deviation.model_comparison import CandidateResult, Mode
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.kernel import Solver
+from bayesdamp.priors import Prior
 
 SLICE_WIDTH = 1.0
 """Width of a slice of the range of one damping parameter, such as an exponent, in posterior sds of its standard normal
@@ -454,9 +455,9 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     """Return quantiles of the exponent p of a damping force c |v|^p, at the probabilities `LEVELS`.
 
     The coefficient and all other unknowns are integrated out. The restoring law is that of the best candidate. The
-    prior of the exponent is uniform from `LEAST_EXPONENT` to `MOST_EXPONENT`. Only if the record determines the
-    exponent so well that one linear model is enough (`ONE_SLICE_SD`), the quantiles are those of draws from its
-    posterior, under the prior of the candidate.
+    prior of the exponent is the user's or, by default, uniform from `LEAST_EXPONENT` to `MOST_EXPONENT`. If the record
+    determines the exponent so well that one linear model is enough (`ONE_SLICE_SD`), the quantiles are those of draws
+    from its posterior.
 
     The 400 quantiles rise and serve as draws of p. The result is empty if the comparison has no result with this force
     as the only damping under this law, if p is known, or if the range of p has fewer than two slices that could be
@@ -479,7 +480,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
         return tuple(np.quantile(prior.value(scores), LEVELS).tolist())
     p = prior.value(np.array([part.middle for part in proposal.slices]))
     log = np.array([part.posterior.log_evidence for part in proposal.slices])
-    return _quantiles(p, log) if p.size > 1 else ()
+    return _quantiles(p, log, comparison.priors.get("exponent")) if p.size > 1 else ()
 
 
 def power_solver(comparison: ModelComparison, p: float) -> Solver:
@@ -517,20 +518,22 @@ def exponent_starts(comparison: ModelComparison) -> list[float]:
     return np.clip(steep + np.array(ASIDE), LEAST_EXPONENT, MOST_EXPONENT).tolist()
 
 
-def _quantiles(p: np.ndarray, log: np.ndarray) -> tuple[float, ...]:
+def _quantiles(p: np.ndarray, log: np.ndarray, prior: Prior | None) -> tuple[float, ...]:
     """Return the 400 rising quantiles of the exponent p of a power law at `LEVELS`, which serve as draws of p.
 
     p: rising exponents, (m,), m ≥ 2. log: log evidences at these, in nats, (m,), between which the log evidence is
-    interpolated. The prior is uniform from `LEAST_EXPONENT` to `MOST_EXPONENT`. The posterior is zero outside the first
-    and the last exponent.
+    interpolated. prior: that of the exponent; None for a uniform one from `LEAST_EXPONENT` to `MOST_EXPONENT`. The
+    posterior is zero outside the first and the last exponent.
     """
-    low, high = np.clip(p[[0, -1]], LEAST_EXPONENT, MOST_EXPONENT)
+    low, high = np.clip(p[[0, -1]], LEAST_EXPONENT, MOST_EXPONENT) if prior is None else p[[0, -1]]
     grid = np.linspace(low, high, POINTS)
     values = scipy.interpolate.PchipInterpolator(p, log)(grid)
     if p.size > 2:
         smooth = scipy.interpolate.Akima1DInterpolator(p, log, method="makima", extrapolate=True)(grid)
         # PCHIP is monotonic between two exponents, so it never overshoots.
         values = smooth if smooth.max() < log.max() + MOST_ABOVE else values
+    if prior is not None:
+        values = values + prior.log_density(grid)
     density = np.exp(values - values.max())
     total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
     # Add a slope, so that the cumulative probability can be inverted everywhere.

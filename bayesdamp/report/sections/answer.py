@@ -22,13 +22,14 @@ SHAPES = (
 )
 CAPTION = (
     "Upper left: the record and the fit of the damping model that the legend names (only their amplitudes, if the "
-    "record was averaged over cycles). Upper right: the equivalent viscous damping ratio of this record against "
-    "amplitude (thick black line) with its 95 % interval (grey band), the 95 % interval that is measured without "
-    "assuming a damping law (brown band), and each compared damping model fitted by itself (coloured lines). In this "
-    f"panel, {SHAPES}. A model whose line leaves both bands does not describe this record. Lower left: the residual, "
-    "which is the record minus the fit. It should look like noise; a wave in the residual is motion that the fit does "
-    "not explain. Lower right: the energy that each damping term of the fit dissipates in a cycle, "
-    "divided by the mass or the moment of inertia."
+    "record was averaged over cycles). The fit may deviate from its laws, unless they are assumed to be exact. Upper "
+    "right: the equivalent viscous damping ratio of this record against amplitude (thick black line) with its 95 % "
+    "interval (grey band), the 95 % interval that is measured without assuming a damping law (brown band), and each "
+    f"compared damping model, fitted with exact laws (coloured lines). In this panel, {SHAPES}. A model whose line "
+    "leaves both bands does not describe this record. Lower left: the residual, which is the record minus the fit. It "
+    "should look like noise; a wave in the residual is motion that the fit does not explain. Lower right: the energy "
+    "that each term of the named model dissipates in a cycle, against amplitude, divided by the mass or the moment of "
+    "inertia; here too the laws are exact."
 )
 UNMEASURED = " There is no brown band: the damping ratio could not be measured without a damping law."
 MEASURED = (

@@ -29,6 +29,11 @@ P = {
     "omega0": 0.0,
 }  # fmt: skip
 TIMES = np.arange(1000) * 2 * math.pi / W / 40
+SHORT = Signal(
+    TIMES[:200],
+    trajectory("linear", {**P, "zeta": 0.07, "mu_c": 0.0}, TIMES[:200])[:, 0]
+    + 0.03 * A * np.random.default_rng(5).standard_normal(200),
+)
 
 
 @pytest.fixture(scope="module")
@@ -75,8 +80,6 @@ def test_a_prior_changes_evidence_by_its_density_and_no_sum_is_left_out() -> Non
     """A record of five cycles determines a coefficient much better than these priors, so that the log evidence of its
     term changes by that of the prior density at the estimate (closed form). Control: 0 is the median of neither prior's
     scores, and a sum without the term would be hopeless if the term had its median coefficient."""
-    y = trajectory("linear", {**P, "zeta": 0.07, "mu_c": 0.0}, TIMES[:200])[:, 0]
-    signal = Signal(TIMES[:200], y + 0.03 * A * np.random.default_rng(5).standard_normal(y.size))
     asked = {"damping": ["viscous", "coulomb"], "restoring": ["linear"], "known": {"epsilon": EPSILON}}
     logs, densities = [], []
     for prior, density in (
@@ -85,12 +88,24 @@ def test_a_prior_changes_evidence_by_its_density_and_no_sum_is_left_out() -> Non
         (LogNormal(0.1, 1.0), lognorm(1.0, scale=0.1)),
     ):
         priors = {"zeta": prior, "mu_c": HalfNormal(0.3)}
-        result = compare_signal(signal, **asked, priors=priors, approximate=False)
+        result = compare_signal(SHORT, **asked, priors=priors, approximate=False)
         viscous, coulomb = sorted(result.results, key=lambda r: "coulomb" in r.candidate.damping)
         logs.append(viscous.log_evidence - coulomb.log_evidence)
         densities.append(density.logpdf(viscous.fit.values[0]))
         assert max(compute_findings(result).bound.values()) < 0.9
     assert np.diff(logs) == pytest.approx(np.diff(densities), abs=0.03)
+
+
+def test_a_prior_of_the_restoring_law_counts_for_rivals_too() -> None:
+    """A sharp prior of the stiffness changes the log evidence of every sum by its density at the estimate, also that of
+    rivals. Control: the change is several nats."""
+    free, given = (
+        compare_signal(SHORT, restoring=["linear"], known={"epsilon": EPSILON}, noises=["gaussian"], priors=p)
+        for p in ({}, {"stiffness": LogNormal(P["stiffness"], 0.01)})
+    )
+    rises = [given.result(r.candidate).log_evidence - r.log_evidence for r in (*free.results, *free.forms)]
+    assert rises == pytest.approx([rises[0]] * (len(free.results) + 9), abs=0.05)
+    assert rises[0] > 2
 
 
 def test_intervals_contain_the_truth(comparison: ModelComparison) -> None:
@@ -108,6 +123,8 @@ def test_intervals_contain_the_truth(comparison: ModelComparison) -> None:
         assert findings.coefficients[name].low < value < findings.coefficients[name].high
     assert findings.frequency.low <= W / (2 * math.pi) * (1 + 1e-3)
     assert findings.frequency.high >= W / (2 * math.pi) * (1 - 1e-3)
+    at = [compute_findings(comparison, amplitudes).frequency_at for amplitudes in ([0.2, 0.1], [0.1, 0.2])]
+    assert at[0].value == at[1].value
     assert findings.noise == pytest.approx(SD / A, rel=0.1)
     assert findings.unexplained < 0.3 * findings.noise
     assert findings.amplitudes[0] == pytest.approx(A, rel=0.02)
