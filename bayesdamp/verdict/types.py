@@ -104,8 +104,8 @@ class Verdict(CheckedMethods):
         was specified. For a record that is not a free decay: the frequency of its largest oscillation.
     frequency_at
         Frequency in Hz at the smallest amplitude of `damping_ratio` (or close to it; the amplitude is included); None
-        for several records. It may be measured without a law although `law_free` is False: if the measured value is more
-        precise than that of the laws, contradicts it, or is the only one.
+        for several records. It may be measured without a law although `law_free` is False: if the measured value is
+        more precise than that of the laws, contradicts it, or is the only one.
     exponent
         Exponent p of the damping force fitted as one power |v|^p of the velocity, with its 95 % interval.
     damping_ratio

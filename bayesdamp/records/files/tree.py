@@ -120,7 +120,7 @@ class Walk:
         """
         if not self.columns:
             raise InputError(
-                "contains no numeric array that can be read as columns; save the times and the values as two plain arrays"
+                "contains no numeric array that can be read as columns; save times and values as two plain arrays"
             )
         return Contents(format_name, tuple(self.columns), trim_facts(self.facts))
 
