@@ -429,7 +429,7 @@ def laws_for(unit: str) -> tuple[str, ...]:
     return tuple(n for n in LAWS.present() if not along or LAWS.get(n).translates)
 
 
-def comparison(
+def comparison_study(
     records: Sequence[RecordOptions], *, plugins: Sequence[PluginModule] = (), **settings: Any
 ) -> Study:
     """Return the study that compares sums of damping terms under restoring laws on each record.
@@ -486,7 +486,7 @@ def comparison_tables(
         effect on envelopes.
     damping
         Damping sums to compare, such as "viscous+cubic"; if empty, the seven sums of viscous, Coulomb and quadratic
-        damping, and those with the user's terms (see `comparison`).
+        damping, and those with the user's terms (see `comparison_study`).
     repeats
         If true, all records are tests of one specimen (tested object). If false, oscillations with the same key
         `specimen` are tests of one specimen, and the others have none.

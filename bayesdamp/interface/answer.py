@@ -12,11 +12,11 @@ import numpy as np
 
 from bayesdamp.config.signals import check_translation
 from bayesdamp.formatting import digits, fixed_decimals
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.findings import SENSOR, Findings, compute_findings, picture, posterior_of
 from bayesdamp.inference.deviation.forms import replaced_sum
-from bayesdamp.inference.deviation.model_comparison import BEHIND, CandidateResult, Known, ModelComparison
-from bayesdamp.inference.deviation.quick import compare_signal
+from bayesdamp.inference.deviation.model_comparison import FAR_BEHIND, CandidateResult, Known, ModelComparison
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.sampling import with_samples
 from bayesdamp.inference.deviation.single import state_of
@@ -259,7 +259,7 @@ def answer(
     remarks = [*notes, *filter(None, own)]
     if damping:
         clear = {r.candidate.damping for r in comparison.results}
-        clear |= {c.damping for c, why in comparison.refused.items() if why == BEHIND}
+        clear |= {c.damping for c, why in comparison.refused.items() if why == FAR_BEHIND}
         reasons = {c.damping: why for c, why in comparison.refused.items() if c.damping not in clear}
         remarks += [f"{'+'.join(terms)} was not compared: {why}." for terms, why in reasons.items()]
     try:

@@ -23,10 +23,10 @@ from bayesdamp.estimators.shared import has_noise
 from bayesdamp.formatting import Table, data_frame, digits, nats, percentage
 from bayesdamp.inference.deviation.averaged import MOST_CYCLES
 from bayesdamp.inference.deviation.candidate import START, MotionCandidate
+from bayesdamp.inference.deviation.compare import averaging_of
 from bayesdamp.inference.deviation.data import prepare_data
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.model_comparison import compare_candidates
-from bayesdamp.inference.deviation.quick import averaging_of
 from bayesdamp.inference.deviation.sample_noise import noises_of, prepare_for_noises
 from bayesdamp.inference.deviation.single import Single, fit_single
 from bayesdamp.inference.mode import Mode, find_mode, restore_mode

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from bayesdamp.config import Recording, SignalSpec, Study
-from bayesdamp.inference.deviation.model_comparison import BEHIND, ModelComparison
+from bayesdamp.inference.deviation.model_comparison import FAR_BEHIND, ModelComparison
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.single import ESCAPED, FitState
 from bayesdamp.inference.noise import NOISES
@@ -145,7 +145,7 @@ def stored_fit(record: StudyRecord, damping: str, restoring: str) -> FitState:
             return join(FitState, law.found, result.arrays, law_prefix(damping, restoring))
     outcomes = {(r.damping, r.restoring): r.outcome for r in content.candidates}
     why = outcomes.get((damping, restoring), ESCAPED)
-    raise Refusal(Status.PRUNED.because(why) if why == BEHIND else why)
+    raise Refusal(Status.PRUNED.because(why) if why == FAR_BEHIND else why)
 
 
 def rank_candidates(record: StudyRecord, nats: float | None) -> list[tuple[str, str]]:

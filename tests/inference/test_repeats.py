@@ -7,7 +7,7 @@ import pytest
 from scipy.special import erf, logsumexp
 from scipy.stats import norm
 
-from bayesdamp.inference.deviation.quick import compare_signal
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.repeats import SPREAD_SCALE, RecordLikelihood, Repeats, join_runs
 from bayesdamp.inference.deviation.specimen import ratio_likelihood
 from bayesdamp.inference.model.target import damping_priors

@@ -13,7 +13,7 @@ import pytest
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation import model_comparison
-from bayesdamp.inference.deviation.model_comparison import BEHIND
+from bayesdamp.inference.deviation.model_comparison import FAR_BEHIND
 from bayesdamp.physics.damping import TERMS
 from tests.interface.problems import TIMES, TRUTH, not_refused, record
 from tests.physics.independent import trajectory
@@ -85,9 +85,9 @@ def test_a_model_far_behind_is_in_the_table_without_a_remark(tmp_path: Path) -> 
     result = quick(bd.signal(t, y), "viscous", "quadratic", restoring=["linear"])
     assert result.verdict.damping == "viscous"
     outcomes = result.table.set_index("damping")["outcome"]
-    assert outcomes["quadratic"] == BEHIND
+    assert outcomes["quadratic"] == FAR_BEHIND
     page = result.report(tmp_path / "page.html").read_text(encoding="utf-8")
-    assert f"Not fitted ({BEHIND}): quadratic (linear)" in page
+    assert f"Not fitted ({FAR_BEHIND}): quadratic (linear)" in page
     assert not any("not weighed" in remark for remark in result.verdict.remarks)
     dampings = "quadratic", "viscous+quadratic", "viscous"
     exact = quick(bd.signal(t, y), *dampings, restoring=["linear"], deviation="none").table

@@ -9,7 +9,7 @@ from typing import cast
 
 import pytest
 
-from bayesdamp.inference.deviation.model_comparison import BEHIND
+from bayesdamp.inference.deviation.model_comparison import FAR_BEHIND
 from bayesdamp.pipeline import tables
 from bayesdamp.pipeline.answering import stored_fit
 from bayesdamp.pipeline.jobs import choose_candidates
@@ -118,7 +118,7 @@ def test_candidates_are_pruned_and_sampled_by_the_evidence_of_the_answer(tmp_pat
 
 def test_a_candidate_that_the_answer_left_out_as_far_behind_is_pruned() -> None:
     """So its evidence is not an unreliable one, and its probability is 0."""
-    left_out = (("coulomb", BEHIND), ("quadratic", "no motion stays in phase"))
+    left_out = (("coulomb", FAR_BEHIND), ("quadratic", "no motion stays in phase"))
     candidates = tuple(ComparedCandidate(damping, "linear", outcome=why) for damping, why in left_out)
     result = TaskResult("answer/a/0", "key", AnswerContent({}, candidates).meta())
     record = cast(StudyRecord, SimpleNamespace(name="a/0", store=SimpleNamespace(read=lambda _: result)))

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.config.load import SPECIMEN, comparison
+from bayesdamp.config.load import SPECIMEN, comparison_study
 from bayesdamp.pipeline.jobs import task_names
 from bayesdamp.types import InputError
 from tests.records.tables import write_table
@@ -65,9 +65,9 @@ def files(tmp_path) -> list[dict[str, str]]:
 
 def test_compare_reads_files_as_specimens_or_as_repeats(files, tmp_path, refused):
     runs = [{**record, "specimen": "my rig"} for record in files]
-    assert set(comparison(runs).specimens) == {"my_rig"}
-    assert set(comparison(files, repeats=True).specimens) == {SPECIMEN}
-    assert not comparison(files).specimens
+    assert set(comparison_study(runs).specimens) == {"my_rig"}
+    assert set(comparison_study(files, repeats=True).specimens) == {SPECIMEN}
+    assert not comparison_study(files).specimens
     same = [files[0], {**files[0], "file": str(tmp_path / "." / "a.csv")}]
     units = [{**record, "unit": unit} for record, unit in zip(files, ("mm", "deg"), strict=True)]
     for records, line in (
@@ -76,10 +76,10 @@ def test_compare_reads_files_as_specimens_or_as_repeats(files, tmp_path, refused
         (units, r"^--repeats: signals b and a are of one specimen, .* in deg and mm; "),
     ):
         with pytest.raises(InputError, match=line):
-            comparison(records, repeats=True)
+            comparison_study(records, repeats=True)
     assert refused("compare", files[0]["file"], "--repeats").startswith("--repeats: there is one record")
 
 
 def test_repeats_have_the_same_tasks_as_other_records(files):
-    alone, repeated = (task_names(comparison(files, repeats=repeats)) for repeats in (False, True))
+    alone, repeated = (task_names(comparison_study(files, repeats=repeats)) for repeats in (False, True))
     assert alone == repeated

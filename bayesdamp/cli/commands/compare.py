@@ -12,7 +12,7 @@ from bayesdamp.cli import options as o, records as r
 from bayesdamp.cli.files import check_folder, check_names
 from bayesdamp.cli.options import COMPARED, READING, RUNNING
 from bayesdamp.config import Recording, Study
-from bayesdamp.config.load import RecordOptions, comparison
+from bayesdamp.config.load import RecordOptions, comparison_study
 from bayesdamp.interface.first_words import first_words, no_free_decay
 from bayesdamp.machine import cores
 from bayesdamp.pipeline.records import keep_free_decay, read_free_decay
@@ -158,7 +158,7 @@ def compare(
             raise InputError(f"--repeats: only one record is usable, but several are needed; {failed[0]}")
         # A single record is computed by the threads of this process; more processes would not make it faster.
         alone = len(signals) <= (MOST_ENVELOPES_HERE if envelopes else 1) and not exact and scheduler is None
-        study = comparison(
+        study = comparison_study(
             signals,
             restoring=restoring or (),
             damping=sums,

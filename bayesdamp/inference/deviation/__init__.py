@@ -27,7 +27,7 @@ Words
 
 Modules
 -------
-`quick.compare_signal` leads from a record to a `ModelComparison` in these steps:
+`compare.compare_signal` leads from a record to a `ModelComparison` in these steps:
 
 1. Data. `data`: the samples, or means over short windows. `averaged`: amplitudes and phases of very many cycles.
    `sample_noise`: the noise model of the samples.

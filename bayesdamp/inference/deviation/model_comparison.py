@@ -82,7 +82,7 @@ REACH = 20.0
 this many nats below the best prediction. The prediction is from the fit of the sum of all terms
 (`ModelComparison.expected_evidences`). Of 385 candidates on 22 simulated records this left out 135, none of which was
 closer than 18 nats."""
-BEHIND = f"its log evidence is expected to be more than {REACH:g} nats below the best"
+FAR_BEHIND = f"its log evidence is expected to be more than {REACH:g} nats below the best"
 """Reason, stored in `ModelComparison.refused`, for a candidate that is not fitted because its predicted log evidence is
 too small (see `REACH`)."""
 NO_LARGEST = "the sum of all damping terms cannot be fitted or linearised under the same restoring law"
@@ -457,7 +457,7 @@ def compare_candidates(
     for law, mode in modes.items():
         expected |= comparison.expected_evidences([c for c in asked if c.restoring == law], mode)
     top = max((log for log in expected.values() if np.isfinite(log)), default=-np.inf)
-    refused |= {c: BEHIND for c, log in expected.items() if log < top - REACH and c not in refused}
+    refused |= {c: FAR_BEHIND for c, log in expected.items() if log < top - REACH and c not in refused}
 
     def evaluate(c: MotionCandidate) -> CandidateResult | None:
         fit = fits.fit_of(c)

@@ -442,7 +442,7 @@ def fit_single(
     Refusal
         Where no motion stays in phase with the record, the motion with deviations is unbounded, or none of the noise
         models applies. Also where the predicted log evidence of the candidate is more than `REACH` nats below that of
-        the larger sum (`model_comparison.BEHIND`).
+        the larger sum (`model_comparison.FAR_BEHIND`).
     """
     asked = MotionCandidate(tuple(damping), restoring)
     whole = MotionCandidate((*PAPER_TERMS, *(t for t in damping if t not in PAPER_TERMS)), restoring)

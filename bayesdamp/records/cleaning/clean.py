@@ -12,7 +12,7 @@ import scipy  # loads its modules when they are used
 
 from bayesdamp.plugins import nearest
 from bayesdamp.records.cleaning.clock import clock_times, robust_step
-from bayesdamp.records.cleaning.window import free_decay, no_free_decay
+from bayesdamp.records.cleaning.window import free_decay, window_of_other_motion
 from bayesdamp.records.files.contents import unit_and_quantity
 from bayesdamp.records.oscillation.anomalies import is_clipped, is_rectified, is_tone_burst
 from bayesdamp.records.oscillation.features import Features, features
@@ -115,7 +115,7 @@ def clean(
     """Return the free decay in a record, as a signal in the base unit of `unit` (rad, m, or V and the like).
 
     With start and stop "auto", a record that is not a free decay of one oscillator (beats, growth, excitation) is
-    accepted too. It is used from its largest value, or from its start, to its end (`no_free_decay`).
+    accepted too. It is used from its largest value, or from its start, to its end (`window_of_other_motion`).
 
     A significant zero offset of a velocity or acceleration sensor is subtracted (`sensor_offset`). A wrapped angle is
     unwrapped (`unwrap`), and a very long record is decimated (`decimate`). Outliers are not removed.
@@ -162,7 +162,7 @@ def clean(
         raise InputError(RECTIFIED, name)
     seek_start, seek_stop = start == "auto", stop == "auto"
     periods = coarse_periods(t, y)
-    window = no_free_decay(t, y, periods[0][0]) if seek_start and seek_stop else None
+    window = window_of_other_motion(t, y, periods[0][0]) if seek_start and seek_stop else None
     if window is None:
         if seek_start and seek_stop and is_tone_burst(t, y, periods[0][0]):
             raise InputError(TONE_BURST, name)

@@ -127,7 +127,7 @@ class _Decays:
         return information(self.turns, stretch) >= OTHER_INFORMATION * information(self.turns, self.best)
 
 
-def no_free_decay(t: np.ndarray, y: np.ndarray, period: float) -> DecayWindow | None:
+def window_of_other_motion(t: np.ndarray, y: np.ndarray, period: float) -> DecayWindow | None:
     """Return the part to use of a record that is not the free decay of one oscillator; None for other records.
 
     Such a record contains two oscillations, or one that grows, stays constant, or is excited throughout

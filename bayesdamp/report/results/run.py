@@ -59,7 +59,7 @@ Curve = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
-class RecordAnswer:
+class StoredAnswer:
     """The answer on a record, for the report.
 
     Attributes
@@ -422,7 +422,7 @@ def coefficients(run: RunFolder, model: str) -> list[str]:
 
 def answer_of(
     run: RunFolder, signal: str, kinds: tuple[str, ...] = ("sampled", "answer")
-) -> RecordAnswer | None:
+) -> StoredAnswer | None:
     """Return the answer (the comparison of damping models) on the first repeat of a record.
 
     None if there is none with the outcome `ok`. `kinds` lists the kinds of tasks whose answer is accepted, the
@@ -432,14 +432,14 @@ def answer_of(
 
 
 @lru_cache(3)  # each section reads one record after the other
-def _answer(run: RunFolder, signal: str, kind: str) -> RecordAnswer | None:
+def _answer(run: RunFolder, signal: str, kind: str) -> StoredAnswer | None:
     """Return the answer on the first repeat of a record by one kind of task; None unless its outcome is `ok`."""
     task_result = run.task_result(kind, signal, run.repeats(signal)[0])
     if task_result is None or task_result.outcome != OK:
         return None
     unit, content = run.unit(signal), AnswerContent.of(task_result)
     verdict = in_unit(Verdict.from_dict(content.verdict), unit)
-    return RecordAnswer(signal, verdict, content, picture_in_unit(task_result.arrays, unit))
+    return StoredAnswer(signal, verdict, content, picture_in_unit(task_result.arrays, unit))
 
 
 def no_verdict_sentence(run: RunFolder, signal: str) -> str:
@@ -463,7 +463,7 @@ def no_verdict_sentence(run: RunFolder, signal: str) -> str:
 
 
 @lru_cache(1)
-def answers(run: RunFolder) -> list[RecordAnswer]:
+def answers(run: RunFolder) -> list[StoredAnswer]:
     """Return the answers (comparisons of damping models) on the first repeats of all records, in the study's order.
 
     To save memory, their `arrays` contain only the damping curve (`CURVE`), and their `content` is empty.
@@ -486,7 +486,7 @@ def specimens(run: RunFolder) -> list[Verdict]:
     return [in_unit(v, next(iter(units))) for v in verdicts] if len(units) == 1 else verdicts
 
 
-def curve_of(answer: RecordAnswer) -> Curve | None:
+def curve_of(answer: StoredAnswer) -> Curve | None:
     """Return the points of an answer's damping curve that are finite and have a positive amplitude.
 
     Amplitudes are in the unit of the record's file, ratios are fractions. None if there are fewer than two points, if
@@ -499,7 +499,7 @@ def curve_of(answer: RecordAnswer) -> Curve | None:
     return (columns[0], columns[1], columns[2], columns[3]) if columns.shape[1] > 1 else None
 
 
-def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Table:
+def overview_table(records: Sequence[StoredAnswer], brief: bool = False) -> Table:
     """Return a table with a row for each record: its damping, probability, frequency and damping ratio.
 
     The damping ratio is at the middle one of the amplitudes of the record's verdict. Instead of it, an envelope has its
@@ -521,21 +521,21 @@ def overview_table(records: Sequence[RecordAnswer], brief: bool = False) -> Tabl
     envelopes = [a for a in records if a.verdict.quantity == "envelope"]
     quality = any(a.verdict.quality_factor for a in envelopes)
 
-    def name(a: RecordAnswer) -> str:
+    def name(a: StoredAnswer) -> str:
         return a.signal if brief else Markup('<a href="#{}">{}</a>').format(ANCHOR + a.signal, a.signal)
 
-    def damping(a: RecordAnswer) -> str:
+    def damping(a: StoredAnswer) -> str:
         motion = f": {a.verdict.motion}" if a.verdict.motion else ""
         return words.model(a.verdict.damping) if a.verdict.damping else f"not a free decay{motion}"
 
-    def size(a: RecordAnswer) -> str:
+    def size(a: StoredAnswer) -> str:
         if not a.verdict.damping_ratio:
             return fmt.NONE
         ratio = a.verdict.damping_ratio[len(a.verdict.damping_ratio) // 2]
         size = fmt.with_interval(ratio.value, ratio.low, ratio.high, " %", 100)
         return f"{size}, {fmt.digits(ratio.amplitude, n=2)} {ratio.unit}"
 
-    columns: dict[str, Callable[[RecordAnswer], str]] = {
+    columns: dict[str, Callable[[StoredAnswer], str]] = {
         "record": name,
         "damping": damping,
         "probability": lambda a: fmt.probability(a.verdict.probability),

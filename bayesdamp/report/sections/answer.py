@@ -9,7 +9,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures import answer as figures
 from bayesdamp.report.results.checks import Check, RecordChecks, sampling_checks
-from bayesdamp.report.results.run import ANCHOR, RecordAnswer, RunFolder, answer_of, no_verdict_sentence
+from bayesdamp.report.results.run import ANCHOR, RunFolder, StoredAnswer, answer_of, no_verdict_sentence
 from bayesdamp.report.sections import SignalSection, collapsible, fill, paragraph
 from bayesdamp.store.results import ComparedCandidate
 from bayesdamp.types import OK, level_unit
@@ -130,7 +130,7 @@ def _list_probabilities(probabilities: Mapping[str, float]) -> str:
     return fmt.listing(f"{words.model(name)} {fmt.probability(p)}" for name, p in shown.items())
 
 
-def _views(run: RunFolder, answer: RecordAnswer) -> list[object]:
+def _views(run: RunFolder, answer: StoredAnswer) -> list[object]:
     """Return the figure and the tables that show the answer on an oscillation.
 
     The tables contain the damping ratios, the coefficients (if there are any) and all compared models; the last one is

@@ -8,10 +8,10 @@ import pytest
 
 from bayesdamp.inference.deviation.averaged import BLOCKS, MOST_SHIFT
 from bayesdamp.inference.deviation.candidate import MotionCandidate
+from bayesdamp.inference.deviation.compare import averaging_of, compare_signal
 from bayesdamp.inference.deviation.data import prepare_data
 from bayesdamp.inference.deviation.findings import compute_findings
 from bayesdamp.inference.deviation.model_comparison import ModelComparison, compare_candidates
-from bayesdamp.inference.deviation.quick import averaging_of, compare_signal
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel.averaged import NUMBERS
 from bayesdamp.physics.kernel.solve import NONE, TOLERANCE
@@ -222,5 +222,5 @@ def test_a_record_whose_averaged_motion_is_not_close_is_fitted_by_the_equation_o
     assert viscous_alone(signal).averaging is not None
     monkeypatch.setattr("bayesdamp.inference.deviation.averaged.MOST_SHIFT", -1.0)
     assert viscous_alone(signal).data.averaged is None
-    monkeypatch.setattr("bayesdamp.inference.deviation.quick.MOST_CYCLES", 400.0)
+    monkeypatch.setattr("bayesdamp.inference.deviation.compare.MOST_CYCLES", 400.0)
     assert not viscous_alone(signal).averaging.close

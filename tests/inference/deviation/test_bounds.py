@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.forms import bound_other_forms
-from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.physics.damping import others
 from bayesdamp.types import Signal
 from tests.inference.deviation.decays import A, W, decay

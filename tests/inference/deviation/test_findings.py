@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import halfnorm, lognorm, uniform
 
 from bayesdamp.inference.deviation.candidate import MotionCandidate
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.draws import CandidateDraws, midline_drift
 from bayesdamp.inference.deviation.findings import (
     candidate_probabilities,
@@ -16,7 +17,6 @@ from bayesdamp.inference.deviation.findings import (
     sum_probabilities,
 )
 from bayesdamp.inference.deviation.model_comparison import NO_LARGEST, ModelComparison
-from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.physics.damping import others
 from bayesdamp.priors import HalfNormal, LogNormal, Uniform
 from bayesdamp.types import Signal

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.draws import Quantity, candidate_probabilities
 from bayesdamp.inference.deviation.findings import compute_findings
-from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.slices import exponent_quantiles
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.types import Signal

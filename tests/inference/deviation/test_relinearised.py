@@ -5,7 +5,7 @@ import pytest
 
 import bayesdamp as bd
 import bayesdamp.inference.deviation.candidate as candidates
-from bayesdamp.inference.deviation.quick import compare_signal
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.model.target import Scores
 from validation.measured.run import DATA
 

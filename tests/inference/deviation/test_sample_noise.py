@@ -6,9 +6,9 @@ from scipy.stats import t as student_t
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation.candidate import MotionCandidate
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.data import prepare_data
 from bayesdamp.inference.deviation.model_comparison import compare_candidates
-from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.sample_noise import noises_of, prepare_for_noises
 from tests.physics.independent import viscous
 

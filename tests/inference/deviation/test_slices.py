@@ -8,8 +8,8 @@ import pytest
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation import sampling
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
-from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.deviation.slices import SlicedProposal
 from validation.experiments.laws import case
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation import sampling
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
-from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.simulate import simulate_signal
 from bayesdamp.types import Reference, Signal

@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.quick import compare_signal
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.interface.answer import answer
 from bayesdamp.physics.damping import TERMS, others
 from bayesdamp.physics.oscillator import Oscillator

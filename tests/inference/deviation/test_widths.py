@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.findings import compute_findings
-from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.interface.answer import answer
 from bayesdamp.types import Ratio, Signal
 from tests.physics.independent import trajectory, viscous, with_coulomb

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.candidate import exact_model
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.linear import grid_of, linear_posterior
-from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.inference.evidence import EVIDENCES
 from bayesdamp.inference.mode import find_mode
 from bayesdamp.inference.model.target import build_target

@@ -3,8 +3,8 @@
 import numpy as np
 
 import bayesdamp as bd
+from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.linear import smooth_root
-from bayesdamp.inference.deviation.quick import compare_signal
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import Signal
 from validation.contest.records import simulate_record
