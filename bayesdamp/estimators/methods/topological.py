@@ -44,8 +44,8 @@ class TopologicalOptions(Options):
     """Options of the persistence method.
 
     variant: "published" uses the formulas as first published by Myers and Khasawneh, "as_printed" equations (7) to (11)
-    of the paper that `bayesdamp.estimators` cites, which are for recorded displacements only. significance: the α of
-    the noise cutoff, the probability that a lifetime of noise exceeds it.
+    of the paper that `bayesdamp.estimators` cites. significance: the α of the noise cutoff, the probability that a
+    lifetime of noise exceeds it.
     """
 
     variant: Literal["published", "as_printed"] = "published"
@@ -113,6 +113,9 @@ class Topological(Estimator[TopologicalOptions]):
         if len(known) == len(osc.law.parameters):
             omega = osc.natural_frequency(known, features.rest)
         pairs = significant_pairs(signal, problem, features, options)
+        # The amplitude of a velocity (acceleration) is that of the displacement times ω (ω²).
+        unit = omega ** DERIVATIVES[signal.quantity]
+        pairs = replace(pairs, v=pairs.v / unit, p=pairs.p / unit, floor=pairs.floor / unit)
         damping = problem.damping[0]
         if options.variant == "as_printed":
             # Equations (9) to (11), where T is the time of the n periods from L_0 to L_n. Equation (11) has no n; we
@@ -127,10 +130,7 @@ class Topological(Estimator[TopologicalOptions]):
                 first, second = (pairs.p[:2] - pairs.v[:2] - pairs.floor).tolist()
                 value = 2 * omega / features.amplitude * (1 / second - 1 / first)
         else:
-            # The amplitude of a velocity (acceleration) is that of the displacement times ω (ω²).
-            unit = omega ** DERIVATIVES[signal.quantity]
-            scaled = replace(pairs, v=pairs.v / unit, p=pairs.p / unit)
-            value = _published_coefficient(damping, scaled, omega)
+            value = _published_coefficient(damping, pairs, omega)
         values = {osc.coefficients[0]: value}
         if free := free_names(problem):
             start = start_parameters(signal, problem, features)
