@@ -18,7 +18,14 @@ from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.estimators.refine import refine
-from bayesdamp.estimators.shared import Estimator, Options, reason_not_applicable
+from bayesdamp.estimators.shared import (
+    Estimator,
+    Options,
+    checked_features,
+    oscillator,
+    reason_not_applicable,
+)
+from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.plugins import Registry, nearest
 from bayesdamp.types import OK, Estimate, InputError, Problem, Refusal, Signal
 
@@ -111,8 +118,9 @@ def run(
     -------
     list of Estimate
         An estimate for each stage in `stages`, in the order of `STAGES`. It has no values, and its outcome is the
-        reason, if the method cannot be applied to the record, if a value is not finite although the outcome would be
-        OK, or if there is no initial estimate to refine. Exceptions other than Refusal propagate.
+        reason, if the method cannot be applied to the record, if it gives no value of a damping coefficient, if a value
+        is not finite although the outcome would be OK, or if there is no initial estimate to refine. Exceptions other
+        than Refusal propagate.
 
     Raises
     ------
@@ -128,15 +136,19 @@ def run(
     if reason := reason_not_applicable(estimator, problem.damping):
         return [Estimate(name, stage, outcome=reason) for stage in STAGES if stage in stages]
 
+    def initial() -> Estimate:
+        reference_of(problem.system, checked_features(signal))  # InputError if no oscillation is possible
+        estimate = estimator.initial(signal, problem, parsed, rng)
+        missing = [n for n in oscillator(problem).coefficients if n not in estimate.values]
+        if missing and (estimate.values or estimate.outcome == OK):
+            raise Refusal(f"the estimator gave no value of {', '.join(missing)}")
+        return estimate
+
     with threadpool_limits(1, "blas"):  # the matrices are small, so more threads only make it slower
-        first = _timed(name, "initial", lambda: estimator.initial(signal, problem, parsed, rng))
+        first = _timed(name, "initial", initial)
         estimates = [first] if "initial" in stages else []
         if "refined" in stages:
-            if first.values:
-                estimates.append(_timed(name, "refined", lambda: refine(signal, problem, first)))
-            else:
-                outcome = f"no initial estimate to refine: {first.outcome}"
-                estimates.append(Estimate(name, "refined", outcome=outcome))
+            estimates.append(_timed(name, "refined", lambda: refine(signal, problem, first)))
     return estimates
 
 

@@ -139,7 +139,7 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     problem
         The damping terms, and the known parameters of the system.
     first
-        The estimate of the first stage, with a value for each damping coefficient.
+        The estimate of the first stage, with a value for each damping coefficient, or without any value.
 
     Returns
     -------
@@ -153,10 +153,13 @@ def refine(signal: Signal, problem: Problem, first: Estimate) -> Estimate:
     Raises
     ------
     Refusal
-        If the trajectory is unbounded for every start, or the record has no oscillation or too few samples.
+        If `first` has no values, if the trajectory is unbounded for every start, or if the record has no oscillation or
+        too few samples.
     InputError
         If no oscillation is possible with the known restoring parameters.
     """
+    if not first.values:
+        raise Refusal(f"no initial estimate to refine: {first.outcome}")
     features = checked_features(signal)
     osc = oscillator(problem)
     base = start_parameters(signal, problem, features)

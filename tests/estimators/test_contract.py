@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bayesdamp.estimators import ESTIMATORS, Estimator, Options, names_for_all, run
-from bayesdamp.types import Estimate, Provenance, Refusal, Signal
-from tests.estimators.truths import SHORT, pendulum
+from bayesdamp.types import Estimate, InputError, Problem, Provenance, Refusal, Signal, System
+from tests.estimators.truths import SHORT, damped_cosine, pendulum
 
 NAMES = names_for_all()
 
@@ -67,19 +67,26 @@ def test_every_estimator_refuses_an_impossible_record_in_a_sentence(kind):
             assert estimate.values == {}, name
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_every_estimator_refuses_known_values_with_which_nothing_oscillates(name):
+    problem = Problem(("viscous",), System("linear", {"stiffness": -1.0, "rest_angle": 0.0}))
+    with pytest.raises(InputError, match="stiffness = -1: it must be above 0"):
+        run(name, damped_cosine()[0], problem, seed=1)
+
+
 class Stub(Estimator):
     """A minimal estimator that returns a value or raises an error."""
 
     name = "stub"
     options = Options
 
-    def __init__(self, error: Exception | None = None, value: float = 0.06) -> None:
-        self.error, self.value = error, value
+    def __init__(self, error: Exception | None = None, **values: float) -> None:
+        self.error, self.values = error, values
 
     def initial(self, signal, problem, options, rng):
         if self.error:
             raise self.error
-        return Estimate(self.name, "initial", {"zeta": self.value})
+        return Estimate(self.name, "initial", self.values)
 
 
 @pytest.fixture
@@ -99,15 +106,16 @@ def test_a_refusal_and_a_value_that_is_not_finite_are_outcomes_and_other_errors_
     stub(KeyError("a fault"))
     with pytest.raises(KeyError):
         run("stub", *noisy, seed=1)
-    stub(value=float("nan"))
-    initial, refined = run("stub", *noisy, seed=1)
-    assert "not finite" in initial.outcome
-    assert initial.values == refined.values == {}
+    for values, reason in (({"zeta": float("nan")}, "not finite"), ({"stiffness": 20.0}, "no value of zeta")):
+        stub(**values)
+        initial, refined = run("stub", *noisy, seed=1)
+        assert reason in initial.outcome
+        assert initial.values == refined.values == {}
 
 
 @pytest.mark.parametrize("start", [1e-6, 5.0])
 def test_the_refinement_converges_from_a_distant_start(stub, noisy, start):
-    stub(value=start)
+    stub(zeta=start)
     refined = run("stub", *noisy, seed=1)[1]
     assert refined.values["zeta"] == pytest.approx(0.05, rel=0.02)
     assert refined.outcome == "ok"
