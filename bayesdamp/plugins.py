@@ -115,7 +115,7 @@ class Registry(Generic[T]):
 
     def ships(self, name: str) -> bool:
         """Return whether a plug-in of this name ships with bayesdamp; False for an unknown name."""
-        return name in self._modules and name not in self._added
+        return name in self._modules
 
     def add(self, name: str, plugin: T, source: str | None = None) -> None:
         """Add a user's plug-in under a name; it replaces an added one with the same name.
@@ -167,7 +167,7 @@ class Registry(Generic[T]):
         For a shipped plug-in, the sources of the modules that it imports, at any depth, are included; for any other it
         is the source that `add` got. Raises InputError for an unknown name.
         """
-        if name not in self._added and name in self._modules:
+        if name in self._modules:
             return code_digest(self._modules[name])
         self.get(name)
         return hashlib.sha256(self._sources[name].encode()).hexdigest()
@@ -321,15 +321,16 @@ def _entry_points(path: tuple[str, ...]) -> Any:
 def _load_entry(entry: importlib.metadata.EntryPoint, kind: str) -> Any:
     """Return the plug-in of an entry point, which may be an instance, a class, or a module with PLUGIN.
 
-    Raises InputError if its package cannot be loaded, or if the plug-in has another name than the entry point.
+    Raises InputError if its package cannot be loaded, if a module has no PLUGIN, if a class cannot be called without
+    arguments, or if the plug-in has another name than the entry point.
     """
     try:
         value = entry.load()
+        value = value.PLUGIN if isinstance(value, ModuleType) else value
+        plugin = value() if isinstance(value, type) else value
     except Exception as error:
         what = f"its package cannot be loaded: {_in_one_line(error)}"
         raise InputError(f"{kind} {entry.name!r}: {what}") from error
-    value = value.PLUGIN if isinstance(value, ModuleType) else value
-    plugin = value() if isinstance(value, type) else value
     if getattr(plugin, "name", entry.name) != entry.name:
         what = f"its own name is {plugin.name!r}; its package must use the same name for both"
         raise InputError(f"{kind} {entry.name!r}: {what}")

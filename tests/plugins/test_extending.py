@@ -101,8 +101,6 @@ def test_each_example_is_recognised_as_a_plug_in(tmp_path):
     for block in BLOCKS:
         use(tmp_path, block)
     assert "remark" in SECTIONS.added()
-    with pytest.raises(bd.InputError, match="which is not a plug-in"):
-        use(tmp_path, "class Other: name = 'other'\nPLUGIN = Other()\n")
 
 
 def test_draws_of_a_sampler_are_summarised_and_judged(tmp_path):

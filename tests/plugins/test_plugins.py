@@ -125,19 +125,21 @@ def test_the_next_plug_ins_replace_those_before(tmp_path):
 
 
 def test_an_installed_package_is_found_by_its_entry_point(tmp_path, monkeypatch):
-    """It is not imported before it is used."""
+    """It is not imported before it is used. A module without PLUGIN and a class with arguments are refused."""
     (tmp_path / "dragging.py").write_text(DRAG, encoding="utf-8")
     metadata = tmp_path / "dragging-1.0.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: dragging\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text("[bayesdamp.damping]\ncubic_drag = dragging:PLUGIN\n")
+    entries = "cubic_drag = dragging:PLUGIN\nmodule = bayesdamp.plain_text\nneeds = bayesdamp.types:Signal"
+    (metadata / "entry_points.txt").write_text(f"[bayesdamp.damping]\n{entries}\n")
     monkeypatch.syspath_prepend(tmp_path)
     TERMS.__dict__.pop("_entries", None)
     try:
-        assert "cubic_drag" in TERMS.names()
-        assert "cubic_drag" not in TERMS.present()
+        assert "cubic_drag" in {*TERMS.names()} - {*TERMS.present()}
         assert TERMS.get("cubic_drag").unit == "s/rad²"
         assert TERMS.source("cubic_drag") == TERMS.source("cubic_drag") != TERMS.source("viscous")
+        wrong = {"module": "AttributeError: .* 'PLUGIN'", "needs": "TypeError: .* missing 2 required"}
+        assert not_refused((partial(TERMS.get, name), why) for name, why in wrong.items()) == []
     finally:
         TERMS.remove("cubic_drag")
         TERMS.__dict__.pop("_entries", None)
