@@ -362,7 +362,7 @@ class Posterior:
 
     sampler: name of the sampler. names: names of the parameters. log_likelihood: log likelihood of each draw in nats,
     (chain, draw). stats: statistics of the sampler by name, such as the acceptance rate. summaries: for each parameter,
-    statistics of its draws by name. divergences: number of divergent transitions; None or 0 for samplers without them.
+    statistics of its draws by name. divergences: number of divergent transitions; None for samplers without them.
     evaluations: number of likelihood evaluations. ensembles: number of groups of chains, if the chains of a group
     depend on each other; None if all chains are independent. diagnostics: further diagnostics of the sampler. seconds:
     computing time. outcome: `ok`, or why the draws are unreliable or missing.
@@ -523,8 +523,8 @@ def following(name: str, outcome: str) -> str:
     return outcome
 
 
-_PER = {"angle": "", "velocity": "/s", "acceleration": "/s²", "envelope": ""}
-"""By recorded quantity: what is added to the unit of displacement to get the unit of the quantity, such as "/s"."""
+_PER = {-2: " s²", -1: " s", 0: "", 1: "/s", 2: "/s²"}
+"""By order of a time derivative: what is added to a unit to get the unit of the derivative, such as "/s"."""
 
 
 @dataclass(frozen=True)
@@ -579,9 +579,10 @@ class Unit:
     def of(self, quantity: str) -> str:
         """Return the name of the unit of a quantity, such as "mm/s" for the velocity if this unit is mm.
 
-        If this is itself a unit of the quantity, such as rpm for the velocity, it is the name of this unit.
+        If this is a unit of velocity or acceleration, it is the unit of the derivative or integral: rpm/s for the
+        acceleration if this unit is rpm, and "rpm" for the velocity.
         """
-        return self.name if quantity == self.quantity else self.name + _PER[quantity]
+        return self.name + _PER[DERIVATIVES.get(quantity, 0) - DERIVATIVES[self.quantity or "angle"]]
 
 
 DEGREES = ("degree", "degrees", "°", "grad", "grados", "gradi", "degré", "degrés", "degres")

@@ -25,7 +25,7 @@ def test_every_base_is_a_unit_with_factor_1():
 
 def test_recorded_values_are_labelled_with_quantity_and_unit():
     units = {("deg", "angle"): "deg", ("deg", "velocity"): "deg/s", ("deg", "acceleration"): "deg/s²",
-             ("g", "acceleration"): "g", ("rpm", "velocity"): "rpm"}  # fmt: skip
+             ("g", "acceleration"): "g", ("rpm", "velocity"): "rpm", ("rpm", "acceleration"): "rpm/s"}  # fmt: skip
     assert {pair: quantity_unit(*pair) for pair in units} == units
     names = {
         ("deg", "angle"): "angle",
