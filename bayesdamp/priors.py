@@ -191,9 +191,8 @@ class _Reflected(_Prior):
         return scale * np.sign(z)
 
     def score(self, x: ArrayLike) -> np.ndarray:
-        """Return the standard normal score |x|/scale of the parameter value x; infinite or nan if the scale is 0."""
-        with np.errstate(divide="ignore", invalid="ignore"):  # the coefficient of an absent term has scale 0
-            return np.asarray(np.abs(x) / self.numbers[0])
+        """Return the standard normal score |x|/scale of the parameter value x."""
+        return np.asarray(np.abs(x) / self.numbers[0])
 
 
 class HalfNormal(_Reflected):

@@ -79,7 +79,7 @@ class Posterior(Result, types.Posterior):
     stats
         Statistics of the sampler by name, each of shape (chain, draw).
     divergences
-        Number of divergent transitions of "nuts"; 0 or None for other samplers.
+        Number of divergent transitions of "nuts"; None for samplers without them.
     evaluations, seconds
         Number of evaluations of the likelihood (0 for smc, which does not count them), and computing time in s.
     ensembles

@@ -12,7 +12,7 @@ from scipy.special import ndtri
 from bayesdamp.inference.evidence._method import Draws, EvidenceMethod
 from bayesdamp.inference.mode import Mode, log_evidence_about
 from bayesdamp.inference.model.target import Target
-from bayesdamp.types import OK, Evidence, Refusal
+from bayesdamp.types import OK, Evidence
 
 if TYPE_CHECKING:
     from nautilus import Sampler
@@ -73,11 +73,6 @@ class NestedSampling(EvidenceMethod):
         """
         reflected, likelihood = target.reflected, mode.likelihood
         best = np.where(reflected, np.abs(mode.z), mode.z)
-        try:
-            expected = log_evidence_about(mode)
-        except Refusal:
-            expected = None
-
         factor = WIDE_FACTOR * mode.factor
 
         def over_prior(z: np.ndarray) -> np.ndarray:
@@ -94,8 +89,8 @@ class NestedSampling(EvidenceMethod):
             return _finite(np.where(np.all(z[:, reflected] >= 0.0, axis=1), log, -np.inf))
 
         top = float(over_prior(mode.z[None])[0])
-        # The posterior's volume is about exp(expected - top) times the prior's volume.
-        needed = None if expected is None else top - expected
+        # The posterior's volume is about exp(evidence - top) times the prior's volume.
+        needed = top - log_evidence_about(mode)
         # The quantile of a half-normal at u is that of the normal at (1 + u)/2.
         sampler, done = run_sampler(
             lambda u: ndtri(np.where(reflected, 0.5 * (1.0 + u), u)), over_prior, best.size, seed, needed

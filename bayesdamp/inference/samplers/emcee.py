@@ -113,7 +113,6 @@ class Emcee(Sampler):
             diagnostics={"walkers": walkers, "thinned_by": thin},
             outcome=outcome,
             summaries=summaries,
-            divergences=0,
             evaluations=int(ENSEMBLES * walkers * (draws.shape[1] + warmup)),
             ensembles=ENSEMBLES,
         )
