@@ -81,7 +81,7 @@ class Posterior(Result, types.Posterior):
     divergences
         Number of divergent transitions of "nuts"; None for samplers without them.
     evaluations, seconds
-        Number of evaluations of the likelihood (0 for smc, which does not count them), and computing time in s.
+        Number of evaluations of the likelihood, and computing time in s.
     ensembles
         Number of ensembles of chains that exchange information (emcee), for the diagnostics.
     diagnostics
@@ -506,7 +506,7 @@ class Evidence(Result, types.Evidence):
     diagnostic
         Diagnostic numbers of the method, in words.
     evaluations, seconds
-        Number of evaluations of the likelihood (for smc the number of draws), and computing time in s.
+        Number of evaluations of the likelihood, and computing time in s.
     outcome
         "ok", or a sentence that says why the value is unreliable or missing.
     signal, noise
@@ -586,7 +586,7 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
             log_evidence=posterior.log_evidence,
             stderr=posterior.stderr,
             diagnostic=f"{runs.size} runs with at most {runs.max()} temperature{'s' if runs.max() > 1 else ''}",
-            evaluations=int(posterior.log_likelihood.size),
+            evaluations=posterior.evaluations,
             seconds=posterior.seconds,
             outcome=posterior.outcome,
         )

@@ -119,11 +119,12 @@ def test_a_fit_has_the_numbers_of_its_draws() -> None:
 
 
 def test_the_outcome_says_why_the_draws_are_not_used(monkeypatch) -> None:
-    """Without importance sampling."""
+    """Without importance sampling. The likelihood is evaluated for the first draws and for each of two moves."""
     for name, value in {"LEAST_EFFECTIVE": 2.0, "EFFECTIVE_FRACTION": 0.9999, "MOST_TEMPERATURES": 1}.items():
         monkeypatch.setattr(tempered, name, value)
-    outcome = bd.sample(fit(), chains=2, draws=50).outcome
-    assert outcome == "sampling has not converged: the exact likelihood is not reached after 1 temperatures"
+    post = bd.sample(fit(), chains=2, draws=50)
+    assert "converged: the exact likelihood is not reached after 1 temperatures" in post.outcome
+    assert post.evaluations == bd.evidence(post).evaluations == 3 * 2 * 50
     monkeypatch.setattr(DrawSolver, "at_each", lambda _, u, use: [use(None)] * len(u))
     outcome = bd.sample(fit(), chains=2, draws=50).outcome
     assert outcome == "sampling has not converged: the motions of all first draws are unbounded"

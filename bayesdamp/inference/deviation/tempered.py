@@ -75,6 +75,8 @@ class TemperedDraws:
         The last value of β.
     acceptance : float
         Fraction of draws that accepted the last move; 1 after importance sampling, which needs no moves.
+    evaluations : int
+        Number of draws whose motion was solved for the likelihood; `sampling.sampled_result` sets it.
     """
 
     draws: np.ndarray
@@ -84,6 +86,7 @@ class TemperedDraws:
     temperatures: int
     beta: float
     acceptance: float
+    evaluations: int = 0
 
     @property
     def doubt(self) -> str:
