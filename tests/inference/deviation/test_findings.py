@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import halfnorm, lognorm, uniform
 
+from bayesdamp import machine
+from bayesdamp.inference.deviation import sampling
 from bayesdamp.inference.deviation.candidate import MotionCandidate
 from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.draws import CandidateDraws, midline_drift
@@ -159,6 +161,20 @@ def test_damping_ratios_are_averaged_over_other_forms_too() -> None:
     assert sum(findings.other_forms.values()) > 0.9
     assert all(r.low < true < r.high for r, true in zip(findings.ratios, truth, strict=True))
     assert not compute_findings(replace(compared, forms=()), amplitudes).ratios[-1].high > truth[-1]
+
+
+def test_models_sampled_at_once_have_their_own_draws(comparison: ModelComparison, monkeypatch) -> None:
+    """The draws are those of models that are sampled one after another. Control: another seed gives other draws."""
+
+    def draws(seed: int) -> list[np.ndarray]:
+        return [r.sampled.draws for r in sampling.with_samples(comparison, seed).results if r.sampled]
+
+    monkeypatch.setattr(machine, "cores", lambda: 4)
+    at_once, other = draws(1), draws(2)
+    monkeypatch.setattr(sampling, "at_once", lambda function, items: [function(item) for item in items])
+    assert len(at_once) > 1
+    assert all(map(np.array_equal, at_once, draws(1)))
+    assert not any(map(np.array_equal, at_once, other))
 
 
 def test_the_interval_of_the_frequency_is_that_of_all_draws(comparison: ModelComparison) -> None:

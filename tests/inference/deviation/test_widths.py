@@ -78,15 +78,11 @@ def test_friction_in_rounded_values_is_identified_as_sharp(monkeypatch: pytest.M
     def answered() -> tuple[str, float]:
         result = answer(signal, damping=sums, restoring=["linear"], sample=False)
         assert {"gaussian", "quantised"} <= {noise.name for noise in result.content.noises}
-        verdict = result.verdict
-        return verdict.damping, next(c.value for c in verdict.coefficients if c.name == "mu_c")
+        return result.verdict.damping, next(c.value for c in result.verdict.coefficients if c.name == "mu_c")
 
-    damping, value = answered()
-    assert damping == "viscous+coulomb"
-    assert value == pytest.approx(0.03, rel=3e-4)
+    assert answered() == ("viscous+coulomb", pytest.approx(0.03, rel=3e-4))
     monkeypatch.setattr("bayesdamp.inference.deviation.model_comparison.SHARPER", 0.0)
-    damping, value = answered()
-    assert value != pytest.approx(0.03, rel=3e-4)
+    assert answered()[1] != pytest.approx(0.03, rel=3e-4)
 
 
 @pytest.mark.parametrize("kind", ["averaged", "hum"])
