@@ -97,7 +97,8 @@ def estimate(
         A name in `bayesdamp.estimators.ESTIMATORS`, such as "envelope" or "sindy": one of the eleven of the package, or
         one of your own.
     model
-        The model. Its noise models, priors, deviation and sensor have no effect.
+        The model. Its noise models, priors, deviation and sensor have no effect, because estimators do not use them and
+        the trajectory fit minimises the sum of squares. Use `fit` for a fit with priors.
     options
         Options of the estimator, by name, as in a study; by default its own defaults.
     seed
