@@ -74,7 +74,6 @@ class Registry(Generic[T]):
         self.home = home or package
         self._added: dict[str, T] = {}
         self._sources: dict[str, str] = {}
-        self._shipped: dict[str, T] = {}
         _REGISTRIES[package] = self
 
     def names(self) -> list[str]:
@@ -152,9 +151,7 @@ class Registry(Generic[T]):
         if name in self._added:
             return self._added[name]
         if name in self._modules:
-            if name not in self._shipped:
-                self._shipped[name] = importlib.import_module(self._modules[name]).PLUGIN
-            return self._shipped[name]
+            return importlib.import_module(self._modules[name]).PLUGIN
         if name in self._entries:
             plugin = _load_entry(self._entries[name], self.kind)
             self.add(name, plugin)
