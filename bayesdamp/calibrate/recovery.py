@@ -3,7 +3,6 @@
 If the probabilities are right, models with the probability p are the true ones in the fraction p of the records.
 """
 
-import math
 import time
 from dataclasses import replace
 from itertools import product
@@ -103,7 +102,7 @@ def _generators(study: Study, noise: float, cycles: float) -> list[Generator]:
             f"{study.source}: calibrate --models needs a simulated first signal, and amplitude and frequency in "
             "[system]; they determine the noise and the duration of the records"
         )
-    duration = 2 * math.pi * cycles / system.frequency
+    duration = 2 * np.pi * cycles / system.frequency
     source = source.model_copy(update={"duration": duration, "samples": table.samples})
     prior = {"noise_sd": LogNormal(median=noise * system.amplitude, sigma=table.noise_sigma)}
     return [make_generator(study, m, source=source, priors=prior) for m in study.models.compare]
@@ -122,7 +121,7 @@ def _evidence(
     mode, _ = mode_of(assumed, source.system)
     seed = int(record_rng(study.seed, *labels).integers(2**31 - 1))
     evidence = EVIDENCES.get("importance").evidence(source.model, assumed.target, mode, seed)
-    if not math.isfinite(evidence.log_evidence):
+    if not np.isfinite(evidence.log_evidence):
         raise Refusal(f"{source.model}: the evidence is not finite")
     return evidence.log_evidence, evidence.outcome
 

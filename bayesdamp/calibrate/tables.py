@@ -6,7 +6,6 @@ true parameter among independent posterior draws is then uniform (Talts, Betanco
 posterior is conditional on the record.
 """
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
@@ -106,7 +105,7 @@ def calibration_rows(study: Study, results: Results) -> list[Row]:
     for row in rows:
         p = row["p_holm"]
         row |= {k: float(f"{row[k]:.6g}") for k in ("value", "low", "high", "p", "p_holm") if k in row}
-        row["verdict"] = "not tested" if math.isnan(p) else "wrong" if p < FALSE_ALARM else "passes"
+        row["verdict"] = "not tested" if np.isnan(p) else "wrong" if p < FALSE_ALARM else "passes"
     return rows
 
 
@@ -135,16 +134,16 @@ def _coverage_row(inside: np.ndarray, level: float, without: int = 0) -> Row:
     exact binomial test.
     """
     n, hits = inside.size, int(inside.sum())
-    low, high = binom.interval(1 - FALSE_ALARM, n, level) if n else (math.nan, math.nan)
+    low, high = binom.interval(1 - FALSE_ALARM, n, level) if n else (np.nan, np.nan)
     return {
         "check": "coverage",
         "level": level,
         "records": n,
         "without": without,
-        "value": hits / n if n else math.nan,
-        "low": float(low) / n if n else math.nan,
-        "high": float(high) / n if n else math.nan,
-        "p": float(binomtest(hits, n, level).pvalue) if n else math.nan,
+        "value": hits / n if n else np.nan,
+        "low": float(low) / n if n else np.nan,
+        "high": float(high) / n if n else np.nan,
+        "p": float(binomtest(hits, n, level).pvalue) if n else np.nan,
     }
 
 
@@ -253,8 +252,8 @@ def recovery_summary(chunks: Sequence[TaskResult]) -> Row:
         "confusion": confusion,
         "hits": _hits(hit, highest),
         "bins": _adjust(_bins(hit, highest)),
-        "log_score": float(np.mean(logs[np.arange(truth.size), truth])) if truth.size else math.nan,
-        "log_score_expected": float(np.mean(np.sum(p * logs, axis=1))) if truth.size else math.nan,
+        "log_score": float(np.mean(logs[np.arange(truth.size), truth])) if truth.size else np.nan,
+        "log_score_expected": float(np.mean(np.sum(p * logs, axis=1))) if truth.size else np.nan,
         "seconds": sum(c.seconds for c in chunks),
     }
     return {"alarm": FALSE_ALARM, "recovery": recovery}
@@ -280,8 +279,8 @@ def _hits(hit: np.ndarray, p: np.ndarray) -> Row:
         "high": high - float(p.sum()),
         "sd": float(np.sqrt(np.sum(p * (1 - p)))),
         "p": hits_p(hits, p),
-        "share_low": share.low if share else math.nan,
-        "share_high": share.high if share else math.nan,
+        "share_low": share.low if share else np.nan,
+        "share_high": share.high if share else np.nan,
     }
 
 
@@ -320,7 +319,7 @@ def uniformity_test(ranks: np.ndarray, draws: int) -> tuple[float, float]:
     statistic by at most half of that part: 0.002 for 255 draws. Both results are nan if n is 0.
     """
     if not ranks.size:
-        return math.nan, math.nan
+        return np.nan, np.nan
     test = kstest((ranks + 0.5) / (draws + 1), "uniform")
     return float(test.statistic * test.statistic_sign), float(test.pvalue)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -103,12 +102,12 @@ class Posterior(Result, types.Posterior):
     @property
     def log_evidence(self) -> float:
         """The log evidence of the model in nats; NaN unless the sampler is "smc", because others do not compute it."""
-        return float(self.diagnostics.get("log_evidence", math.nan))  # type: ignore[arg-type]
+        return float(self.diagnostics.get("log_evidence", np.nan))  # type: ignore[arg-type]
 
     @property
     def stderr(self) -> float:
         """Standard error of `log_evidence` in nats; NaN unless the sampler is "smc"."""
-        return float(self.diagnostics.get("stderr", math.nan))  # type: ignore[arg-type]
+        return float(self.diagnostics.get("stderr", np.nan))  # type: ignore[arg-type]
 
     @cached_property
     def data(self) -> xr.DataTree:

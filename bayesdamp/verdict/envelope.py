@@ -1,6 +1,5 @@
 """Decide on the verdict on an envelope (amplitude against time), and on several envelopes of one specimen."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from typing import TypeVar
@@ -290,7 +289,7 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
             f"The level falls by only {decay.fall:.1f} dB; below {thresholds.SHALLOW:g} dB damping models are hard to "
             "distinguish."
         )
-    if v.window is not None and not math.isfinite(v.window.floor_db):
+    if v.window is not None and not np.isfinite(v.window.floor_db):
         texts.append(
             "No noise floor was found after the decay, so the noise power is inferred from the decay alone."
         )

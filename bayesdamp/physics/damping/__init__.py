@@ -7,7 +7,6 @@ an angle in rad; for a displacement in m, read m instead of rad.
 from __future__ import annotations
 
 import dis
-import math
 from abc import ABC
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -40,9 +39,9 @@ reference scales of velocity (rad/s) and displacement (rad). The caller provides
 
 # Quadrature nodes and weights for the phase ωt of sin ωt from −π/2 to π/2: one Gauss–Legendre rule on each side of 0.
 _X, _W = np.polynomial.legendre.leggauss(NODES_PER_QUARTER)
-_QUARTER = 0.25 * math.pi * (_X + 1)
-_PHASES = np.concatenate([_QUARTER - 0.5 * math.pi, _QUARTER])
-_WEIGHTS = np.concatenate([_W, _W]) * 0.25 * math.pi
+_QUARTER = 0.25 * np.pi * (_X + 1)
+_PHASES = np.concatenate([_QUARTER - 0.5 * np.pi, _QUARTER])
+_WEIGHTS = np.concatenate([_W, _W]) * 0.25 * np.pi
 TERMS: Registry[DampingTerm] = Registry("bayesdamp.physics.damping", "damping term")
 """All damping terms by name: those that ship with bayesdamp and those that a user adds."""
 PAPER_TERMS = ("viscous", "coulomb", "quadratic")
@@ -159,7 +158,7 @@ class DampingTerm(ABC):
         and the reference scales are those of this motion. A term may override this method with a closed form.
         """
         medians = {p.name: median(p.prior(amplitude, frequency)) for p in self.inferred}
-        return self.work(amplitude, frequency, medians) / (2 * math.pi * (frequency * amplitude) ** 2)
+        return self.work(amplitude, frequency, medians) / (2 * np.pi * (frequency * amplitude) ** 2)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
         """Return the energy lost in a cycle x = θ_e + A sin ωt, per unit of coefficient and inertia, in rad²/s².

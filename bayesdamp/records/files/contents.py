@@ -5,7 +5,6 @@ units, quantities, times and sampling rates. Units are written in many ways: `An
 (m/s²)`, `phi_deg`.
 """
 
-import math
 import re
 import zipfile
 from collections.abc import Iterable, Mapping, Sequence
@@ -615,7 +614,7 @@ def trim_facts(facts: Mapping[str, object]) -> dict[str, Fact]:
         text = " ".join(str(name).split())[:LONGEST_FACT]
         if not text or len(trimmed) >= MOST_FACTS:
             continue
-        if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        if isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value):
             trimmed[text] = float(value)
         elif isinstance(value, str) and value.strip():
             trimmed[text] = " ".join(value.split())[:LONGEST_FACT]
@@ -654,7 +653,7 @@ def sampling_rate(facts: Mapping[str, Fact]) -> tuple[float, str] | None:
             unit = re.split("[,;]", value[start.end() :])[0].strip(" ()[]") or unit
         scale = hertz_written(unit) if is_rate else SECONDS.get(unit.lower() or "s")
         number = float(number) * (scale or 0.0)
-        if number > 1e-300 and math.isfinite(rate := number if is_rate else 1 / number):
+        if number > 1e-300 and np.isfinite(rate := number if is_rate else 1 / number):
             rates.setdefault(float(f"{rate:.9g}"), name)
     return next(iter(rates.items())) if len(rates) == 1 else None
 

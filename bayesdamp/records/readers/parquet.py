@@ -1,6 +1,5 @@
 """Read Parquet tables with pyarrow."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -67,8 +66,8 @@ def _attributes(metadata: dict[bytes, bytes] | None) -> dict[str, str | float]:
         try:
             number = float(text)
         except ValueError:
-            number = math.nan
-        attributes[key.decode("utf-8", "replace")] = number if math.isfinite(number) else text
+            number = np.nan
+        attributes[key.decode("utf-8", "replace")] = number if np.isfinite(number) else text
     return attributes
 
 

@@ -1,6 +1,5 @@
 """Show whether intervals are calibrated, from a run of `bayesdamp calibrate`."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -130,7 +129,7 @@ def _model(run: RunFolder, ranks: list[Row], rows: list[Row], model: str) -> Mar
 
     def result_of(name: str, check: tuple[str, str, str]) -> str:
         row = checks.get((name, *check))
-        if row is None or not math.isfinite(row["value"]):
+        if row is None or not np.isfinite(row["value"]):
             return fmt.NONE
         text = f"{100 * row['value']:.1f}" if row["level"] else fmt.number(float(row["p_holm"]), 2)
         without = f" ({row['without']} without)" if int(row["without"] or 0) else ""

@@ -1,6 +1,5 @@
 """Show the posteriors of the parameters of each model, with the diagnostics of the samplers."""
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -85,7 +84,7 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
         f"Histograms of the posterior draws of each parameter of {words.model(model)} damping, from the record "
         f"“{signal}”, by {samplers}."
     )
-    if any(math.isfinite(value) for value in true.values()):
+    if any(np.isfinite(value) for value in true.values()):
         caption += " Vertical lines: the true values."
     draw = partial(marginals, model, draws, units, true)
     figures = [run.drawings.add(f"marginals-{signal}-{model}", caption, draw)]
@@ -115,7 +114,7 @@ def _table(
         "mean ± sd": lambda r: fmt.with_error(r["mean"], r["sd"]),
         "95 % interval": lambda r: fmt.interval(r["q2.5"], r["q97.5"]),
     }
-    if any(math.isfinite(truth(run, signal, r["parameter"])) for r in rows):
+    if any(np.isfinite(truth(run, signal, r["parameter"])) for r in rows):
         columns["truth"] = lambda r: fmt.digits(truth(run, signal, r["parameter"]), n=6)
     columns |= {
         "R̂": lambda r: fmt.fixed_decimals(r["rhat"], 3),
@@ -139,7 +138,7 @@ def _tables(run: RunFolder, signal: str, repeat: int, model: str) -> list[fmt.Ta
     rows = rows_of(run.posteriors, signal=signal, repeat=repeat, model=model)
     if not rows:
         return []
-    sampled = [r for r in rows if math.isfinite(r["mean"])]
+    sampled = [r for r in rows if np.isfinite(r["mean"])]
     parts: list[fmt.Table | Markup] = []
 
     if sampled:
