@@ -84,8 +84,8 @@ class Run(ResultView):
     """The results of a study, read from the folder of its run.
 
     folder: path of this folder, with tables, results of tasks, figures and report.html. name: name of the study.
-    outcome: "ok", or a text with the number and the names of the tasks that failed or whose results are damaged, among
-    all results in the folder.
+    outcome: "ok", or a text with the number and the names of the tasks of the last complete run that failed, or whose
+    results were damaged or replaced since.
     """
 
     folder: Path
@@ -208,11 +208,12 @@ class Run(ResultView):
     def load(cls, path: str | Path) -> Self:
         """Read the run in a folder; nothing is computed. Raises InputError if the folder contains no run."""
         folder = Path(path)
-        name = (read_description(folder).get("study") or {}).get("name")
+        description = read_description(folder)
+        name = (description.get("study") or {}).get("name")
         if name is None:
             right = "give the folder that run_study or the command study wrote"
             raise InputError(f"{folder}: its run.json does not contain a study; {right}")
-        store = Store(folder)
+        store = Store(folder, description.get("cells"))
         results = ((name, store.find(name, arrays=False)) for name in store.names())
         failed = [n for n, r in results if r is None or status_of(r.outcome) is Status.FAILED]
         outcome = f"{len(failed)} tasks failed: {', '.join(failed)}" if failed else OK

@@ -10,6 +10,7 @@ import pytest
 
 import bayesdamp as bd
 from bayesdamp.store.files import read_table
+from bayesdamp.store.results import Store, TaskResult
 from tests.interface.problems import not_refused
 
 STUDY: dict[str, Any] = {
@@ -58,7 +59,8 @@ def test_typed_results_are_the_tables(run: bd.Run) -> None:
 
 
 def test_a_saved_run_is_loaded_with_its_results(run: bd.Run, tmp_path: Path) -> None:
-    """Without the files of draws, their log likelihoods are unknown."""
+    """Without the files of draws, their log likelihoods are unknown. A damaged result counts as failed, but not the
+    failure of a task that is not in the study."""
     copy = bd.load(run.save(tmp_path / "copy"))
     assert copy.candidate("bench", "viscous").values == run.candidate("bench", "viscous").values
     for path in copy.folder.rglob("*.nc"):
@@ -68,6 +70,7 @@ def test_a_saved_run_is_loaded_with_its_results(run: bd.Run, tmp_path: Path) -> 
     assert np.all(np.isnan(post.log_likelihood))
     damaged = copy.folder / "cells/mode/bench/0/quadratic.npz"
     damaged.write_bytes(damaged.read_bytes()[:-100])
+    Store(copy.folder).write(TaskResult("mode/bench/0/coulomb", "", outcome="failed: not in this study"))
     less = bd.load(copy.folder)
     assert less.outcome == "1 tasks failed: mode/bench/0/quadratic"
     assert less.candidate("bench", "quadratic").values == {}
