@@ -136,10 +136,8 @@ def run_study(
                     continue
                 progress.begin(describe_stage(study, stage), stage)
                 _run_jobs(study, store, stage, pool, progress.advance)
-                if stage[0].task_group == "read" and not study.has_answers:
-                    _report_verdicts(study, store, on_verdict)
                 # Write the answer now, in case a later stage fails.
-                if stage[0].task_group in (ANSWER, SAMPLED_ANSWER):
+                if stage[0].task_group is not None:
                     current = Store(out, _current_keys(study, store))
                     _report_verdicts(study, current, on_verdict)
                     write_verdicts(study, current)

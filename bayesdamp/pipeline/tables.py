@@ -27,10 +27,11 @@ from bayesdamp.store.results import (
     SampledPosterior,
     Store,
     provenance,
+    remove_listed,
 )
 from bayesdamp.types import NORMAL_95, OK, UNITS, Evidence, Status, Unit, quantity_unit, status_of, unit_named
 from bayesdamp.verdict.specimen import pool_coefficients, specimen
-from bayesdamp.verdict.types import Verdict, save_verdicts
+from bayesdamp.verdict.types import VERDICT_JSON, VERDICT_TABLE, Verdict, save_verdicts
 from bayesdamp.verdict.units import in_unit, picture_in_unit
 
 Row = dict[str, Any]
@@ -53,7 +54,7 @@ def write_tables(study: Study, store: Store) -> None:
 
 
 def write_verdicts(study: Study, store: Store) -> None:
-    """Write verdict.json, verdicts.csv and damping_curves.csv; write nothing if no record has a verdict.
+    """Write verdict.json, verdicts.csv and damping_curves.csv; if no record has a verdict, remove files of these names.
 
     A verdict is on a record, or on a specimen (a tested object with several records).
 
@@ -90,6 +91,7 @@ def write_verdicts(study: Study, store: Store) -> None:
             base = unit_named(unit_named(specs[0].source.unit).base)
             verdicts.append((together, units.pop() if len(units) == 1 else base))
     if not verdicts:
+        remove_listed(store.folder, (VERDICT_JSON, VERDICT_TABLE, "damping_curves.csv"))
         return
     save_verdicts(store.folder, [v for v, _ in verdicts], [in_unit(v, unit) for v, unit in verdicts])
     write_table(store.folder / "damping_curves.csv", ("record", "unit", *DAMPING_CURVES), curves)

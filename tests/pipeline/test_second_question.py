@@ -37,3 +37,7 @@ def test_results_of_an_earlier_study_are_kept_but_not_shown(tmp_path, monkeypatc
     # A result of the same name with another key, such as a fit to another record, is not shown.
     Store(out).write(replace(Store(out).read("mode/rig/0/quadratic"), key="another"))
     assert modes(out) == {"viscous"}
+    # Nor are verdicts, if the study has no methods for them any more.
+    assert (out / "verdict.json").is_file()
+    finish_study(tmp_path, STUDY.replace(WEIGHED, "posterior.samplers = []\nevidence.methods = []"))
+    assert not list(out.glob("verdict*")) + list(out.glob("damping_curves*"))
