@@ -24,6 +24,7 @@ from bayesdamp.verdict.parts import (
 from bayesdamp.verdict.types import Verdict, save_verdicts
 from bayesdamp.verdict.words import sentence
 
+LAW = "horizontal_pendulum"
 MODELS = ("viscous", "coulomb", "quadratic", "viscous+coulomb")
 OWN = {"viscous": ("zeta", "1/s"), "coulomb": ("mu_c", "rad/s²"), "quadratic": ("mu_q", "1/rad")}
 SIZE = {
@@ -59,7 +60,7 @@ RATIOS = (
 )
 VERDICTS = (
     Verdict(
-        "bench", Grade.EXACT, True, "viscous+coulomb", 0.9783, (Rival("viscous", 0.0217),), "horizontal_pendulum",
+        "bench", Grade.EXACT, True, "viscous+coulomb", 0.9783, (Rival("viscous", 0.0217),), LAW,
         damping_ratio=RATIOS, frequency=Interval(3.9903, 3.9889, 3.9917, "Hz"), unexplained_pct=0.83,
         deviation=Interval(0.0112, 0.0031, 0.0264),
         energy=(Share("viscous", 0.612, 0.583, 0.644, 1.0), Share("coulomb", 0.388, 0.356, 0.417, 0.98)),
@@ -68,14 +69,14 @@ VERDICTS = (
                       Coefficient("mu_c", 0.13417, 1.3e-3, 2.9e-3, 0.12791, 0.14038, "rad/s²")),
     ),
     Verdict(
-        "sim", Grade.APPROXIMATE, False, "viscous", 0.8134, (Rival("viscous+coulomb", 0.1523),), "horizontal_pendulum",
+        "sim", Grade.APPROXIMATE, False, "viscous", 0.8134, (Rival("viscous+coulomb", 0.1523),), LAW,
         damping_ratio=RATIOS[1:], frequency=Interval(0.71265, 0.70912, 0.71618, "Hz"), unexplained_pct=1.27,
         frequency_at=FrequencyAt(0.073, "rad", 0.70116, 0.70093, 0.70139), deviation=Interval(0.0423, 0.0112, 0.0861),
         energy=(Share("viscous", 0.887, 0.711, 0.973, 0.99), Share("coulomb", 0.113, 0.027, 0.289, 0.18)),
         coefficients=(Coefficient("zeta", 0.05017, 1.2e-4, 3.1e-4, 0.04951, 0.05082, "1/s"),),
     ),
     Verdict(
-        "sim-2", Grade.EXACT, True, "viscous", 0.9871, (Rival("viscous+coulomb", 0.0129),), "horizontal_pendulum",
+        "sim-2", Grade.EXACT, True, "viscous", 0.9871, (Rival("viscous+coulomb", 0.0129),), LAW,
         damping_ratio=RATIOS[:1], frequency=Interval(0.71265, 0.71193, 0.71618, "Hz"), unexplained_pct=0.41,
     ),
 )  # fmt: skip
@@ -107,7 +108,7 @@ class RunMaker:
             for repeat in range(self.repeats.get(signal, 1)):
                 t, y = self.signal(signal, repeat)
                 for model in self.models:
-                    place = {"signal": signal, "repeat": repeat, "model": model}
+                    place = {"signal": signal, "repeat": repeat, "model": model, "restoring": LAW}
                     path, kind = f"{signal}/{repeat}/{model}", self.kind(signal)
                     self.mode(place, path, kind, t, y)
                     self.estimates(place, path, kind)
@@ -145,7 +146,7 @@ class RunMaker:
         factor, unit = (180 / math.pi, "deg") if kind == "bench" else (1.0, "rad")
         is_good = LOG_BAYES[kind][place["model"]] > -2
         self.tables["fits.csv"].append({
-            **place, "restoring": "horizontal_pendulum", "rms": residual.std() * factor, "rms_unit": unit,
+            **place, "rms": residual.std() * factor, "rms_unit": unit,
             "residual_autocorrelation": 0.235, "window_spread": 4.1 if kind == "bench" else 0.6,
             "predictive_p": (0.003 if kind == "bench" else 0.41) if is_good else 0.0,
             "verdict": f"the residual is {'as small as' if is_good else 'far above'} the noise",
@@ -212,7 +213,7 @@ class RunMaker:
             self.tables["evidence.csv"].append({
                 **place, "method": method, "log_evidence": 29362.41 + own + shift, "stderr": 0.008, "outcome": "ok",
                 "log_bayes_factor": own - max(logs.values()), "probability": math.exp(own) / total,
-                "restoring": "horizontal_pendulum", "diagnostic": diagnostic,
+                "diagnostic": diagnostic,
             })  # fmt: skip
             self.put(f"evidence/{path}/{method}", {}, {})
 
@@ -224,7 +225,7 @@ class RunMaker:
             "sim": {"notes": ["Simulated."], "unit": "rad", "quantity": "angle", "simulated": True},
         }
         free = {"free": {"noise_sd": None}}
-        system = {"restoring": "horizontal_pendulum", "known": {"stiffness": 20.0}, **free}
+        system = {"restoring": LAW, "known": {"stiffness": 20.0}, **free}
         study = {
             "signals": [{"name": name, "system": system} for name in self.signals],
             "estimators": {"use": list(METHODS), "stages": ["initial", "refined"]},

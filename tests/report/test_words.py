@@ -33,10 +33,8 @@ def test_percentages_and_times_have_no_exponent():
 
 
 def test_probabilities_are_never_rounded_to_certainty():
-    assert fmt.probability(1.0) == "> 0.999"
-    assert fmt.probability(0.0) == "< 0.001"
-    assert fmt.probability(0.9994) == "0.999"
-    assert fmt.probability(math.nan) == "–"
+    texts = {1.0: "> 0.999", 0.0: "< 0.001", 0.9994: "0.999", math.nan: "–"}
+    assert {value: fmt.probability(value) for value in texts} == texts
 
 
 def test_intervals_have_the_digits_of_their_width():

@@ -14,7 +14,7 @@ from bayesdamp.report.results.estimators import estimates_of, true_models
 from bayesdamp.report.results.run import Row, RunFolder, coefficients, models_by_rank, rows_of, truth
 from bayesdamp.report.sections import SignalSection, by_model, is_drawn, stack
 from bayesdamp.store.results import EstimateContent
-from bayesdamp.types import OK
+from bayesdamp.types import OK, candidate_parts
 
 Details = Mapping[str, Any]
 """Results of an estimator besides parameter values, by name: selected terms, an expression, or a force."""
@@ -54,11 +54,12 @@ class EstimatesSection(SignalSection):
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return a figure and a table for each model with estimates.
 
-        Further results of the methods are shown under the model with which the signal was simulated, or else the most
-        probable one.
+        Further results of the methods are shown under the most probable model: for a simulated signal, among the models
+        with the true damping if there are any.
         """
         ranked = models_by_rank(run, signal, run.repeats(signal)[0])
-        best = true_models(run).get(signal) or ranked[0]
+        true = true_models(run).get(signal)
+        best = next((model for model in ranked if candidate_parts(model)[0] == true), ranked[0])
         models: dict[str, list[object]] = {}
         for place, model in enumerate(ranked):
             rows = rows_of(run.estimates, signal=signal, model=model)
