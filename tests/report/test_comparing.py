@@ -75,7 +75,7 @@ def test_the_page_compares_errors_under_the_true_model_and_times_with_published_
 
 
 def test_a_series_contains_records_that_differ_in_one_factor(folder):
-    """Control: a signal that also differs in its sampling is in no series."""
+    """Control: signals that also differ in their sampling or in their damping coefficient are in no series."""
     result = error_series(RunFolder(folder))
     assert [(s.model, s.factor) for s in result] == [("viscous", "noise"), ("coulomb", "noise")]
     assert result[0].values == list(LEVELS)
@@ -83,7 +83,8 @@ def test_a_series_contains_records_that_differ_in_one_factor(folder):
     assert result[0].repeats["genetic", "initial"].tolist() == [2] * 4
     assert math.isnan(result[0].bounds[0])
     assert result[0].bounds[1:] == pytest.approx([0.1, 0.2, 0.4])
-    run = RunFolder(folder)
-    for signal in run.study["signals"][1:3]:
-        signal["source"]["samples"] = 71
-    assert [(s.model, s.factor) for s in error_series(run)] == [("coulomb", "noise")]
+    for change in ({"samples": 71}, {"truth": {"zeta": 0.1, "theta0": 0.3, "noise_sd": 0.003}}):
+        run = RunFolder(folder)
+        for signal in run.study["signals"][1:3]:
+            signal["source"] |= change
+        assert [(s.model, s.factor) for s in error_series(run)] == [("coulomb", "noise")]

@@ -269,12 +269,12 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
     """Return all series of simulated signals that differ only in noise, sampling or length, with their errors.
 
     One of these three factors varies in a series and has at least three different values, rounded to two significant
-    digits. The two other factors have their most common values among the signals with the same damping sum. Other
-    settings, such as the coefficients, are not compared. Signals whose natural frequency does not follow from known
-    parameters are left out.
+    digits. The two other factors, and the true values of all parameters besides the noise, have their most common
+    values among the signals with the same damping sum. Other settings, such as outliers, are not compared. Signals
+    whose natural frequency does not follow from known parameters are left out.
     """
-    # By damping and signal: the values of noise, sampling and length, to two digits.
-    designs: dict[str, dict[str, list[float]]] = {}
+    # By damping and signal: the values of noise, sampling and length, to two digits, and the true parameters.
+    designs: dict[str, dict[str, list[Any]]] = {}
     for signal, model in true_models(run).items():
         source, own = run.simulation(signal), designs.setdefault(model, {})
         rate = ((run.info.get("equilibrium") or {}).get(signal) or {}).get("natural_frequency")
@@ -287,13 +287,14 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
                 (source["samples"] - 1) / periods,
                 periods,
             )
-            own[signal] = [float(f"{x:.2g}") for x in factors]  # in the order of FACTORS
+            constant = frozenset({**simulated, "noise_sd": 0.0}.items())
+            own[signal] = [*(float(f"{x:.2g}") for x in factors), constant]  # in the order of FACTORS
     runs, rows = [], true_estimates(run)
     for model, own in designs.items():
         if len(own) < LEAST_VALUES:
             continue
         base = [Counter(values).most_common(1)[0][0] for values in zip(*own.values())]
-        # A series along a factor has the most common values of the two other factors.
+        # A series along a factor has the most common values of the two other factors and of the parameters.
         for i, factor in enumerate(FACTORS):
             rest = base[:i] + base[i + 1 :]
             along = {s: design[i] for s, design in own.items() if design[:i] + design[i + 1 :] == rest}
