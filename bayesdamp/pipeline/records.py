@@ -80,7 +80,7 @@ def read_free_decay(source: Recording, name: str) -> CutSignal:
 
     Raises InputError, which names the file, if the file contains no free decay, or for the reasons that `read_raw`
     states. The result is kept until it is stored (`compute_signal`) or the file changes, because a run first checks all
-    records; but not if these are too large together.
+    records; but only the last ones if all are too large together.
     """
     if (decay := _DECAYS.get((source, name, _state_of(source.path)))) is not None:
         return decay
@@ -94,10 +94,10 @@ def read_free_decay(source: Recording, name: str) -> CutSignal:
 
 
 def keep_free_decay(source: Recording, name: str, decay: CutSignal) -> None:
-    """Keep the free decay of a record for `read_free_decay`, unless those that are kept are too large already."""
-    kept = sum(other.t.size + other.whole_t.size for other in _DECAYS.values())
-    if kept + decay.t.size + decay.whole_t.size <= MOST_CACHED_SAMPLES:
-        _DECAYS[source, name, _state_of(source.path)] = decay
+    """Keep the free decay of a record for `read_free_decay`; discard the oldest ones if they are too large together."""
+    _DECAYS[source, name, _state_of(source.path)] = decay
+    while sum(kept.t.size + kept.whole_t.size for kept in _DECAYS.values()) > MOST_CACHED_SAMPLES:
+        del _DECAYS[next(iter(_DECAYS))]
 
 
 def take_free_decay(source: Recording, name: str) -> CutSignal | None:

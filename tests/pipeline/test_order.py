@@ -9,14 +9,15 @@ import pytest
 
 from bayesdamp.config import Recording
 from bayesdamp.inference.evidence import EVIDENCES
+from bayesdamp.pipeline import records
 from bayesdamp.pipeline.jobs import Depth, Job, stages, tasks_of
 from bayesdamp.pipeline.records import read_free_decay
 from bayesdamp.store.results import Store
 from tests.studies import COMPARED, VISCOUS, WEIGHED, study_text, write_study
 
 
-def test_a_file_that_is_replaced_with_the_same_time_stamp_is_read_again(tmp_path: Path) -> None:
-    """Control: the same file is not read a second time."""
+def test_a_file_that_is_replaced_with_the_same_time_stamp_is_read_again(tmp_path: Path, monkeypatch) -> None:
+    """Control: the same file is not read a second time, unless other records take its place in memory."""
     t, file = np.arange(400) / 40, tmp_path / "rig.csv"
     recording, signals = Recording(file=file.name, path=file), []
     for size in (0.2, 0.3):
@@ -28,6 +29,9 @@ def test_a_file_that_is_replaced_with_the_same_time_stamp_is_read_again(tmp_path
     first, second = signals
     assert np.max(second.y) == pytest.approx(1.5 * np.max(first.y), rel=1e-3)
     assert read_free_decay(recording, "rig") is second
+    monkeypatch.setattr(records, "MOST_CACHED_SAMPLES", second.t.size + second.whole_t.size)
+    assert read_free_decay(recording, "other") is read_free_decay(recording, "other")
+    assert read_free_decay(recording, "rig") is not second
 
 
 def test_evidence_that_needs_draws_comes_after_the_samplers_and_only_for_sampled_candidates(
@@ -35,10 +39,8 @@ def test_evidence_that_needs_draws_comes_after_the_samplers_and_only_for_sampled
 ) -> None:
     """Control: other evidence is computed for every candidate."""
     settings = "posterior = { samplers = ['nuts'] }\nevidence = { methods = ['laplace', 'importance'] }"
-    study, job = (
-        write_study(tmp_path, study_text(COMPARED, settings, simulate=VISCOUS)),
-        Job("rig", 0, "viscous"),
-    )
+    study = write_study(tmp_path, study_text(COMPARED, settings, simulate=VISCOUS))
+    job = Job("rig", 0, "viscous")
 
     def methods(job: Job) -> list[str]:
         return [name.split("/")[-1] for name in tasks_of(study, Store(tmp_path), job)]

@@ -27,16 +27,14 @@ def test_one_noise_model_is_chosen_and_shown(tmp_path):
     assert read_table(out / "fits.csv")[0]["verdict"] == "fits"
     assert ModeContent.of(store.read("mode/noisy/0/viscous")).shares[0] > 0.99
     assert "noise_dof" not in store.read("mode/noisy/0/viscous").meta["sd"]  # it has the answer's noise model
-    report = (out / "report.html").read_text(encoding="utf-8")
-    assert "The answer uses the noise model" in report
+    assert "The answer uses the noise model" in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_noise_model_that_does_not_suit_the_record_is_refused(tmp_path):
     out = finish_study(tmp_path, STUDY.replace("NOISE", '"quantised"'))
     (row,) = (r for r in read_table(out / "posteriors.csv") if r["sampler"] != "smc")
     assert "recording step" in row["outcome"]
-    report = (out / "report.html").read_text(encoding="utf-8")
-    assert "The answer uses the noise model" not in report
+    assert "The answer uses the noise model" not in (out / "report.html").read_text(encoding="utf-8")
 
 
 FRICTION = study_text(

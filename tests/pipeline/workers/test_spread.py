@@ -114,18 +114,14 @@ def spread_out(folder: Path, names: str, pool) -> list[str]:
     return lost
 
 
-def test_a_task_whose_process_is_killed_once_is_computed_again(tmp_path):
-    for task in ("c1", "c2"):
-        (tmp_path / f"{task}.kill").write_text("once")
+@pytest.mark.parametrize(("kills", "killers", "lost"), [("once", "c1 c2", ""), ("always", "b1 e2", "b1 e2")])
+def test_a_task_that_kills_its_process_once_is_computed_again_and_always_loses_only_itself(
+    tmp_path, kills, killers, lost
+):
+    for task in killers.split():
+        (tmp_path / f"{task}.kill").write_text(kills)
     with processes(2) as pool:
-        assert spread_out(tmp_path, "abcdef", pool) == []
-
-
-def test_a_task_that_kills_its_process_loses_only_itself(tmp_path):
-    for task in ("b1", "e2"):
-        (tmp_path / f"{task}.kill").write_text("always")
-    with processes(2) as pool:
-        assert sorted(spread_out(tmp_path, "abcdef", pool)) == ["b1", "e2"]
+        assert sorted(spread_out(tmp_path, "abcdef", pool)) == lost.split()
 
 
 @pytest.mark.slow
