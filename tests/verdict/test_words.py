@@ -103,9 +103,10 @@ LIMITS = "Of the energy lost, each of these other damping terms can account for 
         # A term that alone takes all the energy has no interval; each term of a sum has one.
         (replace(SURE, energy=(VISCOUS,)), ["Energy lost: all of it viscous with probability 0.99."]),
         (replace(SURE, energy=(replace(VISCOUS, low=1.0),)), ["Energy lost: all of it viscous."]),
+        # A fraction that is rounded to 0 % is an upper limit.
         (
-            replace(SURE, damping="viscous+coulomb", energy=(Share("viscous", 0.84, 0.78, 0.93, 0.991),)),
-            ["Energy lost: viscous 84 % (78 to 93)."],
+            replace(SURE, energy=(Share("viscous", 0.84, 0.78, 0.93, 1.0), Share("coulomb", 0.006, 0.0, 0.06, 0.5))),
+            ["Energy lost: viscous 84 % (78 to 93), Coulomb (dry friction) 1 % (0 to 6)."],
         ),
         # Another form that is as probable is named too.
         (
@@ -119,7 +120,7 @@ LIMITS = "Of the energy lost, each of these other damping terms can account for 
         # No limits of probable rivals or of terms whose energy is already stated; a tiny limit is not shown as 0.
         (BEATEN, [LIMITS + "quadratic (drag) 2 %, any other form 0.1 %."]),
         (
-            replace(BEATEN, energy=(replace(VISCOUS, low=0.94), Share("quadratic", 0.001, 0.0, 0.06, 0.05))),
+            replace(BEATEN, energy=(replace(VISCOUS, low=0.94), Share("quadratic", 0.003, 0.0, 0.06, 0.05))),
             [
                 "Energy lost: all of it viscous with probability 0.90, quadratic (drag) at most 6 %; or by viscous + "
                 "Coulomb (dry friction) damping, with probability 0.10.",
