@@ -175,14 +175,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _trace()
         refusal = machine_refusal(error)
         discard_output()
-        if refusal is not None:
-            print_error(one_line(refusal))
-            return WRONG_INPUT
         what = f"{type(error).__name__}: {error}"
-        print_error(
-            one_line(f"bayesdamp: internal error: {what} (please report it; BAYESDAMP_DEBUG=1 shows where)")
-        )
-        return INTERNAL_ERROR
+        line = f"bayesdamp: internal error: {what} (please report it; BAYESDAMP_DEBUG=1 shows where)"
+        print_error(one_line(refusal or line))
+        return WRONG_INPUT if refusal else INTERNAL_ERROR
     if status == INTERRUPTED:
         resumes = given[:1] in (["study"], ["compare"], ["calibrate"])
         print_error("interrupted" + "; the same command resumes the run" * resumes)

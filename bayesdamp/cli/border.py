@@ -48,8 +48,7 @@ def machine_refusal(error: BaseException) -> str | None:
         return "not enough memory; close other programs, use fewer --workers, or use a part of the record"
     if not isinstance(error, OSError) or error.errno is None:
         return None
-    place = error.filename if isinstance(error.filename, str | bytes | os.PathLike) else None
-    where = os.fsdecode(place) if place is not None else ""
+    where = os.fsdecode(error.filename) if isinstance(error.filename, str | bytes | os.PathLike) else ""
     if error.errno in _DISK_FULL:
         return f"{where or 'the output'}: the disk is full; make room there, then run the same command again"
     if not where:

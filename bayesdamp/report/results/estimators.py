@@ -291,8 +291,6 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
             own[signal] = [*(float(f"{x:.2g}") for x in factors), constant]  # in the order of FACTORS
     runs, rows = [], true_estimates(run)
     for model, own in designs.items():
-        if len(own) < LEAST_VALUES:
-            continue
         base = [Counter(values).most_common(1)[0][0] for values in zip(*own.values())]
         # A series along a factor has the most common values of the two other factors and of the parameters.
         for i, factor in enumerate(FACTORS):

@@ -60,10 +60,9 @@ class CalibratedSection(Section):
         result = run.info["result"]
         rows = _rows(run, "calibration.csv")
         names = {"posterior": "the posteriors", "classical": "the trajectory fits' own intervals"}
-        families = {name: result["families"][family] for family, name in names.items()}
         text = fmt.listing(
-            f"{counts['wrong'] or 'none'} of {counts['tests']} checks of {name} failed"
-            for name, counts in families.items()
+            f"{counts['wrong'] or 'none'} of {counts['tests']} checks of {names[family]} failed"
+            for family, counts in result["families"].items()
             if counts["tests"]
         )
         alarm = f"{100 * result['alarm']:g} %"
