@@ -7,12 +7,14 @@ from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from inspect import Parameter, Signature, signature
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from bayesdamp.cli.options import READING, option, parse_time
 from bayesdamp.formatting import show
 from bayesdamp.interface.signal import Signal, cut
+from bayesdamp.pipeline.progress import map_with_bar
 from bayesdamp.pipeline.workers import restart
 from bayesdamp.records.files.contents import unit_by_name
 from bayesdamp.records.read import FROM_FIRST, read_each, read_records
@@ -228,7 +230,7 @@ class SelectedRecords:
 
 
 def select_records(
-    paths: Sequence[Path], options: ReadingOptions, *, every: bool = False, pool: Executor | None = None
+    paths: Sequence[Path], options: ReadingOptions, pool: Executor | None = None, quiet: bool = True
 ) -> SelectedRecords:
     """Read several files, and return the records that a command uses.
 
@@ -243,31 +245,29 @@ def select_records(
         The files.
     options
         The options of the command for reading files.
-    every
-        Whether every file must contain a usable record. If False, one file with a usable record is enough.
     pool
         Executor that reads the files in parallel; None to read them in this process.
+    quiet
+        Whether to show no progress.
 
     Raises
     ------
     InputError
-        The first error of a file, if no file is usable, or if `every` is true and a file is not usable.
+        The first error of a file, if no file is usable.
     """
     read = partial(_choose, options=options, cleaned=len(paths) > 1)
+    run = map if pool is None else pool.map
+    if not quiet:
+        run = partial(map_with_bar, run)
     try:
-        chosen, failed = read_each(paths, read, pool)
+        chosen, failed = read_each(paths, read, run)
     except BrokenExecutor:  # one of the processes was killed
         assert pool is not None
         restart(pool)
         chosen, failed = read_each(paths, read)
-    if every and failed:
-        raise failed[0]
-    return SelectedRecords(
-        [record for records, _, _ in chosen for record in records],
-        [line for _, doubted, _ in chosen for line in doubted],
-        [line for _, _, notes in chosen for line in notes],
-        failed,
-    )
+    parts: list[list[Any]] = [list(chain.from_iterable(part)) for part in zip(*chosen)]
+    every, doubted, notes = parts
+    return SelectedRecords(every, doubted, notes, failed)
 
 
 def _choose(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from bayesdamp.types import candidate_parts
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from bayesdamp.config import Study
     from bayesdamp.pipeline.jobs import Job
 
+T = TypeVar("T")
 READING, CANDIDATES = "reading", "candidates"
 ACTIVITIES = {
     "read": f"{READING} {{records}}",
@@ -63,6 +64,19 @@ class Progress:
     def advance(self) -> None:
         """Count one job of the current step as done."""
         self._bar.update(self._task, advance=1)
+
+
+def map_with_bar(
+    run: Callable[..., Iterable[T]], function: Callable[[Any], T], items: Sequence[Any]
+) -> Iterator[T]:
+    """Yield the results of `run(function, items)`, and show a bar that counts them on standard error.
+
+    run: function that is called like `map`.
+    """
+    from rich.console import Console
+
+    with progress_bar(Console(stderr=True)) as bar:
+        yield from bar.track(run(function, items), len(items), description="")
 
 
 def progress_bar(console: Console) -> Bar:

@@ -14,14 +14,13 @@ import tempfile
 import threading
 import warnings
 from collections import Counter
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from functools import partial
 from itertools import islice
 from pathlib import Path
 from subprocess import DEVNULL, PIPE
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -208,7 +207,7 @@ def read_contents(path: Path | str, isolate: bool = True) -> Contents:
 
 
 def read_each(
-    paths: Sequence[Path], read: Callable[[Path], Loaded], pool: Executor | None = None
+    paths: Sequence[Path], read: Callable[[Path], Loaded], run: Callable[..., Iterable[Any]] = map
 ) -> tuple[list[Loaded], list[InputError]]:
     """Read several files, and continue with the other files if one cannot be read.
 
@@ -218,8 +217,8 @@ def read_each(
         The files, at least one.
     read
         Function that takes the path of a file and returns its content. It raises InputError if the file cannot be read.
-    pool
-        Executor that reads files in parallel; None to read them in this process.
+    run
+        Function that is called like `map`, such as that of an executor that reads files in parallel.
 
     Returns
     -------
@@ -233,7 +232,7 @@ def read_each(
     """
     results: list[Loaded] = []
     errors: list[InputError] = []
-    for result in (map if pool is None else pool.map)(partial(_content_or_error, read), paths):
+    for result in run(partial(_content_or_error, read), paths):
         errors.append(result) if isinstance(result, InputError) else results.append(result)
     if not results:
         raise errors[0]

@@ -1,5 +1,6 @@
 """`bayesdamp compare` from a file to its tables."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -43,15 +44,17 @@ def test_a_quick_comparison_samples_nothing(folder: Path, capsys: pytest.Capture
 
 
 def test_many_files_have_the_same_verdicts_in_one_process_and_in_two(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And alone. A file that cannot be used is reported at the end, and leaves no trace in the run."""
+    """And alone. A file that cannot be used is reported at the end, and leaves no trace in the run. On a terminal, a
+    bar counts the files that have been read."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
     files = [shutil.copy("ok.csv", f"run_{i}.csv") for i in range(6)]
     (folder / "flat.csv").write_text("t,y\n" + "".join(f"{i},0\n" for i in range(99)))
     options, verdicts = ["compare", "--restoring", "linear", "--damping", "viscous", "--quick", "--out"], []
     for workers in ("1", "2"):
         assert main([*options, workers, "--workers", workers, "flat.csv", *files]) == SOME_FAILED
-        assert "failed: flat.csv" in capsys.readouterr().err
+        assert re.search("reading 7 files.*7/7.*failed: flat.csv", capsys.readouterr().err, re.DOTALL)
         verdicts.append(load_verdicts(folder / workers / "verdict.json"))
     assert [v.record for v in verdicts[0]] == [f"run_{i}" for i in range(6)]
     assert verdicts[0] == verdicts[1]

@@ -23,10 +23,8 @@ def test_a_user_s_file_is_not_replaced(
 ) -> None:
     """Controls: a new name, and a file that the same command has written."""
     monkeypatch.setattr("bayesdamp.cli.commands.claims.CLAIMS", ())  # the claims take seconds to compute
-    words, line = (
-        WRITING[name],
-        "already exists and was not made by bayesdamp; give another name, or remove it",
-    )
+    words = WRITING[name]
+    line = "already exists and was not made by bayesdamp; give another name, or remove it"
     for content in CONTENTS:
         (folder / name).write_bytes(content)
         assert refused(*words, name) == f"{words[-1]} {name}: {line}"

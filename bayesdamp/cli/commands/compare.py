@@ -151,7 +151,7 @@ def compare(
                     "--frequency: applies to envelopes only; give --quantity envelope, or remove it"
                 )
             options = r.ReadingOptions(**reading)
-            chosen = r.select_records(records, options, pool=pool)
+            chosen = r.select_records(records, options, pool, quiet or not in_pool)
             failed = chosen.failed
             signals = r.study_signals(chosen.records, options)
         if repeats and failed and len(signals) == 1:

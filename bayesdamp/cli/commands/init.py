@@ -106,7 +106,9 @@ def init(
         raise InputError(f"{file}: is a folder, not a file; give one of the files in it")
     out = file.with_suffix(".toml")
     options = ReadingOptions(**reading)
-    chosen = select_records(files, options, every=True)
+    chosen = select_records(files, options)
+    if chosen.failed:
+        raise chosen.failed[0]
     for line in [*chosen.doubted, *chosen.notes]:
         typer.echo(line, err=True)
     text = study_text(study_signals(chosen.records, options), out)
