@@ -11,7 +11,7 @@ import pytest
 
 from bayesdamp.cli import main
 from bayesdamp.cli.runs import choose_folder
-from bayesdamp.config.load import comparison, laws_for, record_question
+from bayesdamp.config.load import comparison_study, laws_for, record_question
 from bayesdamp.pipeline.records import StudyRecord, compute_signal
 from bayesdamp.pipeline.tasks import compute_and_store
 from bayesdamp.store.files import write_json
@@ -33,7 +33,7 @@ def signal_of(path: Path) -> dict[str, str]:
 
 def test_the_study_has_every_damping_under_every_law_with_free_parameters(tmp_path) -> None:
     signal = signal_of(tmp_path / "a.csv")
-    study = comparison([signal])
+    study = comparison_study([signal])
     spec = study.signals[0]
     assert len(study.compare(spec)) == 7 * len(laws_for("rad")) == 28
     assert not spec.system.known
@@ -42,13 +42,13 @@ def test_the_study_has_every_damping_under_every_law_with_free_parameters(tmp_pa
     assert all(not system.known for system in spec.alternatives)
     assert "pendulum" in laws_for("deg")
     assert set(laws_for("mm")) == {"linear", "duffing"}
-    assert len({s.name for s in comparison([signal] * 2).signals}) == 2
+    assert len({s.name for s in comparison_study([signal] * 2).signals}) == 2
 
 
 def test_a_record_keeps_the_letters_of_its_file(tmp_path) -> None:
     # The second has ü as two characters.
     files = ["ä.csv", "r 1 u\u0308.csv", "проба №2.csv", "v².csv", "-ö.csv"]
-    study = comparison([{"file": str(write(tmp_path / file))} for file in files])
+    study = comparison_study([{"file": str(write(tmp_path / file))} for file in files])
     assert [s.name for s in study.signals] == ["ä", "r_1_ü", "проба__2", "v²", "_-ö"]
 
 
@@ -93,7 +93,7 @@ def test_one_bad_file_of_several_is_named_and_the_others_are_compared(tmp_path, 
 def test_different_comparisons_have_different_default_folders(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     signals = [signal_of(tmp_path / "a.csv")]
-    first, other = comparison(signals), comparison(signals, damping=["viscous", "coulomb"])
+    first, other = comparison_study(signals), comparison_study(signals, damping=["viscous", "coulomb"])
     assert choose_folder(first) == choose_folder(other) == Path("reports/a")
     write_json(Path("reports/a/run.json"), {"asked": record_question(first, Path("reports/a"))})
     assert choose_folder(first) == Path("reports/a")
@@ -101,7 +101,7 @@ def test_different_comparisons_have_different_default_folders(tmp_path, monkeypa
     write_json(Path("reports/a-2/run.json"), {"name": "of an older version"})
     assert choose_folder(other) == Path("reports/a-3")
     (tmp_path / "elsewhere").mkdir()
-    same_name = comparison([signal_of(tmp_path / "elsewhere" / "a.csv")])
+    same_name = comparison_study([signal_of(tmp_path / "elsewhere" / "a.csv")])
     assert choose_folder(same_name) == Path("reports/a-3")
 
 
@@ -135,7 +135,7 @@ def test_noise_is_added_to_a_record_without_noise(tmp_path) -> None:
     write_table(tmp_path / "noisy.csv", "t,angle", t, y)
     results = {}
     for name in ("clean", "noisy"):
-        study = comparison([signal_of(tmp_path / f"{name}.csv")])
+        study = comparison_study([signal_of(tmp_path / f"{name}.csv")])
         store, task = Store(tmp_path / "out"), f"signal/{name}/0"
         record = StudyRecord(study, study.signals[0], 0, store)
         compute_and_store(store, task, record.key, partial(compute_signal, record))

@@ -13,7 +13,7 @@ from bayesdamp.cli import main
 from bayesdamp.cli.commands.compare import early_lines
 from bayesdamp.cli.records import ReadingOptions, records_in, select_records, study_signals
 from bayesdamp.config import Recording, in_keys, load_study
-from bayesdamp.config.load import comparison
+from bayesdamp.config.load import comparison_study
 from bayesdamp.pipeline.records import read_raw
 from bayesdamp.types import InputError
 from tests.records.tables import T, Y, write_table
@@ -152,7 +152,7 @@ def test_init_writes_a_study_that_passes_check(tmp_path, capsys) -> None:
 def test_init_writes_the_study_of_compare(tmp_path) -> None:
     file, options = runs(tmp_path / "rig.csv"), ReadingOptions(runs="1,3")
     assert main(["init", str(file), "--runs", "1,3"]) == 0
-    compared = comparison(study_signals(select_records([file], options).records, options)).resolved()
+    compared = comparison_study(study_signals(select_records([file], options).records, options)).resolved()
     written = load_study(tmp_path / "rig.toml").resolved()
     for signal in (*compared["signals"], *written["signals"]):
         signal["source"].pop("file")
@@ -174,7 +174,7 @@ def test_a_study_selects_a_run_and_a_channel(tmp_path) -> None:
         {"run": "3", "channel": "angle, LEFT"},
         {"run": 3},
     ):
-        (signal,) = comparison([{"file": file, **keys}]).signals
+        (signal,) = comparison_study([{"file": file, **keys}]).signals
         np.testing.assert_allclose(read_raw(signal.source).y, 30 * Y, atol=1e-6)
 
 
