@@ -1,6 +1,5 @@
 """Convert values to JSON and named arrays, and back; the types of dataclass fields determine how."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -121,7 +120,7 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
         return np.array(value)
     if issubclass(origin, Enum | Path):
         return origin(value)
-    return math.nan if origin is float and (value is None or value != value) else value
+    return np.nan if origin is float and (value is None or value != value) else value
 
 
 def _member(kind: Any, value: object) -> Any:

@@ -4,7 +4,6 @@
 topological estimator fails, and the smoothing of Coulomb friction by tanh.
 """
 
-import math
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
@@ -144,7 +143,7 @@ def _topological_works_on_springs(runs: Runs) -> Judgement:
         f"Linear spring, as first published: {_listing(errors)}. With the paper's formula, the viscous error "
         f"is {_per_cent(printed, 3)}."
     )
-    good = max(errors.values()) < 5 and math.isfinite(printed)
+    good = max(errors.values()) < 5 and np.isfinite(printed)
     verdict = "holds in part" if good and printed > 10 else "holds" if good else "does not hold"
     return Judgement(verdict, measured)
 
@@ -154,7 +153,7 @@ def _tanh_helps_sindy(runs: Runs) -> Judgement:
     tanh, sign = (initial_error("sindy", "coulomb", {"switch": s}) for s in ("tanh", "sign"))
     shown = f"{_per_cent(sign)} with sign(θ̇), {_per_cent(tanh)} with tanh(θ̇/ε), ε = 0.1"
     measured = f"One sparse regression, one record: {shown}."
-    if not (math.isfinite(tanh) and math.isfinite(sign)):
+    if not (np.isfinite(tanh) and np.isfinite(sign)):
         return Judgement("cannot be judged", measured)
     better = tanh < 0.5 * sign
     close = better and 8 < sign < 15 and 1 < tanh < 4
@@ -248,7 +247,7 @@ def _iterative(comparison: EstimatorComparison) -> Judgement:
     names = ["pinn", "neural_ode", "genetic"]
     if not set(names) <= set(comparison.methods):
         return NO_RUN
-    worst = comparison.at_stage("initial").loc[names].fillna(math.inf).max(axis=1)
+    worst = comparison.at_stage("initial").loc[names].fillna(np.inf).max(axis=1)
     sizes = ", ".join(f"{words.method(m)} {fmt.digits(e, n=2)} %" for m, e in worst.items())
     verdict = "holds" if worst.max() < 0.5 else "does not hold"
     return Judgement(verdict, f"Largest error of each initial estimate: {sizes}.")
@@ -311,7 +310,7 @@ def _size(along: ErrorSeries, method: str, level: float) -> str:
     """
     low, high = error_interval(_errors(along, method, level))
     error = along.errors.at[(method, "initial"), along.values.index(level)]
-    interval = f" ({fmt.digits(low, n=2)} to {fmt.digits(high, n=2)})" if math.isfinite(low) else ""
+    interval = f" ({fmt.digits(low, n=2)} to {fmt.digits(high, n=2)})" if np.isfinite(low) else ""
     return f"{fmt.digits(error, n=2)} %{interval}"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -60,14 +59,14 @@ class Candidate(ResultView):
     restoring: str
     values: Mapping[str, float] = field(default_factory=dict)
     sd: Mapping[str, float] = field(default_factory=dict)
-    log_posterior: float = math.nan
+    log_posterior: float = np.nan
     estimates: Mapping[str, tuple[types.Estimate, ...]] = field(default_factory=dict)
     posteriors: Mapping[str, types.Posterior] = field(default_factory=dict)
     evidence: Mapping[str, types.Evidence] = field(default_factory=dict)
     outcome: str = OK
 
     def _table(self) -> Table:
-        rows = [(n, digits(v, n=6), digits(self.sd.get(n, math.nan), n=2)) for n, v in self.values.items()]
+        rows = [(n, digits(v, n=6), digits(self.sd.get(n, np.nan), n=2)) for n, v in self.values.items()]
         log_evidences = [
             f"{m} {digits(e.log_evidence, n=7)}"
             for m, e in self.evidence.items()

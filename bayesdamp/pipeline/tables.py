@@ -1,6 +1,5 @@
 """Write the tables, the verdicts and the run.json of a run from its stored results."""
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -172,12 +171,12 @@ def _truth(spec: SignalSpec, name: str, restoring: str) -> float:
     parameter of a restoring law other than the simulated one, and for other unknown values.
     """
     if not isinstance(spec.source, Simulation):
-        return math.nan
+        return np.nan
     if restoring != spec.system.restoring and name in LAWS.get(restoring).parameters:
-        return math.nan
+        return np.nan
     truth = {**spec.system.known, **spec.source.truth}
     damps = any(TERMS.get(term).parameter == name for term in TERMS.present())
-    return float(truth.get(name, 0.0 if damps else math.nan))
+    return float(truth.get(name, 0.0 if damps else np.nan))
 
 
 def _sampled_posteriors(record: StudyRecord) -> dict[str, SampledPosterior]:
@@ -213,9 +212,9 @@ def _estimates(study: Study, store: Store) -> Iterator[Row]:
                         "parameter": name,
                         "unit": spec.unit_of(name, restoring),
                         "value": value,
-                        "stderr": stage.stderr.get(name, math.nan),
+                        "stderr": stage.stderr.get(name, np.nan),
                         "truth": truth,
-                        "error_pct": 100 * abs(value - truth) / abs(truth) if truth else math.nan,
+                        "error_pct": 100 * abs(value - truth) / abs(truth) if truth else np.nan,
                     }
 
 
@@ -298,7 +297,7 @@ def _evidence_rows(
         A row for each candidate. Its log Bayes factor is relative to the candidate with the largest log evidence by
         this method.
     """
-    best = max((e.log_evidence for e in by_model.values() if np.isfinite(e.log_evidence)), default=math.nan)
+    best = max((e.log_evidence for e in by_model.values() if np.isfinite(e.log_evidence)), default=np.nan)
     for model, evidence in by_model.items():
         yield {
             **_head(record, model),
@@ -307,7 +306,7 @@ def _evidence_rows(
             "log_evidence": evidence.log_evidence,
             "stderr": evidence.stderr,
             "log_bayes_factor": evidence.log_evidence - best,
-            "probability": shares.get(model, math.nan),
+            "probability": shares.get(model, np.nan),
             "diagnostic": evidence.diagnostic,
             "outcome": evidence.outcome,
         }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -316,7 +315,7 @@ def rank_models(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | N
     """
     by_method: dict[str, list[Row]] = {}
     for row in rows_of(run.evidence, signal=signal, repeat=repeat):
-        if math.isfinite(row["probability"]):
+        if np.isfinite(row["probability"]):
             by_method.setdefault(row["method"], []).append(row)
     if not by_method:
         return None
@@ -385,21 +384,21 @@ def summary_rows(run: RunFolder, signal: str, repeat: int, model: str) -> list[R
     by_sampler = [rows_of(rows, sampler=s) for s in dict.fromkeys(row["sampler"] for row in rows)]
 
     def doubted(own: list[Row]) -> bool:
-        return any(r["outcome"] != OK for r in own) or not any(math.isfinite(r["mean"]) for r in own)
+        return any(r["outcome"] != OK for r in own) or not any(np.isfinite(r["mean"]) for r in own)
 
     best = min(by_sampler, key=lambda own: (doubted(own), own[0]["sampler"] != "nuts"), default=[])
-    return [r for r in best if math.isfinite(r["mean"])]
+    return [r for r in best if np.isfinite(r["mean"])]
 
 
 def truth(run: RunFolder, signal: str, parameter: str) -> float:
     """Return the true value of a simulated signal's parameter, in its unit in the tables; nan if it is not known."""
     if not run.is_simulated(signal):
-        return math.nan
+        return np.nan
     for row in run.estimates:
-        if row["signal"] == signal and row["parameter"] == parameter and math.isfinite(row["truth"]):
+        if row["signal"] == signal and row["parameter"] == parameter and np.isfinite(row["truth"]):
             return row["truth"]
     simulated = run.simulation(signal).get("truth") or {}
-    return float(simulated.get(parameter, math.nan))
+    return float(simulated.get(parameter, np.nan))
 
 
 def damping_parameters(run: RunFolder) -> dict[str, str]:
