@@ -253,7 +253,7 @@ def _register(plugin: Any, module: PluginModule) -> None:
             f"the name of a {registry.kind} is {name!r}; it must consist of letters, digits and _", where
         )
     if registry.ships(name):
-        raise InputError(f"a {registry.kind} {name!r} ships with bayesdamp; give yours another name", where)
+        raise InputError(f"the {registry.kind} {name!r} ships with bayesdamp; give yours another name", where)
     if name in registry.added():
         raise InputError(
             f"two plug-ins add the {registry.kind} {name!r}; give one of them another name", where

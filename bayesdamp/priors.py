@@ -53,7 +53,10 @@ def _functions(z: Any) -> SimpleNamespace:
 
 @cache
 def _field_names(kind: type[BaseModel]) -> tuple[str, ...]:
-    """Return the names of the numbers (mean, sd, ...) that define a prior of this class."""
+    """Return the names of the numbers (mean, sd, ...) that define a prior of this class.
+
+    They are in the order of the arguments of `transform`.
+    """
     return tuple(name for name, field in kind.model_fields.items() if name != "prior" and not field.exclude)
 
 

@@ -134,9 +134,8 @@ def check(study: Study) -> None:
     InputError
         If there are fewer than two models to compare, or if records of one of them cannot be drawn (see `_generators`).
     """
-    count = len(study.models.compare)
-    if count < 2:
-        raise InputError(f"{study.source}: models.compare has {count} models to compare; give two or more")
+    if len(study.models.compare) < 2:
+        raise InputError(f"{study.source}: models.compare names fewer than two models; give two or more")
     _generators(study, *design_of(study, 0))
 
 

@@ -160,8 +160,7 @@ def paper_record(
     damping
         The damping term; its coefficient is that of `TRUTH`.
     restoring
-        "horizontal_pendulum" for the paper's pendulum; any other law has the parameters of a spring (stiffness 20/s²,
-        equilibrium at 0).
+        "horizontal_pendulum" for the paper's pendulum, or "linear" for a spring (stiffness 20/s², equilibrium at 0).
     epsilon
         Velocity in rad/s within which Coulomb friction changes its sign smoothly (tanh); 0 for the sign function.
 
@@ -197,7 +196,7 @@ def initial_estimate(
     method, options
         Name of the estimator, and its options by name.
     damping, restoring
-        Damping term of the record, and its restoring law: "horizontal_pendulum" for the paper's pendulum, any other law
+        Damping term of the record, and its restoring law: "horizontal_pendulum" for the paper's pendulum, or "linear"
         for a spring with the same stiffness.
     simulated
         Velocity in rad/s within which Coulomb friction changes its sign in the simulated record; 0 for the sign

@@ -228,7 +228,8 @@ def _read_simulation(raw: object, system: System, key: str) -> Simulation:
     # The motion must oscillate, but not so often that a simulation takes too long.
     large = next((n for n, value in truth.items() if abs(value) > LARGEST_VALUE), None)
     if large is not None:
-        raise StudyError(join_keys(key, large), f"is {truth[large]:g}; it must be at most {LARGEST_VALUE:g}")
+        right = f"its absolute value must be at most {LARGEST_VALUE:g}"
+        raise StudyError(join_keys(key, large), f"is {truth[large]:g}; {right}")
     length, duration = join_keys(key, "duration"), settings.duration
     try:
         cycles = oscillator.rough_frequency(truth, near=truth["theta0"]) * duration / (2 * math.pi)

@@ -169,7 +169,8 @@ def newton(force_and_slope: Callable[[float], tuple[float, float]], near: float)
 def newton_many(force: Force, near: ArrayLike, steps: int) -> np.ndarray:
     """Return the positions after a fixed number of Newton steps towards zero restoring force, in the shape of `near`.
 
-    near: positions at the start, in rad or m, any shape. steps: number of steps. Convergence is not checked. If the
+    force: function that returns the restoring force at positions. near: positions at the start, in rad or m, any shape.
+    steps: number of steps. Convergence is not checked. If the
     method has converged, the results are equilibria, stable or not.
     """
     x = np.asarray(near, float)

@@ -100,9 +100,9 @@ def envelope_key(record: StudyRecord) -> str:
 def compute_envelope(study: Study, spec: SignalSpec) -> Product:
     """Compute the answer on an envelope: compare its damping models, and form the verdict.
 
-    The content of the result is an `AnswerContent` with the field `envelope`; the arrays are those of
-    `answer_envelope`. The part of the record with the decay is searched for, unless the study states its start or stop;
-    if it is not found, the verdict says so. Raises InputError for the reasons that `check_recording` states.
+    The content of the result is an `AnswerContent`: the verdict and, in `envelope`, further values. The arrays are
+    those of `answer_envelope`. An end of the decay that the study does not state is searched for. If it states neither
+    end and no decay is found, the verdict says so. Raises InputError for the reasons that `check_recording` states.
     """
     assert isinstance(spec.source, Recording)
     record, window = read_recording(spec.source, spec.name)

@@ -56,7 +56,7 @@ class Progress:
         self._bar, self._task = bar, bar.add_task("", total=None)
 
     def begin(self, words: str, jobs: Sequence[Job]) -> None:
-        """Show the next step of the run: its description `words`, and a bar that will count its `jobs`."""
+        """Show the next step of a run: its description `words`, and a bar from 0 to the number of its `jobs`."""
         self._bar.reset(self._task, description=words, total=max(1, len(jobs)))
         if not self._bar.console.is_terminal and not words.startswith(READING):
             self._bar.console.print(words, soft_wrap=True, highlight=False, markup=False)

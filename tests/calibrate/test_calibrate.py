@@ -40,7 +40,7 @@ STUDY = study_text(
         ("frequency = 4.5, stiffness = 20.0", 'stiffness = "free"', "system.frequency is missing", ()),
         ("draws = 250", "draws = 20", "it must be at most the 80 draws", ()),
         ("records = 120", "records = 120, binz = 8", "did you mean 'bins'?", ()),
-        ('"viscous", "coulomb"', '"viscous"', "has 1 models to compare", ("--models",)),
+        ('"viscous", "coulomb"', '"viscous"', "names fewer than two models", ("--models",)),
         ("amplitude = 0.3, frequency = 4.5, ", "", "amplitude and frequency", ("--models",)),
     ],
 )

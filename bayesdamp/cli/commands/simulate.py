@@ -128,7 +128,8 @@ def simulate_with_defaults(
         noise_sd = float(f"{NOISE_FRACTION * np.ptp(clean.y) / 2:.1e}")
         if noise_sd == 0:
             raise InputError(
-                "simulate: the oscillator does not move; start it away from equilibrium, such as --set theta0=0.3"
+                "simulate: the oscillator does not move; start it farther from equilibrium, such as --set "
+                "theta0=0.5, or reduce its dry friction"
             )
     return make(noise_sd=noise_sd), noise_sd
 

@@ -110,8 +110,10 @@ class Shooting(ScaledRecord):
     def _rate(self, x: Tensor, state: Tensor) -> Tensor:
         """Return the time derivatives of the states, (n, 2), per unit of ωt.
 
-        state: angle in units of A and velocity in units of Aω, (n, 2). A, ω: the record's amplitude and angular
-        frequency. x: the unknowns, (k,), or one row for each state, (n, k).
+        state: angle from the equilibrium in units of A and velocity in units of Aω, (n, 2). A, ω: the record's
+        amplitude and angular frequency. x: the scaled unknowns (weights of the network that gives the damping force,
+        parameters of the restoring law, starts of the segments, which have no effect here), (k,), or one row for each
+        state, (n, k).
         """
         angle, velocity = state.unbind(-1)
         values = x[..., self.count : self.physical] * self.free_units

@@ -119,12 +119,14 @@ def grid_of(
 ) -> Grid:
     """Return the grid of sizes (prior sds) and correlation lengths of the deviations g and h from the laws.
 
-    The damping force is multiplied by exp g, and the frequency by 1 + h.
+    The damping force is multiplied by exp g, and the frequency by 1 + h. A grid point is a size and a length of g
+    together with those of h; each may be without deviation. The grid contains all combinations, with prior
+    probabilities.
 
     Parameters
     ----------
     knots : int
-        Number of knots in time of each deviation, n.
+        Number n of knots in time of each deviation. It is the size of the grid's covariance factors, (n, n).
     exact : bool
         If true, the laws are exact: the grid has only one point, at which g = h = 0.
     coarse : bool

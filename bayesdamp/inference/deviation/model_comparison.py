@@ -280,7 +280,7 @@ class ModelComparison:
 
     @property
     def best(self) -> CandidateResult:
-        """Return the result with the largest evidence among the candidates; rivals (in `forms`) are not considered."""
+        """Return the result with the largest evidence among `results`; those in `forms` (rivals) are not considered."""
         return max(self.results, key=lambda r: r.log_evidence)
 
     def result(self, candidate: MotionCandidate) -> CandidateResult:

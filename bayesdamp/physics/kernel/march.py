@@ -138,7 +138,8 @@ def acceleration(x, v, w, g, h, c, q, epsilon, rounding, law):
 def acceleration_with_sign(x, v, w, g, h, c, q, rounding, sign, law):
     """Return the acceleration θ̈ (rad/s² or m/s²) if dry friction has exactly the sign `sign` (1 or −1).
 
-    Friction has this sign even if the velocity v is 0 or has the other sign. x: displacement. w, g, h, c, q, rounding,
+    Friction has this sign even if the velocity v is 0 or has the other sign. This function is used instead of
+    `acceleration` if ε = 0. x: displacement. w, g, h (time between two knots, and deviations at these), c, q, rounding,
     law: as in `acceleration`.
     """
     v, epsilon = exact_sign(v, sign)

@@ -384,10 +384,11 @@ class Swings:
 def _predict_before(later: np.ndarray) -> tuple[float, float]:
     """Extrapolate a series back by one element, by a least-squares polynomial fitted to its values `later`, (k ≥ 2,).
 
-    The degree of the polynomial is 0 for two values, 1 for three to five, 2 for more. From eight values on, even and
-    odd values may differ by a constant (upward and downward swings). Return the predicted value and the half width of
-    its prediction interval. The element is outside of this interval with probability EXCEEDANCE (two-sided). With two
-    or three values the half width is at most twice their range.
+    The values are durations or midlines of successive half cycles. The degree of the polynomial is 0 for two values, 1
+    for three to five, 2 for more. From eight values on, even and odd values may differ by a constant (upward and
+    downward swings). Return the predicted value and the half width of its prediction interval. The element is outside
+    of this interval with probability EXCEEDANCE (two-sided). With two or three values the half width is at most twice
+    their range.
     """
     x = np.arange(later.size + 1.0)
     columns = x[:, None] ** np.arange(3 if later.size >= 6 else 2 if later.size >= 3 else 1)
@@ -462,10 +463,11 @@ class Series:
         )
 
     def reach(self, turns: TurningPoints) -> Reach:
-        """Return how far back from the first turning point the samples agree with a later swing (half cycle).
+        """Return how far back from the first turning point the samples agree with a later swing, as a `Reach`.
 
-        They are compared with the swing between the second and third turning point, which has the same direction. This
-        swing is first scaled to the size and period that are extrapolated for the swing before the first turning point.
+        A swing is the half cycle between two turning points. The samples are compared with the swing between the second
+        and third turning point, which has the same direction. This swing is first scaled to the size and period that
+        are extrapolated for the swing before the first turning point.
         turns: turning points of the decay, at least three.
         """
         times = turns.times

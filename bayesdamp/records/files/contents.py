@@ -306,8 +306,9 @@ def _unit_candidates(name: str) -> list[str]:
 def seconds_in(name: str) -> float | None:
     """Return the unit of time in the name of a column of times, in s: 0.001 for `Time [ms]`.
 
-    The result is None if the name contains no unit of time, or several different ones. `d`, `h` and `ps` count only if
-    the rest of the name means times.
+    The result is None if the name contains no unit of time, or several different ones. Units longer than a minute or
+    shorter than a nanosecond (`h`, `hours`, `day`, `ps`) count only if the rest of the name means times, or if the name
+    is only "hours" or "days".
     """
     units = [unit for unit in map(_normalise_time_unit, _unit_candidates(name)) if unit in SECONDS]
     if not units and (joined := _JOINED.search(name.strip())):

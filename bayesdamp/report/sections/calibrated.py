@@ -118,10 +118,11 @@ def _model(run: RunFolder, ranks: list[Row], rows: list[Row], model: str) -> Mar
         counts.setdefault(row["sampler"], {})[row["parameter"]] = own
     names = list(dict.fromkeys(r["parameter"] for r in rows_of(rows, check="ranks")))
     caption = (
-        f"Ranks of the true value of each parameter among {result['draws']} independent posterior draws, over "
-        f"{result['counts'][model]['counted']} simulated records with {words.model(model)} damping: number "
-        "of records in each bin of the rank. One line for each sampler. Grey: the range that contains the number in a "
-        "bin with 99 % probability if the posteriors are calibrated, that is, if all ranks are equally probable."
+        f"Ranks of the true values among {result['draws']} independent posterior draws, for each parameter and for "
+        f"the log likelihood, over the {result['counts'][model]['counted']} usable simulated records with "
+        f"{words.model(model)} damping: number of records in each bin of the rank. One line for each sampler. Grey: "
+        "the range that contains the number in a bin with 99 % probability if the posteriors are calibrated, that is, "
+        "if all ranks are equally probable."
     )
     figure = run.drawings.add(f"ranks-{model}", caption, lambda: _ranks(names, counts, result))
     checks = {(r["parameter"], r["method"], r["check"], r["level"]): r for r in rows}

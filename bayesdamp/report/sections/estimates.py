@@ -168,7 +168,8 @@ def _further_results(run: RunFolder, signal: str, model: str) -> list[object]:
             caption = (
                 f"Damping force / (mass or moment of inertia) against velocity, record “{signal}”. Solid: learnt by "
                 f"the {words.method(method)}. Dashed: the {words.model(model)} law, fitted to the mean power that "
-                "the learnt force dissipates in each segment of the record. Dry friction is smoothed as tanh(v/ε)."
+                "the learnt force dissipates in each segment of the record. Dry friction, if the law contains any, is "
+                "smoothed as tanh(v/ε)."
             )
             parts.append(run.drawings.add(f"force-{method}-{signal}-{model}", caption, draw))
     return [Markup("<h4>Further results of the methods</h4>"), stack(*parts)] if parts else []

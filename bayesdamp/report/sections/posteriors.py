@@ -81,8 +81,8 @@ def _figures(run: RunFolder, signal: str, repeat: int, model: str) -> list[Marku
     true = {name: truth(run, signal, name) for own in draws.values() for name in own}
     samplers = fmt.listing(map(words.method, draws))
     caption = (
-        f"Histograms of the posterior draws of each parameter of {words.model(model)} damping, from the record "
-        f"“{signal}”, by {samplers}."
+        f"Histograms of the posterior draws of each inferred parameter of the model with {words.model(model)} damping "
+        f"(also those of the motion and the noise), from the record “{signal}”, by {samplers}."
     )
     if any(np.isfinite(value) for value in true.values()):
         caption += " Vertical lines: the true values."

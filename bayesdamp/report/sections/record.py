@@ -19,10 +19,11 @@ WHOLE = (
     "in another colour (see the legend)."
 )
 FITTED = (
-    "the part that is used (grey; time counts from its start), and the fits of the most probable models at their "
-    "posterior modes. Top: the best fit. Middle: the first and the last cycles with all fits. Below: the residual of "
-    "each fit, the best first, with its root mean square (rms). Right of it: the autocorrelation of the residual after "
-    "whitening by the noise model; white noise stays in the grey band (± 2 standard deviations)."
+    "the part that is used (grey; time counts from its start), and the fits of the most probable models (one or more, "
+    "see the legend) at their posterior modes. Top: the best fit. Middle: the first and the last cycles with all fits. "
+    "Below: the residual of each fit, the best first, with its root mean square (rms). Right of it: the "
+    "autocorrelation of the residual after whitening by the noise model; for white noise, about 95 % of it is in the "
+    "grey band (± 2 standard deviations)."
 )
 WITHOUT_FITS = "all of it is used."
 """Captions of the figures of a record; "Record", its name and a colon precede them."""
