@@ -28,7 +28,6 @@ def test_several_records_of_one_damping_determine_it_better():
     truth = "viscous+coulomb"
     answers = [analyse(record(seed, scatter=0.8)) for seed in (11, 12, 13, 14)]
     joint = joint_damping(answers)
-    assert joint is not None
     probability = specimen_probabilities(joint)[0]
     assert next(iter(probability)) == truth
     assert probability[truth] > max(item.verdict.probabilities[truth] for item in answers)
@@ -63,6 +62,4 @@ def test_stored_answers_give_the_same_specimen():
     answers = [Answer(AnswerContent.of_meta(item.content.meta()), item.arrays) for item in stored]
     of_stored = specimen_of_envelopes("one", answers)
     direct = specimen("one", [analyse(item) for item in records])
-    assert of_stored is not None
-    assert direct is not None
     assert of_stored.to_dict() == direct.to_dict()

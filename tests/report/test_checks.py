@@ -181,7 +181,6 @@ def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     """With the factor halved, 0.6 to 0.4 for the sum becomes 0.3 to 0.4; sums over two laws are moved together."""
     probabilities = {"viscous+coulomb": 0.6, "viscous@linear": 0.3, "viscous@pendulum": 0.1}
     result = rank_models(run_of(evidence=evidence(**probabilities)), "a", 0)
-    assert result is not None
     shares = probabilities_by_odds(result)
     assert list(shares) == [0.5 * FURTHER_TERM, FURTHER_TERM, 2 * FURTHER_TERM]
     lower, own, higher = shares.values()
@@ -189,5 +188,4 @@ def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     assert lower == pytest.approx({"viscous": 0.4 / 0.7, "viscous+coulomb": 0.3 / 0.7})
     assert higher["viscous+coulomb"] == pytest.approx(1.2 / 1.6)
     single = rank_models(run_of(evidence=evidence(viscous=0.6, coulomb=0.4)), "a", 0)
-    assert single is not None
     assert probabilities_by_odds(single) == {}  # all have as many terms

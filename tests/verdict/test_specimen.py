@@ -29,7 +29,6 @@ def ratio_likelihood(damping: str, ratio: float, sd: float, log: float | np.ndar
 
     All terms have the same prior of their ratio, so that the evidence of their coefficients cancels between them."""
     ((name, prior),) = damping_priors([damping], REFERENCE).items()
-    assert isinstance(prior, SharedHalfNormal)
     scale = prior.per_ratio
     likelihood = run_of([name], [ratio * scale], np.array([[(sd * scale) ** 2]]), log)
     per_unit = np.full((AMPLITUDE.size, 1), 1 / scale)

@@ -40,9 +40,7 @@ def record(kind: str, exponent: float = 1.0) -> Signal:
 @lru_cache
 def exponent_of(kind: str, exponent: float = 1.0) -> Quantity:
     """Return the exponent in the findings on a record."""
-    findings = compute_findings(compare_signal(record(kind, exponent), restoring=["linear"]))
-    assert findings.exponent is not None
-    return findings.exponent
+    return compute_findings(compare_signal(record(kind, exponent), restoring=["linear"])).exponent
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5, 3.0])

@@ -35,7 +35,6 @@ def test_the_passband_is_unchanged_and_what_would_alias_is_removed(factor: int) 
 
 def test_a_decimated_decay_is_the_same_decay() -> None:
     raw = decimate(RawRecord(None, decay(T), RATE))
-    assert raw.t is not None
     assert raw.y.size < MOST_SAMPLES
     assert 95 < 1 / np.median(np.diff(raw.t)) / 30.0 < 110
     np.testing.assert_allclose(raw.y, decay(raw.t), rtol=0, atol=0.2 * 1e-4)
@@ -54,7 +53,6 @@ def test_decimation_reduces_white_noise_to_the_passband() -> None:
     """
     noise = np.random.default_rng(3).normal(0, 1e-3, N)
     raw = decimate(RawRecord(None, decay(T) + noise, RATE))
-    assert raw.t is not None
     left = raw.y - decay(raw.t)
     factor = round((raw.t[1] - raw.t[0]) * RATE)
     slack = 4 * np.sqrt(2 / left.size / PASS_BAND)
