@@ -1,11 +1,18 @@
-"""What tests of commands share: a command that is refused, and a folder with a simulated record."""
+"""What tests share: no plug-in stays after a test; a command that is refused, and a folder with a simulated record."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from bayesdamp.cli import main
+from bayesdamp.plugins import use_modules
+
+
+@pytest.fixture(autouse=True)
+def _no_plug_in_stays() -> Iterator[None]:
+    yield
+    use_modules(())
 
 
 @pytest.fixture

@@ -24,12 +24,10 @@ def test_a_user_s_term_without_a_symbol_is_written_with_the_name_of_its_paramete
     source = plugin_source("cubic_drag")
     (tmp_path / "own.py").write_text(source.replace("    unit =", '    words = "sticky seal"\n    unit ='))
     use_modules(read_modules([tmp_path / "own.py"]))
-    try:
-        symbol = words.symbol("drag3")
-        assert (symbol.text, symbol.meaning) == ("drag3", "coefficient of sticky seal damping")
-        assert words.model("viscous+cubic_drag") == "viscous + sticky seal"
-    finally:
-        use_modules(())
+    symbol = words.symbol("drag3")
+    assert (symbol.text, symbol.meaning) == ("drag3", "coefficient of sticky seal damping")
+    assert words.model("viscous+cubic_drag") == "viscous + sticky seal"
+    use_modules(())
     assert words.symbol("drag3").meaning == "parameter"
 
 

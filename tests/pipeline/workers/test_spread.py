@@ -14,7 +14,6 @@ import pytest
 from bayesdamp.machine import processes
 from bayesdamp.pipeline.run import run_study
 from bayesdamp.pipeline.workers import open_pool, run_in_pool
-from bayesdamp.plugins import use_modules
 from bayesdamp.store.results import Store
 from tests.pipeline.workers.test_cluster import local_cluster
 from tests.studies import COMPARED, ESTIMATED, WEIGHED, plugin_source, study_text, tables_of, write_study
@@ -26,12 +25,6 @@ STUDY = study_text(
     simulate="viscous = 0.05, duration = 10.0, samples = 300, noise_sd = 0.003",
     name="noisy",
 )
-
-
-@pytest.fixture(autouse=True)
-def _no_plug_in_stays():
-    yield
-    use_modules(())
 
 
 @pytest.fixture(scope="module")
