@@ -110,12 +110,6 @@ def test_decays_by_tables_solve_their_equation(terms, scores, rates):
     assert other != pytest.approx(truth[:, 1:], rel=1e-3)
 
 
-def test_friction_stops_the_motion():
-    x = law("coulomb").solve(T, 0.0, np.array([1.0]))[0]
-    assert np.all(x[T >= 1.0] == LOG_AT_REST)
-    assert np.exp(x[T < 1.0]) == pytest.approx(1.0 - T[T < 1.0])
-
-
 def test_the_decay_of_a_power_law_solves_its_equation():
     for power in (0.5, 1.0, 1.0 + 1e-5, 3.0):
         q = power - 1.0
