@@ -1,7 +1,5 @@
 """The tasks of studies with several records of a specimen, and records that cannot be joined."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -26,17 +24,15 @@ RECORDS = [
 ]
 
 
-def write(folder: Path, records=RECORDS) -> Path:
-    """Write a study of these records: name, specimen, damping and initial angle of each."""
+def text_of(records=RECORDS) -> str:
+    """Return the text of a study of these records: name, specimen, damping and initial angle of each."""
     known = "duration = 8.0, samples = 240, noise_sd = 0.003"
     first, *others = (
         {"name": name, "specimen": specimen, "simulate": f"viscous = {viscous}, theta0 = {start}, {known}"}
         for name, specimen, viscous, start in records
     )
-    file = folder / "many.toml"
     text = study_text(*KEYS, system=SYSTEM, seed=5, **first)
-    file.write_text(text + "".join(signal_text(**other) for other in others), encoding="utf-8")
-    return file
+    return text + "".join(signal_text(**other) for other in others)
 
 
 SWEEP = '[[sweep]]\nkey = "simulate.noise_sd"\nvalues = [0.003]\n'
@@ -49,9 +45,8 @@ WRONG = [
 
 
 def test_records_that_cannot_be_joined_are_refused_in_one_line(tmp_path, refused):
-    text = write(tmp_path, RECORDS[:2]).read_text(encoding="utf-8")
     for old, new, line in WRONG:
-        (tmp_path / "wrong.toml").write_text(text.replace(old, new), encoding="utf-8")
+        (tmp_path / "wrong.toml").write_text(text_of(RECORDS[:2]).replace(old, new), encoding="utf-8")
         assert line in refused("check", str(tmp_path / "wrong.toml"))
 
 

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from bayesdamp.config import load_study
-from bayesdamp.pipeline.run import run_study
 from bayesdamp.store.files import read_table
 from bayesdamp.verdict.types import load_verdicts
-from tests.pipeline.test_specimens import write
+from tests.pipeline.test_specimens import text_of
+from tests.studies import finish_study
 
 pytestmark = pytest.mark.slow
 
@@ -16,9 +15,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> Path:
     """Run the study once; tests must not change its folder."""
-    folder = tmp_path_factory.mktemp("many")
-    assert run_study(load_study(write(folder)), folder / "out", workers=1) == 0
-    return folder / "out"
+    return finish_study(tmp_path_factory.mktemp("many"), text_of())
 
 
 def test_records_that_differ_have_a_larger_spread_than_records_that_agree(run):
