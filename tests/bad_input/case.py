@@ -4,10 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
+from tests.records import tables
 
-T = np.arange(200) / 50
-Y = 0.3 * np.exp(-0.1 * T) * np.cos(6 * T)
+T, Y = tables.T[:200], tables.Y[:200]
 REFUSED, READ = 2, 0
 
 

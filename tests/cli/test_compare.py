@@ -16,14 +16,11 @@ from bayesdamp.pipeline.records import StudyRecord, compute_signal
 from bayesdamp.pipeline.tasks import compute_and_store
 from bayesdamp.store.files import write_json
 from bayesdamp.store.results import Store
-from tests.records.tables import write_table
+from tests.records.tables import T, Y, write_table
 
 
-def write(path: Path, columns: int = 2) -> Path:
-    t = np.arange(300) / 50
-    y = 0.3 * np.exp(-0.1 * t) * np.cos(4 * t)
-    other = 0.2 * np.exp(-0.1 * t) * np.cos(5 * t + 1)
-    return write_table(path, ",".join(("t", "angle", "other")[:columns]), *(t, y, other)[:columns])
+def write(path: Path) -> Path:
+    return write_table(path, "t,angle", T, Y)
 
 
 def signal_of(path: Path) -> dict[str, str]:
@@ -66,7 +63,7 @@ def test_a_record_keeps_the_letters_of_its_file(tmp_path) -> None:
     ],
 )
 def test_a_wrong_option_is_one_line_and_nothing_is_written(tmp_path, refused, options, line) -> None:
-    file = write(tmp_path / "b.csv", columns=3)
+    file = write_table(tmp_path / "b.csv", "t,angle,other", T, Y, np.exp(-0.1 * T) * np.cos(5 * T + 1))
     assert line in refused("compare", str(file), *options.split(), "--out", str(tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
@@ -127,12 +124,10 @@ def test_a_closed_output_does_not_end_the_run(tmp_path) -> None:
 
 
 def test_noise_is_added_to_a_record_without_noise(tmp_path) -> None:
-    """A thousandth of the amplitude, within 20 % (300 samples: one false alarm in a million seeds). Control: a record
+    """A thousandth of the amplitude, within 20 % (600 samples: one false alarm in a million seeds). Control: a record
     with noise is not changed."""
-    clean = write(tmp_path / "clean.csv")
-    t, y = np.loadtxt(clean, delimiter=",", skiprows=1).T
-    y = y + 0.001 * np.random.default_rng(1).standard_normal(y.size)
-    write_table(tmp_path / "noisy.csv", "t,angle", t, y)
+    noise = 0.001 * np.random.default_rng(1).standard_normal(Y.size)
+    write_table(tmp_path / "noisy.csv", "t,angle", T, Y + noise)
     results = {}
     for name in ("clean", "noisy"):
         study = comparison_study([signal_of(tmp_path / f"{name}.csv")])
@@ -145,6 +140,4 @@ def test_noise_is_added_to_a_record_without_noise(tmp_path) -> None:
     assert warnings["noisy"] == []
     assert "has no noise" in warnings["clean"][0]
     y = results["clean"].arrays["y"]
-    assert np.std(y - 0.3 * np.exp(-0.1 * t) * np.cos(4 * t)) == pytest.approx(
-        1e-3 * np.abs(y).max(), rel=0.2
-    )
+    assert np.std(y - Y) == pytest.approx(1e-3 * np.abs(y).max(), rel=0.2)

@@ -6,28 +6,24 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import pytest
 
 import bayesdamp as bd
 from bayesdamp.calls import checked_call
-from tests.interface.problems import not_refused
+from tests.interface.problems import MODEL, TIMES, not_refused, record
 
 ANY: Any = bd
 """The package without its types: type checkers would reject these calls."""
-MODEL = bd.Model("viscous")
-T = np.linspace(0.0, 6.0, 150)
-Y = 0.3 * np.exp(-0.05 * T) * np.cos(4.47 * T)
 REFUSED: dict[str, Callable[[], object]] = {
     "read: path is int; it must be a path": lambda: ANY.read(3),
     "read: unknown argument 'vlaue'; did you mean 'value'": lambda: ANY.read("rig.csv", vlaue=2),
-    "features: signal is ndarray; it must be a Signal": lambda: ANY.features(Y),
-    "signal: give times and values as signal(t, y), or signal(y, rate=HERTZ)": lambda: ANY.signal(T),
+    "features: signal is ndarray; it must be a Signal": lambda: ANY.features(TIMES),
+    "signal: give times and values as signal(t, y), or signal(y, rate=HERTZ)": lambda: ANY.signal(TIMES),
     "Model: missing a required argument: 'damping'": lambda: ANY.Model(),
-    "fit: model is str; it must be a Model": lambda: ANY.fit(bd.signal(T, Y), "viscous"),
+    "fit: model is str; it must be a Model": lambda: ANY.fit(record(), "viscous"),
     "compare: give one signal": lambda: ANY.compare(3),
-    "signal: give times or rate, not both": lambda: ANY.signal(T, Y, rate=25.0),
-    "signal: rate is 0; it must be a number of Hz": lambda: ANY.signal(Y, rate=0),
+    "signal: give times or rate, not both": lambda: ANY.signal(TIMES, TIMES, rate=25.0),
+    "signal: rate is 0; it must be a number of Hz": lambda: ANY.signal(TIMES, rate=0),
     "load: unknown argument 'recrd'; did you mean 'record'": lambda: ANY.Verdict.load("x", recrd="a"),
 }
 
