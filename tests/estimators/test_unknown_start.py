@@ -20,14 +20,10 @@ def signal_about(rest: float, quantity: str) -> Signal:
     )  # fmt: skip
 
 
-def problem_of(known: dict[str, float], free: dict[str, None], law: str = "linear") -> Problem:
-    return Problem(("viscous",), System(law, known, free))
-
-
 def test_the_envelope_method_scales_the_start_about_the_equilibrium() -> None:
     def difference(rest: float) -> np.ndarray:
         signal = signal_about(rest, "velocity")
-        problem = problem_of({"stiffness": 20.0, "rest_angle": rest}, START)
+        problem = Problem(("viscous",), System("linear", {"stiffness": 20.0, "rest_angle": rest}, START))
         match = _EnvelopeMatch(signal, problem, EnvelopeOptions(), checked_features(signal))
         return match.log_difference(np.array([0.05]), 1.3)
 
@@ -42,7 +38,7 @@ def test_the_training_records_of_the_rnn_start_about_the_equilibrium(quantity: s
     def quadratures(rest: float) -> np.ndarray:
         signal, spring = signal_about(rest, quantity), {"stiffness": 20.0, "rest_angle": rest}
         system = (spring, START) if quantity == "velocity" else ({}, START | dict.fromkeys(spring))
-        problem = problem_of(*system)
+        problem = Problem(("viscous",), System("linear", *system))
         simulator = Simulator(signal, problem, checked_features(signal), np.random.default_rng(0))
         return simulator.quadratures(np.log([0.04, 0.05, 0.06]))
 
@@ -52,7 +48,7 @@ def test_the_training_records_of_the_rnn_start_about_the_equilibrium(quantity: s
 def test_an_unbounded_motion_is_not_an_estimate() -> None:
     """The spring is so soft at large angles that a body that starts at 0.3 rad does not return."""
     known = {"stiffness": 20.0, "rest_angle": 0.0, "cubic": -300.0, "theta0": 0.3, "omega0": 0.0}
-    problem = problem_of(known, {}, "duffing")
+    problem = Problem(("viscous",), System("duffing", known))
     (estimate,) = run("envelope", signal_about(0.0, "angle"), problem, stages=["initial"], seed=0)
     assert estimate.outcome == "no simulated motion has finite values; check the known values and the laws"
     assert not estimate.values

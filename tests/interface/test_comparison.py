@@ -148,11 +148,10 @@ REFUSED: list[tuple[dict, str]] = [
 
 
 def test_a_wrong_argument_is_refused_in_one_line() -> None:
+    twice = partial(bd.compare, [CASE.signal] * 2)
+    several = [(twice, "repeats"), (partial(twice, repeats=True), "same record")]
     single = ((partial(bd.compare, CASE.signal, **options), pattern) for options, pattern in REFUSED)
-    twice = [CASE.signal] * 2
-    assert not_refused(single) == []
-    assert not_refused([(partial(bd.compare, twice), "repeats")]) == []
-    assert not_refused([(partial(bd.compare, twice, repeats=True), "same record")]) == []
+    assert not_refused([*several, *single]) == []
 
 
 def test_a_prior_may_be_given_by_the_term_or_by_its_parameter() -> None:
