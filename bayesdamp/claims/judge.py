@@ -220,8 +220,9 @@ def initial_error(
 ) -> float:
     """Return the absolute error of a method's initial estimate on the paper's record, in per cent of the truth.
 
-    The arguments are those of `initial_estimate`; `record` may contain restoring, simulated and assumed. The truth is
-    the damping coefficient in `TRUTH`. The error is nan if there is no estimate.
+    The arguments are those of `initial_estimate`; `record` may contain `restoring` (a law), and the widths ε of
+    friction (rad/s) that are `simulated` and `assumed` by the method. The truth is the damping coefficient in `TRUTH`.
+    The error is nan if there is no estimate.
     """
     estimate = initial_estimate(method, damping, options, **record)
     value = estimate.values.get(TERMS.get(damping).parameter, np.nan)
@@ -232,7 +233,7 @@ def period_drift(damping: str) -> float:
     """Return the relative change of the mean period during the paper's pendulum record with this damping, in per cent.
 
     It is 100·|P₁/P₂ − 1|, where P₁ is the mean period in the first half of the record's periods, and P₂ in the second
-    half.
+    half. damping: name of the damping term, whose coefficient is that in `TRUTH`.
     """
     signal, _ = paper_record(damping)
     turns = features(signal).turning_times

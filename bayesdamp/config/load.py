@@ -406,7 +406,7 @@ def _check_across_tables(study: Study) -> None:
             key = f"signal[{spec.name}].specimen"
             if read[i] in read[:i]:
                 same = (first, *others)[read.index(read[i])].name
-                raise StudyError(key, f"signals {same} and {spec.name} are the same record; give it once")
+                raise StudyError(key, f"signals {same} and {spec.name} are the same record; remove one")
             repeat = f"signals {spec.name} and {first.name} are of one specimen, {name!r}, but"
             if unit_named(spec.source.unit).base != unit_named(first.source.unit).base:
                 units = f"{spec.source.unit} and {first.source.unit}"

@@ -253,8 +253,9 @@ class Stretch:
     """The record before its first interruption of the sampling, with n uniformly spaced samples.
 
     h: sampling interval in s. y (n,): the recorded quantity. theta, omega (n,): displacement and velocity, at which the
-    candidate terms are evaluated. velocity (n, n): matrix that computes omega from the samples; zero for a recorded
-    velocity or acceleration. order: order of the recorded time derivative of the displacement, 0 to 2.
+    candidate terms are evaluated. velocity (n, n): matrix that computes omega from the samples, through which their
+    noise propagates; zero (no noise of omega) for a recorded velocity or acceleration. order: order of the recorded
+    time derivative of the displacement, 0 to 2.
     """
 
     h: float

@@ -159,7 +159,10 @@ def _candidates(study: Study, store: Store) -> Iterator[tuple[StudyCandidate, Ro
 
 
 def _head(record: StudyRecord, candidate: str) -> Row:
-    """Return the values of the columns that name a model on a record: signal, repeat, model and restoring."""
+    """Return the values of the columns signal, repeat, model and restoring, which name a model on a record.
+
+    candidate: name of the model.
+    """
     model, restoring = record.spec.parts(candidate)
     return {"signal": record.spec.name, "repeat": record.repeat, "model": model, "restoring": restoring}
 

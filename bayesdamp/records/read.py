@@ -542,7 +542,7 @@ def _complete_rows(value: Column, time: Column | None, content: Contents) -> tup
 
 
 def _refuse_unusable(y: np.ndarray) -> None:
-    """Raise InputError for values y (n,) that are too large, constant, or change too little to compute with.
+    """Raise InputError for values y (n,) that are too large, constant, or have a range too small to compute with.
 
     It is also raised if a repeated value of nines, such as −9999, seems to mark missing samples: if it is far from all
     other values (`FAR`).

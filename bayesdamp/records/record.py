@@ -235,9 +235,9 @@ class Finding:
     sentence
         The doubt in words, for the user.
     option
-        The option that settles it, as typed on the command line.
+        What to type on the command line to settle it, with advice, such as `--time-unit ms, or s if they are in s`.
     arguments
-        Arguments of `read` that settle it.
+        Names of the arguments of `read` that settle it, without values.
     """
 
     kind: Kind

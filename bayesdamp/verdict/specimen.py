@@ -386,8 +386,9 @@ def _ratios(
 
     `reaching` maps each amplitude, in `unit`, to the indices of the records whose range contains it. Only these records
     are used at this amplitude, or all records if there are none. The damping ratio without deviations from the law is
-    drawn from the joint posterior; its sd is `sd_noise` of the results, and `sd_law` is the rest. The deviation is the
-    mean over the records (`pool_records`). The sensor's error `sensor` is added only if laws may hold approximately.
+    drawn from the joint posterior; its sd is `sd_noise` of the results, and `sd_law` is the rest: deviations, sensor
+    and, for one more record, the random differences between records. The deviation is the mean over the records
+    (`pool_records`). The sensor's error `sensor` is added only if laws may hold approximately.
     """
     approximate = all("over" in r.curve for r in records)
     specimen_rows, following_rows = [], []

@@ -79,8 +79,8 @@ def quantity(values: np.ndarray, noise: float = float("nan")) -> Quantity:
 def law_part(variance: float, noise: float) -> float:
     """Return the part of an sd that deviations from the laws cause: √(variance − noise²), or 0 if this is negligible.
 
-    It is negligible below 1e-6 of the sd, where it may be due to rounding, or if `noise` is larger than the sd. noise:
-    the part that noise alone causes; if it is nan, the result is nan.
+    It is negligible below 1e-6 of the sd, where it may be due to rounding, or if `noise` is larger than the sd.
+    variance: square of the whole sd. noise: the part that noise alone causes; if it is nan, the result is nan.
     """
     excess = variance - noise**2
     return 0.0 if excess <= 1e-12 * variance else float(np.sqrt(excess))

@@ -559,8 +559,9 @@ class _Triangles:
     def of_products(cls, products: np.ndarray, about: np.ndarray) -> _Triangles:
         """Compute the Cholesky factors from products, (c, K + 1, K + 1), of the columns of K unknowns and the target.
 
-        The unknowns are the coordinates w of the class. Each product is a sum over the rows, divided by the variance of
-        the noise. The array is overwritten. The prior adds |w + about|² to the squares. about: (K,).
+        c: number of combinations of hyperparameters. The unknowns are the coordinates w of the class (parameters, g,
+        h). Each product is a sum over the rows, divided by the variance of the noise. The array is overwritten. The
+        prior adds |w + about|² to the squares. about: (K,).
         """
         k = about.size
         products[:, np.arange(k), np.arange(k)] += 1.0
@@ -796,9 +797,9 @@ class _ScaledPriors:
 
         Two arrays contain the indices of the grid points and of the scales, (m,) each. A grid point is one combination
         of sizes (prior sds) and correlation lengths of the deviations from the laws. Two kinds of pairs are left out:
-        those that are more than `NEGLIGIBLE` nats below the best, and of the others the least probable ones, with a
-        total probability of at most `LEFT_OUT`. The probabilities are computed from an upper bound of the evidence: of
-        the conditions "coefficient ≥ 0" it contains only the least probable one.
+        those whose evidence without the conditions "coefficient ≥ 0" is more than `NEGLIGIBLE` nats below the best, and
+        of the others the least probable ones, with a total probability of at most `LEFT_OUT`. These probabilities are
+        computed from an upper bound of the evidence (`_bound`), which contains only the least probable condition.
         """
         top = np.unravel_index(int(np.argmax(self.log)), self.log.shape)
         least = float(self._bound(*map(np.atleast_1d, top))[0]) - NEGLIGIBLE

@@ -817,8 +817,8 @@ def _between(at: np.ndarray, logs: np.ndarray) -> float | None:
 
     The three are the best width and its two neighbours. If the maximum is within one sd of the best width, the result
     is between this width and the more distant neighbour instead. Return None if the best width is the first or the
-    last, or if its log likelihood is less than `CLEAR` nats above that of each neighbour. at, logs: log widths, and
-    their log likelihoods in nats, (k,) each.
+    last, or if its log likelihood is not at least `CLEAR` nats above that of one of the neighbours. at, logs: log
+    widths, and their log likelihoods in nats, (k,) each.
     """
     order = np.argsort(at)
     at, logs = at[order], logs[order]

@@ -299,7 +299,10 @@ class _Problem:
 
 
 def _to_unit_diagonal(square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return b symmetric matrices scaled to a diagonal of 1, (b, m, m), and the roots of their diagonals, (b, m)."""
+    """Return b symmetric matrices scaled to a diagonal of 1, (b, m, m), and the roots of their diagonals, (b, m).
+
+    Diagonal elements below 1e-300 count as 1e-300, and are then not scaled to 1.
+    """
     root = np.sqrt(np.maximum(np.diagonal(square, axis1=1, axis2=2), 1e-300))
     return square / (root[:, :, None] * root[:, None, :]), root
 

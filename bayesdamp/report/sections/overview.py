@@ -60,7 +60,10 @@ class OverviewSection(Section):
         return several and not run.study.get("published")
 
     def render(self, run: RunFolder) -> str:
-        """Return verdicts on specimens, a table of all specimens, a figure of damping curves and a table of records."""
+        """Return verdicts on specimens, a table of coefficients, a figure of damping curves and a table of records.
+
+        The first table has the mean and the spread of each coefficient over the specimens (population.csv).
+        """
         records, verdicts = answers(run), specimens(run)
         parts: list[object] = []
         for v in verdicts:
