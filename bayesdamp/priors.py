@@ -544,10 +544,11 @@ and it is right on as many of them."""
 OTHER_FORMS_ODDS, OTHER_FORMS_COUNT = 0.1, 9
 """A rival is a sum of damping terms with a form of damping that is not among the compared ones. `OTHER_FORMS_ODDS`:
 prior odds of all rivals together, relative to a model with a single term (conventional). `OTHER_FORMS_COUNT`: number of
-rivals in a full comparison (`add_rivals`). Each rival has the same share of these odds, however many are compared."""
+rivals in a full comparison of oscillations (`add_rivals`). Each rival has the same share of these odds, however many
+are compared."""
 
 
-def odds(damping: Sequence[str], other: bool = False) -> float:
+def odds(damping: Sequence[str], other: bool = False, count: int = OTHER_FORMS_COUNT) -> float:
     """Return the prior odds of a damping model relative to a compared model with a single term.
 
     Parameters
@@ -556,5 +557,7 @@ def odds(damping: Sequence[str], other: bool = False) -> float:
         Names of the damping terms of the model.
     other
         Whether the model is a rival: a sum of damping terms with a form of damping that is not among the compared ones.
+    count
+        Number of rivals that share the odds of other forms.
     """
-    return FURTHER_TERM ** (len(damping) - 1) * (OTHER_FORMS_ODDS / OTHER_FORMS_COUNT if other else 1.0)
+    return FURTHER_TERM ** (len(damping) - 1) * (OTHER_FORMS_ODDS / count if other else 1.0)

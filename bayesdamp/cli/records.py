@@ -349,7 +349,7 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
         signals.append(
             {
                 "file": str(record.path),
-                "time": time,
+                "time": time if options.rate is None else None,
                 "angle": angle,
                 "rate": options.rate,
                 "unit": record.unit,

@@ -10,7 +10,7 @@ from bayesdamp.inference.envelope.decay import free_decay
 from bayesdamp.inference.envelope.posterior import RateLikelihood
 from bayesdamp.inference.envelope.sums import distinguishable_sums, list_assumptions
 from bayesdamp.interface.answer import Answer
-from bayesdamp.physics.amplitude import SUMS
+from bayesdamp.physics.amplitude import FORMS, SUMS
 from bayesdamp.records.envelope.record import EnvelopeRecord
 from bayesdamp.records.envelope.window import EnvelopeWindow
 from bayesdamp.serial import join, split
@@ -30,7 +30,7 @@ def analyse(
     record: EnvelopeRecord,
     window: EnvelopeWindow | None = None,
     seed: int = 0,
-    sums: Sequence[tuple[str, ...]] = SUMS,
+    sums: Sequence[tuple[str, ...]] = (*SUMS, *FORMS),
 ) -> EnvelopeAnswer:
     """Find the free decay in an envelope, and return the verdict on its damping, its curve, and the rate likelihoods.
 
@@ -47,7 +47,7 @@ def analyse(
         Seed of the draws from which intervals are computed.
     sums
         Damping sums to compare, each as the names of its terms; by default the seven sums of viscous, Coulomb and
-        quadratic damping.
+        quadratic damping, and those of `FORMS`.
 
     Raises
     ------
@@ -81,8 +81,9 @@ def answer_envelope(
     window
         Window of the free decay, as indices of readings; None to find it.
     sums
-        Damping sums to compare, each as the names of its terms. Of sums that an envelope cannot distinguish, only the
-        first is compared. A sum of terms that it cannot distinguish from each other is left out.
+        Damping sums to compare, each as the names of its terms. All seven sums of viscous, Coulomb and quadratic
+        damping mean these and those of `FORMS`. Of sums that an envelope cannot distinguish, only the first is
+        compared. A sum of terms that it cannot distinguish from each other is left out.
     seed
         Seed of the draws from which intervals are computed.
     repeated

@@ -26,6 +26,9 @@ POWERS: Mapping[str, float] = {"viscous": 1.0, "coulomb": 0.0, "quadratic": 2.0}
 name them in this order."""
 SUMS = tuple(terms for count in (1, 2, 3) for terms in combinations(POWERS, count))
 """All seven sums of viscous, Coulomb and quadratic damping, each as a tuple of names; single terms come first."""
+FORMS = (("cubic",), ("viscous", "cubic"))
+"""Sums with another form of damping, whose decay rate has a part that is proportional to A², as in micromechanical
+resonators. By default they are compared together with `SUMS`."""
 LOG_AT_REST = -60.0
 """Value that is returned for ln(A/A_ref) of an oscillation that has come to rest (A = 0), where the logarithm is -∞. It
 is also the smallest value that a computed decay can have (conventional)."""

@@ -304,12 +304,18 @@ def _make_block(content: Contents, run: str, group: str, timed: list[Column], ra
     """Return the columns of one run in one group of a file, with their times or sampling rate if the file has these.
 
     timed: columns that the user gives as times. rate: sampling rate in Hz that the user gives; it replaces all times.
-    If there are neither times nor a rate, a column that is named like times is used even if it does not increase.
+    If a column numbers the samples (`frame`) and some numbers are missing, the times are its numbers divided by this
+    rate. If there are neither times nor a rate, a column that is named like times is used even if it does not increase.
     """
     columns = tuple(c for c in content.columns if c.group == group and split_run(c)[1] in (run, ""))
     own = tuple(c for c in columns if split_run(c)[1] == run) if run else columns
     if rate is not None:
-        return _Block(run, own, None, rate)
+        numbers = next((c for c in own if names_index(c) and _skips_numbers(c.values)), None)
+        if numbers is None:
+            return _Block(run, own, None, rate)
+        why = f"Samples are missing by the numbers in column {numbers.name!r}; times are these numbers / {rate:g} Hz."
+        others = tuple(c for c in own if c is not numbers)
+        return _Block(run, others, replace(numbers, values=numbers.values / rate), None, (why,))
     if timed:
         return _Block(run, own, next((c for c in timed if split_run(c)[1] == run), timed[0]))
     size = max((c.values.size for c in own), default=0)
@@ -430,6 +436,12 @@ def _is_not_constant(column: Column) -> bool:
 def _is_sample_numbers(y: np.ndarray) -> bool:
     y = y[np.isfinite(y)]
     return bool(y.size > 1 and np.all(np.diff(y) == 1))
+
+
+def _skips_numbers(y: np.ndarray) -> bool:
+    """Return whether values y, (n,), are rising whole numbers, most of which follow on one another, but not all."""
+    steps = np.diff(y)
+    return bool(y.size > 1 and np.all(steps % 1 == 0) and steps.min() == 1 == np.median(steps) < steps.max())
 
 
 def _with_clock(record: RecordColumns, content: Contents) -> RecordColumns:

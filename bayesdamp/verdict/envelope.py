@@ -26,11 +26,12 @@ from bayesdamp.inference.envelope.sums import (
     compare_sums,
     fit_power_law,
     indistinguishable,
+    is_other_form,
     power_candidates,
     rank_sums,
 )
 from bayesdamp.numerics.weights import normalise
-from bayesdamp.physics.amplitude import POWERS, Scale, coefficient_from_rate, parameter
+from bayesdamp.physics.amplitude import FORMS, POWERS, Scale, coefficient_from_rate, parameter
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, twins_of
 from bayesdamp.priors import SCORE_RATIO, SHARED_SCALES, SharedHalfNormal, odds
 from bayesdamp.types import NORMAL_95, InputError
@@ -296,8 +297,7 @@ def _remarks(v: Verdict, decay: Decay, ranking: Ranking, twins: Sequence[tuple[s
     if v.power_law > thresholds.POWER_LAW and not v.decided and decay.readings >= thresholds.FEW_READINGS:
         texts.append(
             "A single power law of the amplitude describes the decay better than every sum of damping terms, so the "
-            "rates are computed from it. "
-            "Use --damping power, or --damping cubic where the power is near 3, to compare it with the sums."
+            "rates are computed from it. Use --damping power to compare it with the sums."
         )
     return tuple(texts)
 
@@ -355,7 +355,8 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
         ]
         model = name, ""
         repeats[model] = join_runs(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=0)
-        logs[model] = repeats[model].log_evidence + float(np.log(odds(terms)))
+        other = is_other_form(tuple(terms), [tuple(n.split("+")) for n in by_sum])
+        logs[model] = repeats[model].log_evidence + float(np.log(odds(terms, other, len(FORMS))))
     share = dict(zip(logs, normalise(np.array(list(logs.values()))).tolist(), strict=True))
     return SpecimenComparison((), logs, share, repeats, {})
 

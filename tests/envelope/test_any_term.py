@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from bayesdamp.cli import main
-from bayesdamp.inference.envelope.sums import distinguishable_sums
+from bayesdamp.inference.envelope.sums import Sum, distinguishable_sums
 from bayesdamp.interface.envelopes import analyse
-from bayesdamp.physics.damping import parse_model
+from bayesdamp.physics.damping import all_sums, parse_model
 from bayesdamp.records.envelope.record import EnvelopeRecord, make_record
 from bayesdamp.types import InputError
 from tests.records.tables import write_table
@@ -47,6 +47,17 @@ def test_a_term_and_its_parameters_are_recovered(term, truths, unit):
         scaled = truth * start ** powers.get(name, 0)
         assert coefficients[name].low <= scaled <= coefficients[name].high, name
     assert sum(item.share for item in result.energy) == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("force", "named"), [(FORCES["cubic"], "cubic"), (lambda x, v, turn: 0.1 * v * abs(v), "quadratic")]
+)
+def test_cubic_damping_is_compared_by_default(force, named):
+    """With a twentieth of the prior odds of the seven sums. Control: quadratic damping keeps its name."""
+    chosen, left_out = distinguishable_sums(tuple(map(parse_model, all_sums())))
+    verdict = analyse(envelope(force, 2, "dB"), sums=chosen).verdict
+    assert (verdict.damping, verdict.decided, left_out) == (named, True, ())
+    assert Sum(("viscous", "cubic"), other=True).log_prior == pytest.approx(np.log(0.125 * 0.05))
 
 
 def written(path, unit: str = "rad") -> str:
@@ -98,11 +109,11 @@ def test_of_indistinguishable_sums_only_the_first_is_compared_with_a_remark():
 
 
 def test_decay_rates_are_right_if_no_sum_fits():
-    """Cubic damping with the default sums: the answer is a deviation, with rates of the measured curve.
+    """Cubic damping with the seven sums only: the answer is a deviation, with rates of the measured curve.
 
     Control: the rates of quadratic damping, the best of the sums, would be wrong by a factor of about two.
     """
-    result = analyse(envelope(FORCES["cubic"], 3)).verdict
+    result = analyse(envelope(FORCES["cubic"], 3), sums=tuple(map(parse_model, all_sums()))).verdict
     assert (result.grade, result.decided, result.damping) == ("deviates", False, "quadratic")
     assert any("rates are computed from it" in line for line in result.remarks)
     t, a = turning_points(FORCES["cubic"])

@@ -8,8 +8,8 @@ import numpy as np
 from bayesdamp.inference.deviation.linear import smooth_root
 from bayesdamp.inference.envelope.candidates import KNOTS, Blocks, fit_power, fit_rates, solver_of
 from bayesdamp.inference.envelope.noise import DEVIATION_LENGTH, SLOW_FRACTIONS, infer_noise
-from bayesdamp.inference.envelope.sums import Sum, loosest_fit
-from bayesdamp.physics.amplitude import LOG_AT_REST, SUMS, Scale
+from bayesdamp.inference.envelope.sums import Sum, is_other_form, loosest_fit
+from bayesdamp.physics.amplitude import FORMS, LOG_AT_REST, SUMS, Scale
 from bayesdamp.physics.kernel.solve import ALL
 from bayesdamp.records.envelope.record import EnvelopeRecord, scale_of
 from bayesdamp.records.envelope.window import (
@@ -195,9 +195,10 @@ def free_decay(
     while True:
         b, reference = _blocks(record, chosen)
         # The priors of some terms' parameters depend on the amplitude at the start of the decay.
-        start, plain = b.ends[0], tuple(sums) == SUMS
+        start, plain = b.ends[0], {*sums} <= {*SUMS, *FORMS}
         scale = Scale() if plain else scale_of(record, sums, start + reference)
-        asked = tuple(Sum(terms, start, float(b.x.min()), scale) for terms in sums)
+        low = float(b.x.min())
+        asked = tuple(Sum(terms, start, low, scale, is_other_form(terms, sums)) for terms in sums)
         b, later, end = infer_noises(b, asked)
         size = chosen.stop - chosen.start
         if window is not None or size < FEW_READINGS or tries == MOST_WINDOW_CHANGES:

@@ -27,7 +27,16 @@ from bayesdamp.inference.envelope.candidates import (
 )
 from bayesdamp.inference.envelope.posterior import DRIFT, SENSOR
 from bayesdamp.numerics.weights import effective_size, normalise
-from bayesdamp.physics.amplitude import POWERS, SUMS, DecayLaw, Scale, Shape, are_proportional, log_loss
+from bayesdamp.physics.amplitude import (
+    FORMS,
+    POWERS,
+    SUMS,
+    DecayLaw,
+    Scale,
+    Shape,
+    are_proportional,
+    log_loss,
+)
 from bayesdamp.physics.damping import TERMS, DampingTerm
 from bayesdamp.priors import FURTHER_TERM, SHARED_SCALES, odds
 from bayesdamp.records.envelope.window import ABOVE_FLOOR
@@ -80,7 +89,8 @@ ASSUMPTIONS = (
     "Its scale is unknown and the same for all terms of a sum: all orders of magnitude between "
     f"{SHARED_SCALES[0]:g} and {SHARED_SCALES[-1]:g} are equally probable. Where the frequency is not known, the "
     "rates have the same prior, with the geometric middle of its scales at 1/duration of the decay.",
-    f"Prior odds of a sum: 1 for a single term, times {FURTHER_TERM:g} for each further term.",
+    f"Prior odds of a sum: 1 for a single term, times {FURTHER_TERM:g} for each further term. The sums cubic and "
+    f"viscous + cubic, which are compared by default, have {odds(FORMS[0], True, len(FORMS)):g} times these odds.",
     f"The law holds exactly with probability {PROBABILITY_EXACT:g}. Otherwise its rate is multiplied by 1 + g, where g "
     f"varies randomly with time, with the sd τ. The prior of τ is exponential with the mean {MEAN_G:g}.",
     f"Every rate is known to {100 * SENSOR:g} % (sd) at best (detector, clock). Readings in dB may also contain "
@@ -110,12 +120,15 @@ class Sum:
         ln(A/A_ref) at the start of the decay and at its lowest reading; A_ref is the reference amplitude.
     scale
         Amplitude at the start and angular frequency, on which the priors of the terms' parameters depend.
+    other
+        Whether the sum is another form of damping (see `is_other_form`), with smaller prior odds.
     """
 
     terms: tuple[str, ...]
     start: float = 0.0
     low: float = 0.0
     scale: Scale = field(default_factory=Scale)
+    other: bool = False
 
     @cached_property
     def each(self) -> tuple[DampingTerm, ...]:
@@ -129,8 +142,8 @@ class Sum:
 
     @property
     def log_prior(self) -> float:
-        """Log of the prior odds of this sum against a sum of one term, in nats: 0 for one term, else negative."""
-        return float(np.log(odds(self.terms)))
+        """Log of the prior odds of this sum against viscous damping, in nats; not above 0."""
+        return float(np.log(odds(self.terms, self.other, len(FORMS))))
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -183,6 +196,14 @@ class Sum:
         return float(max(along[-1], along.max() + np.log(LEAST_RELATIVE_RATE)))
 
 
+def is_other_form(terms: tuple[str, ...], sums: Sequence[tuple[str, ...]]) -> bool:
+    """Return whether a sum is one of `FORMS` and is compared with all seven sums of the usual dampings (`SUMS`).
+
+    Its prior odds are then a share of those of other forms (`priors.odds`). sums: all sums that are compared.
+    """
+    return terms in FORMS and set(SUMS) <= set(sums)
+
+
 def further_terms(sums: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
     """Return the names of terms in sums other than viscous, Coulomb and quadratic damping, in order of first use."""
     return tuple(dict.fromkeys(t for terms in sums for t in terms if t not in POWERS))
@@ -194,11 +215,12 @@ def list_assumptions(sums: Sequence[tuple[str, ...]], left_out: Sequence[str] = 
     Parameters
     ----------
     sums : sequence of tuple of str
-        Names of the terms of each sum. A sentence lists the sums unless they are those of `SUMS`.
+        Names of the terms of each sum. A sentence lists the sums unless they are those compared by default.
     left_out : sequence of str
         Sentences that say which sums are left out and why; they are included in the result.
     """
-    compared = () if tuple(sums) == SUMS else (f"Damping sums compared: {', '.join(map('+'.join, sums))}.",)
+    by_default = tuple(sums) == (*SUMS, *FORMS)
+    compared = () if by_default else (f"Damping sums compared: {', '.join(map('+'.join, sums))}.",)
     inferred = [p for name in further_terms(sums) for p in TERMS.get(name).inferred]
     each = ", ".join(f"{p.name} {p.prior(1.0, 1.0).describe()}" for p in inferred)
     further = (
@@ -213,8 +235,8 @@ def distinguishable_sums(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[s
 
     Two terms cannot be distinguished if the energies that they dissipate in a cycle are proportional to each other at
     all amplitudes. A sum that contains two such terms is left out. Of sums that differ only by such terms, or by the
-    order of terms, the first is kept. The sums keep their order, but all seven sums of viscous, Coulomb and quadratic
-    damping are returned as in `SUMS`.
+    order of terms, the first is kept. The sums keep their order. For all seven sums of viscous, Coulomb and quadratic
+    damping, `SUMS` and then `FORMS` are returned.
 
     Raises
     ------
@@ -223,7 +245,7 @@ def distinguishable_sums(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[s
         energy, or if no sum is left.
     """
     if set(sums) == set(SUMS):
-        return SUMS, ()
+        return (*SUMS, *FORMS), ()
 
     for asked in sums:
         if len(asked) > MOST_TERMS:
