@@ -57,7 +57,7 @@ def test_an_envelope_and_a_motion_have_the_same_fields(envelope: Verdict, tmp_pa
     assert [repr(astuple(v)) for v in loaded] == [repr(astuple(v)) for v in (motion, envelope)]
     rows = list(csv.DictReader((tmp_path / "verdicts.csv").read_text().splitlines()))
     assert [row["quantity"] for row in rows] == ["angle", "envelope"]
-    assert tuple(rows[0]) == columns()
+    assert [name for name in rows[0] if name != "cubic"] == list(columns())
     for row, v in zip(rows, (motion, envelope), strict=True):
         assert float(row["ratio_1"]) == v.damping_ratio[0].value
         assert [float(row[s.term]) for s in v.energy] == [s.probability for s in v.energy]
