@@ -25,7 +25,11 @@ class StudySection(Section):
         dampings = list(dict.fromkeys(candidate_parts(m)[0] for m in run.models))
         if dampings:
             count = len(dampings)
-            what = "One damping model was used" if count == 1 else f"{count} damping models were compared"
+            what = (
+                "The study names one damping model"
+                if count == 1
+                else f"The study names {count} damping models"
+            )
             sentences.append(f"{what}: {fmt.listing(map(words.model, dampings))}.")
         terms, laws = run.info.get("damping") or {}, run.info.get("restoring") or {}
         forces = [f"{a['force']} ({words.model(term)})" for term, a in terms.items() if a.get("force")]
