@@ -24,7 +24,7 @@ from bayesdamp.store.results import Store
 from bayesdamp.pipeline.jobs import jobs_of, tasks_of
 assert bayesdamp.__file__.startswith(sys.argv[1])
 study = load_study(sys.argv[2])
-print(json.dumps({n: k for job in jobs_of(study) for n, (k, _) in tasks_of(study, Store(Path("x")), job).items()}))
+print(json.dumps({t.name: t.key for job in jobs_of(study) for t in tasks_of(study, Store(Path("x")), job)}))
 """
 STUDY = study_text(
     'estimators = { use = ["least_squares", "sindy"] }',

@@ -22,7 +22,7 @@ from bayesdamp.machine import cores
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.progress import progress_bar
-from bayesdamp.pipeline.tasks import compute_and_store, task_key
+from bayesdamp.pipeline.tasks import Task, compute_and_store, task_key
 from bayesdamp.pipeline.workers import open_pool
 from bayesdamp.plugins import use_modules
 from bayesdamp.store.files import SCHEMA, write_json, write_table
@@ -56,8 +56,8 @@ class RecordSeries:
         """The module that computes the tasks of the series: `ranks` or `recovery`."""
         return ranks if self.model else recovery
 
-    def task(self, study: Study, first: int) -> tuple[str, str]:
-        """Return the name and the key of the task that begins with record number `first` of this series.
+    def task(self, study: Study, first: int) -> Task:
+        """Return the task that begins with record number `first` of this series.
 
         A name is, for example, `ranks/viscous/000016`. The key is a digest of all settings and sources on which the
         result depends; a stored result with this key is not computed again.
@@ -68,7 +68,8 @@ class RecordSeries:
         sources = [*map(TERMS.source, terms), *map(LAWS.source, laws), *map(NOISES.source, study.noises)]
         sources += [*map(SAMPLERS.source, study.calibration.samplers), EVIDENCES.source("importance")]
         key = task_key("calibration", self.name, first, self.module.key_parts(study), sources)
-        return f"{self.name}/{first:06d}", key
+        compute = partial(self.module.compute_chunk, study, self.model or RECOVERY, first)
+        return Task(f"{self.name}/{first:06d}", key, compute)
 
 
 def run_calibration(
@@ -211,9 +212,8 @@ def _compute_task(study: Study, folder: Path, series: RecordSeries, first: int) 
     the program failed in it. first: number of the task's first record in the series.
     """
     use_modules(study.plugins)
-    store, (name, key) = Store(folder), series.task(study, first)
-    stored = store.find(name)
-    if stored is None or stored.key != key or status_of(stored.outcome) is Status.FAILED:
-        label = series.model or RECOVERY
-        compute_and_store(store, name, key, lambda: series.module.compute_chunk(study, label, first))
-    return store.read(name)
+    store, task = Store(folder), series.task(study, first)
+    stored = store.find(task.name)
+    if stored is None or stored.key != task.key or status_of(stored.outcome) is Status.FAILED:
+        compute_and_store(store, task)
+    return store.read(task.name)

@@ -1,6 +1,6 @@
 """Compute the answer on one signal: which damping it has, how large it is, and how well the damping law holds.
 
-`bayesdamp compare`, `bd.compare` and the tasks of a study all call `answer`. The docstring of
+`bayesdamp compare`, `bd.compare` and the tasks of a study all call `compare_models` and then `answer`. The docstring of
 `bayesdamp.inference.deviation` describes how the damping models are compared.
 """
 
@@ -44,8 +44,6 @@ from bayesdamp.verdict.types import Verdict
 
 BEYOND = 1.3
 """Factor by which a requested amplitude may be above the record's first amplitude or below its last (conventional)."""
-COMPARED = "comparison"
-"""Key under which `answer` stores the model comparison in its argument `comparisons`, a dictionary."""
 CURVE = ("amplitude", "ratio", "low", "high", "over", "over_sd")
 """Names of the arrays of a damping curve that a verdict on several records needs. `amplitude`: the amplitudes, in the
 base unit. `ratio`, `low`, `high`: the damping ratio there, and the ends of its 95 % interval. `over`, `over_sd`: mean
@@ -139,38 +137,23 @@ def law_prefix(damping: str, restoring: str) -> str:
     return f"found/{damping}@{restoring}"
 
 
-def answer(
+def compare_models(
     signal: Signal,
-    amplitudes: Sequence[float] | None = None,
     *,
-    unit: Unit | None = None,
     deviation: str = "auto",
     damping: Sequence[str] = (),
     restoring: Sequence[str] = (),
     known: Known | None = None,
     priors: Mapping[str, Prior] | None = None,
     reference: Reference | None = None,
-    sensor: float = SENSOR,
-    measured: bool = True,
-    seed: int = 0,
-    notes: Sequence[str] = (),
-    sample: bool = True,
-    comparisons: dict[str, ModelComparison] | None = None,
-    repeated: bool = False,
     noise: str | Sequence[str] = "auto",
-) -> Answer:
-    """Compute which damping a signal has, how large it is, and how well the damping law holds.
+) -> ModelComparison | Verdict:
+    """Compare damping models on a signal by linear approximations; `answer` draws the conclusion.
 
     Parameters
     ----------
     signal
         The signal.
-    amplitudes
-        Amplitudes at which to give the damping ratio, in `unit`; by default three, at 10, 50 and 90 % of the
-        logarithmic range of the record. They may be outside this range by the factor `BEYOND`.
-    unit
-        Unit of `amplitudes`; by default `signal.unit`, which is also used for a unit of velocity or acceleration (rpm,
-        g). The answer itself is always in `signal.unit` (rad, m or the sensor's unit) and s.
     deviation
         "none": the damping and restoring laws are assumed to hold exactly. "law" and "auto" (the default) have the same
         effect: deviations from them are inferred.
@@ -186,26 +169,6 @@ def answer(
     reference
         Amplitude (in `signal.unit`) and angular frequency (rad/s) to which default priors are scaled; by default those
         of the record.
-    sensor
-        Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
-        damping ratios, unless these are measured without a law, or the deviation is "none".
-    measured
-        Whether the record is a measurement. The probabilities of dampings and of the restoring law in the verdict are
-        then at most `thresholds.CAP`, unless the deviation is "none".
-    seed
-        Seed of all random numbers.
-    notes
-        Sentences on the record that are added to the remarks.
-    sample
-        Whether to sample the posteriors of the most probable models with the full equation of motion. If False, the
-        answer is from linear approximations of the motion.
-    comparisons
-        A dictionary in which the comparison by linear approximations is stored. A later call with this dictionary uses
-        the stored comparison; its signal, deviation, damping, restoring, known, priors, reference and noise must
-        therefore be the same.
-    repeated
-        Whether the signal is one of several records of a specimen (the object that was recorded). The answer then
-        contains each model's likelihood (for `Answer.of_specimen`).
     noise
         A noise model ("gaussian", "student_t", "quantised" or "correlated"); or several, or "auto" for all, from which
         the most probable one is chosen. Gaussian noise, if it is among them, is replaced only by a model whose log
@@ -213,41 +176,95 @@ def answer(
 
     Returns
     -------
-    Answer
-        The grade of its verdict is `not_weighed` if no model can be fitted (the sentence gives the reason, and no
-        Refusal is raised), and `no_free_decay` if the signal is not the free decay of one oscillator. In both cases the
-        answer contains only the verdict.
+    ModelComparison or Verdict
+        A verdict if there is nothing to compare. Its grade is `no_free_decay` if the signal is not the free decay of
+        one oscillator, and `not_weighed` if no model can be fitted (the sentence gives the reason, and no Refusal is
+        raised).
 
     Raises
     ------
     InputError
-        If an argument is invalid, a restoring law does not suit the unit of the signal, or an amplitude is outside the
-        range of the record by more than `BEYOND`.
+        If an argument is invalid, or a restoring law does not suit the unit of the signal.
     """
     for law in restoring:
         check_translation(signal.unit, law, signal.name)
-    other = no_free_decay(signal)
-    if other is not None:
-        return Answer(AnswerContent(other.to_dict()))
-    approximate = deviation != "none"
+    if (other := no_free_decay(signal)) is not None:
+        return other
     try:
-        comparison = (comparisons or {}).get(COMPARED) or compare_signal(
+        return compare_signal(
             signal,
             damping=damping,
             restoring=restoring,
             known=known,
             priors=priors,
             reference=reference,
-            approximate=approximate,
+            approximate=deviation != "none",
             noises=noises_of(noise),
         )
     except Refusal as refusal:
         text = str(refusal)
         sentence = f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
-        refused = Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), quantity=signal.quantity)
-        return Answer(AnswerContent(replace(refused, sentence=sentence).to_dict()))
-    if comparisons is not None:
-        comparisons[COMPARED] = comparison
+        verdict = Verdict(signal.name, Grade.NOT_WEIGHED, False, "", float("nan"), quantity=signal.quantity)
+        return replace(verdict, sentence=sentence)
+
+
+def answer(
+    signal: Signal,
+    comparison: ModelComparison | Verdict,
+    amplitudes: Sequence[float] | None = None,
+    *,
+    unit: Unit | None = None,
+    sensor: float = SENSOR,
+    measured: bool = True,
+    seed: int = 0,
+    notes: Sequence[str] = (),
+    sample: bool = True,
+    repeated: bool = False,
+) -> Answer:
+    """Conclude from a comparison which damping a signal has, how large it is, and how well the damping law holds.
+
+    Parameters
+    ----------
+    signal
+        The signal.
+    comparison
+        The result of `compare_models` for this signal.
+    amplitudes
+        Amplitudes at which to give the damping ratio, in `unit`; by default three, at 10, 50 and 90 % of the
+        logarithmic range of the record. They may be outside this range by the factor `BEYOND`.
+    unit
+        Unit of `amplitudes`; by default `signal.unit`, which is also used for a unit of velocity or acceleration (rpm,
+        g). The answer itself is always in `signal.unit` (rad, m or the sensor's unit) and s.
+    sensor
+        Relative linearity error of the sensor (sd; 0.002 by default), which is added in quadrature to the error of
+        damping ratios, unless these are measured without a law, or the comparison assumes exact laws.
+    measured
+        Whether the record is a measurement. The probabilities of dampings and of the restoring law in the verdict are
+        then at most `thresholds.CAP`, unless the comparison assumes exact laws.
+    seed
+        Seed of all random numbers.
+    notes
+        Sentences on the record that are added to the remarks.
+    sample
+        Whether to sample the posteriors of the most probable models with the full equation of motion. If False, the
+        answer is from linear approximations of the motion.
+    repeated
+        Whether the signal is one of several records of a specimen (the object that was recorded). The answer then
+        contains each model's likelihood (for `Answer.of_specimen`).
+
+    Returns
+    -------
+    Answer
+        If `comparison` is a verdict, or if no damping law fits and the signal is rather an oscillation of another kind
+        (grade `no_free_decay`), the answer contains only the verdict.
+
+    Raises
+    ------
+    InputError
+        If an amplitude is outside the range of the record by more than `BEYOND`.
+    """
+    if isinstance(comparison, Verdict):
+        return Answer(AnswerContent(comparison.to_dict()))
     wanted = amplitudes_in_base_unit(amplitudes, comparison, unit or UNITS[signal.unit])
     if sample:
         comparison = with_samples(comparison, seed)
@@ -257,11 +274,10 @@ def answer(
     unused = other_decays(signal.provenance.decays, first, first + float(signal.t[-1] - signal.t[0]))
     own = [remark_on(signal), _noise_remark(comparison.noise), _phase_remark(comparison.data, first), unused]
     remarks = [*notes, *filter(None, own)]
-    if damping:
-        clear = {r.candidate.damping for r in comparison.results}
-        clear |= {c.damping for c, why in comparison.refused.items() if why == FAR_BEHIND}
-        reasons = {c.damping: why for c, why in comparison.refused.items() if c.damping not in clear}
-        remarks += [f"{'+'.join(terms)} was not compared: {why}." for terms, why in reasons.items()]
+    clear = {r.candidate.damping for r in comparison.results}
+    clear |= {c.damping for c, why in comparison.refused.items() if why == FAR_BEHIND}
+    reasons = {c.damping: why for c, why in comparison.refused.items() if c.damping not in clear}
+    remarks += [f"{'+'.join(terms)} was not compared: {why}." for terms, why in reasons.items()]
     try:
         curve = law_free(signal)
     except Refusal:  # for example because the record is too short
@@ -275,7 +291,7 @@ def answer(
         unit=signal.unit,
         quantity=signal.quantity,
         measured=measured,
-        approximate=approximate,
+        approximate=comparison.approximate,
         window=UsedWindow(first, first + comparison.data.duration, comparison.data.cycles, ""),
         notes=remarks,
         averages=None if averaging is None else Averages(averaging.cycles, averaging.error),

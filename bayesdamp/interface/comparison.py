@@ -17,7 +17,7 @@ from bayesdamp.formatting import Table, data_frame
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.interface.answer import Answer, answer
+from bayesdamp.interface.answer import Answer, answer, compare_models
 from bayesdamp.interface.arguments import check_settings, known_and_priors, names_given
 from bayesdamp.interface.envelopes import answer_envelope, specimen_of_envelopes
 from bayesdamp.interface.result import GivenAxes, Result, get_axes, show_in_notebook
@@ -375,14 +375,17 @@ def compare(
         answers = tuple(
             answer(
                 s,
+                compare_models(
+                    s,
+                    deviation=deviation,
+                    noise=noise,
+                    damping=sums,
+                    restoring=laws,
+                    known=values,
+                    priors=given,
+                ),
                 amplitudes,
                 unit=UNITS[units[0]],
-                deviation=deviation,
-                noise=noise,
-                damping=sums,
-                restoring=laws,
-                known=values,
-                priors=given,
                 sensor=sensor,
                 sample=sample,
                 seed=seed,

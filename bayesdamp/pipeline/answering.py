@@ -7,7 +7,7 @@ from bayesdamp.inference.deviation.model_comparison import FAR_BEHIND, ModelComp
 from bayesdamp.inference.deviation.sample_noise import noises_of
 from bayesdamp.inference.deviation.single import ESCAPED, FitState
 from bayesdamp.inference.noise import NOISES
-from bayesdamp.interface.answer import Answer, answer, law_prefix
+from bayesdamp.interface.answer import Answer, answer, compare_models, law_prefix
 from bayesdamp.physics.damping import TERMS, DampingTerm, others, parse_model
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.pipeline.records import NOT_APPLICABLE, StudyRecord
@@ -17,15 +17,15 @@ from bayesdamp.serial import join, split
 from bayesdamp.store.results import AnswerContent
 from bayesdamp.types import OK, Refusal, Status, following
 from bayesdamp.verdict.parts import Grade
+from bayesdamp.verdict.types import Verdict
 
 ANSWER, SAMPLED_ANSWER = "answer", "sampled"
 """Names of two kinds of tasks. Both compute the answer on a record, which is the comparison of damping models with its
 verdict: `ANSWER` from linear approximations of every model; `SAMPLED_ANSWER`, after it, also from draws of the
 posteriors of the most probable models."""
-_COMPARISONS: dict[str, dict[str, ModelComparison]] = {}
-"""Cache of the last model comparison by linear approximations in this process: by the key of its task, the dictionary
-`comparisons` of `interface.answer.answer`. The task `SAMPLED_ANSWER` on the same record starts from it instead of
-computing it again."""
+_COMPARISONS: dict[str, ModelComparison | Verdict] = {}
+"""Cache of the last result of `interface.answer.compare_models` in this process, by the key of the task `ANSWER` on the
+record. The task `SAMPLED_ANSWER` on the same record starts from it instead of computing it again."""
 
 
 def _terms_of(study: Study, spec: SignalSpec) -> tuple[str, ...]:
@@ -90,29 +90,31 @@ def compute_answer(record: StudyRecord, kind: str) -> Product:
         is_given = "epsilon" in spec.under(law).known
         return {k: v for k, v in system.known.items() if is_given or k != "epsilon"}
 
-    # The sampled answer starts from the model comparison of the first answer.
-    first = answer_key(record)
-    if first not in _COMPARISONS:
-        _COMPARISONS.clear()
     priors: dict[str, Prior] = study.priors
     for law in spec.restoring:
         priors |= {k: p for k, p in record.system(law).free.items() if p is not None}  # type: ignore[misc]
+    first = answer_key(record)
+    if first not in _COMPARISONS:
+        _COMPARISONS.clear()
+        _COMPARISONS[first] = compare_models(
+            record.signal,
+            deviation=study.deviation_of(spec),
+            damping=study.dampings(spec),
+            restoring=spec.restoring,
+            known=known,
+            priors=priors,
+            reference=record.content.scales,
+            noise=study.posterior.noise,
+        )
     computed = answer(
         record.signal,
-        deviation=study.deviation_of(spec),
-        damping=study.dampings(spec),
-        restoring=spec.restoring,
-        known=known,
-        priors=priors,
-        reference=record.content.scales,
+        _COMPARISONS[first],
         sensor=study.posterior.sensor,
         measured=isinstance(spec.source, Recording),
         seed=task_seed(study, f"{kind}/{record.name}"),
         notes=record.content.anomalies,
         sample=kind == SAMPLED_ANSWER,
-        comparisons=_COMPARISONS.setdefault(first, {}),
         repeated=bool(spec.specimen),
-        noise=study.posterior.noise,
     )
     outcome = computed.verdict.sentence if computed.verdict.grade is Grade.NOT_WEIGHED else OK
     return Product(computed.content, {**computed.arrays, **computed.further}, outcome)

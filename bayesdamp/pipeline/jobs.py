@@ -17,7 +17,7 @@ from bayesdamp.pipeline.answering import ANSWER, SAMPLED_ANSWER, answer_key, com
 from bayesdamp.pipeline.candidates.candidate import StudyCandidate
 from bayesdamp.pipeline.candidates.tasks import compute, task_keys
 from bayesdamp.pipeline.records import StudyRecord, compute_signal
-from bayesdamp.pipeline.tasks import Make, digest_of
+from bayesdamp.pipeline.tasks import Task, digest_of
 from bayesdamp.plugins import use_modules
 from bayesdamp.store.results import Store, TaskName, TaskResult
 from bayesdamp.types import OK, Status
@@ -94,7 +94,7 @@ def task_names(study: Study) -> list[str]:
     """
     use_modules(study.plugins)
     store = Store(Path("."))
-    return list(dict.fromkeys(name for job in jobs_of(study) for name in tasks_of(study, store, job)))
+    return list(dict.fromkeys(task.name for job in jobs_of(study) for task in tasks_of(study, store, job)))
 
 
 def is_within(job: Job, depth: Depth) -> bool:
@@ -135,26 +135,25 @@ def spec_of(study: Study, job: Job) -> SignalSpec:
     return next(spec for spec in study.signals if spec.name == job.signal)
 
 
-def tasks_of(study: Study, store: Store, job: Job) -> dict[str, tuple[str, Make]]:
-    """Return a dictionary of the tasks of a job: by name, the key of the task and the function that computes it."""
+def tasks_of(study: Study, store: Store, job: Job) -> list[Task]:
+    """Return the tasks of a job, in the order in which they are computed."""
     spec = spec_of(study, job)
     record = StudyRecord(study, spec, job.repeat, store)
     if job.model is not None:
         candidate = StudyCandidate(study, spec, job.repeat, job.model, store)
-        return {
-            name: (key, partial(compute, candidate, name))
+        return [
+            Task(name, key, partial(compute, candidate, name))
             for name, key in task_keys(candidate).items()
             if job.is_sampled or not _needs_sampling(name)
-        }
+        ]
     if spec.is_envelope:
         from bayesdamp.pipeline.envelopes import compute_envelope, envelope_key  # imports slowly
 
-        return {f"{ANSWER}/{record.name}": (envelope_key(record), partial(compute_envelope, study, spec))}
-    tasks: dict[str, tuple[str, Make]] = {
-        f"signal/{record.name}": (record.key, partial(compute_signal, record))
-    }
+        return [Task(f"{ANSWER}/{record.name}", envelope_key(record), partial(compute_envelope, study, spec))]
+    tasks = [Task(f"signal/{record.name}", record.key, partial(compute_signal, record))]
     for kind in {"read": (), ANSWER: (ANSWER,)}.get(job.task_group or "", (ANSWER, SAMPLED_ANSWER)):
-        tasks[f"{kind}/{record.name}"] = (answer_key(record, kind), partial(compute_answer, record, kind))
+        name, key = f"{kind}/{record.name}", answer_key(record, kind)
+        tasks.append(Task(name, key, partial(compute_answer, record, kind)))
     return tasks
 
 
@@ -204,9 +203,9 @@ def _candidate_jobs(study: Study, store: Store) -> list[Job]:
             if name in sampled:
                 continue
             why = NOT_SAMPLED if is_kept else FAR_IN_ANSWER
-            for task, (key, _) in tasks_of(study, store, whole).items():
-                replaces = task in stored and (_needs_sampling(task) or not is_kept)
-                is_shown = TaskName.of(task).kind == "evidence" and not is_kept
-                if (replaces or is_shown) and not store.has(task, aside := digest_of(why, key)):
-                    store.write(TaskResult(task, aside, outcome=why))
+            for task in tasks_of(study, store, whole):
+                replaces = task.name in stored and (_needs_sampling(task.name) or not is_kept)
+                is_shown = TaskName.of(task.name).kind == "evidence" and not is_kept
+                if (replaces or is_shown) and not store.has(task.name, aside := digest_of(why, task.key)):
+                    store.write(TaskResult(task.name, aside, outcome=why))
     return jobs

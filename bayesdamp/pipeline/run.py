@@ -40,7 +40,7 @@ from bayesdamp.pipeline.jobs import (
 from bayesdamp.pipeline.progress import Progress, describe_stage, progress_bar
 from bayesdamp.pipeline.records import StudyRecord, keep_free_decay, read_free_decay, take_free_decay
 from bayesdamp.pipeline.tables import write_tables, write_verdicts
-from bayesdamp.pipeline.tasks import compute_and_store, digest_of
+from bayesdamp.pipeline.tasks import Task, compute_and_store, digest_of
 from bayesdamp.pipeline.workers import KILLED_OUTCOME, open_pool, restart, run_in_pool
 from bayesdamp.plugins import use_modules
 from bayesdamp.records.oscillation.features import features
@@ -124,7 +124,8 @@ def run_study(
             store.clear()
         jobs = jobs_of(study)
         workers = workers or max(1, min(cores(), count_parallel_jobs(jobs, depth)))
-        names = {name: None for job in jobs if is_within(job, depth) for name in tasks_of(study, store, job)}
+        within = [job for job in jobs if is_within(job, depth)]
+        names = dict.fromkeys(task.name for job in within for task in tasks_of(study, store, job))
         shown = Console(quiet=True) if quiet else console
         with (
             progress_bar(shown) as bar,
@@ -222,23 +223,23 @@ def _run_job(
     # One BLAS thread: the number of threads changes the order of sums and so the last digits.
     with _ONE_AT_A_TIME, threadpool_limits(1, "blas"):
         use_modules(study.plugins)
-        for name, (key, make) in tasks_of(study, store, job).items():
-            if name not in given_up and not _is_done(store, name, key):
-                compute_and_store(store, name, key, make)
+        for task in tasks_of(study, store, job):
+            if task.name not in given_up and not _is_done(store, task):
+                compute_and_store(store, task)
 
 
 _unpickle: Callable[[bytes], Study] = lru_cache(maxsize=1)(pickle.loads)
 
 
-def _is_done(store: Store, name: str, key: str) -> bool:
-    """Return whether an undamaged result of a task is stored under `key`, so that it need not be computed again.
+def _is_done(store: Store, task: Task) -> bool:
+    """Return whether an undamaged result of a task is stored under its key, so that it need not be computed again.
 
     Return False for a task that failed, or was not computed because another task failed.
     """
-    result = store.find(name)  # reads the arrays too, because a result with damaged arrays counts as missing
+    result = store.find(task.name)  # with its arrays, because a result with damaged arrays counts as missing
     return (
         result is not None
-        and result.key == key
+        and result.key == task.key
         and status_of(result.outcome) not in (Status.FAILED, Status.NOT_COMPUTED)
     )
 
@@ -279,13 +280,12 @@ def _run_jobs(
     pickled = pickle.dumps(study)
 
     def next_task(job: Job, given_up: Collection[str]) -> str | None:
-        for name, (key, _) in tasks_of(study, store, job).items():
-            if name not in given_up and not _is_done(store, name, key):
-                return name
-        return None
+        undone = (t for t in tasks_of(study, store, job) if t.name not in given_up and not _is_done(store, t))
+        return next((task.name for task in undone), None)
 
     def give_up(job: Job, name: str) -> None:
-        store.write(TaskResult(name, tasks_of(study, store, job)[name][0], outcome=KILLED_OUTCOME))
+        key = next(task.key for task in tasks_of(study, store, job) if task.name == name)
+        store.write(TaskResult(name, key, outcome=KILLED_OUTCOME))
 
     def submit(job: Job, given_up: Collection[str]) -> Future[None]:
         source = spec_of(study, job).source
@@ -316,8 +316,8 @@ def _current_keys(study: Study, store: Store) -> dict[str, str]:
         prefix = f"{job.signal}/{job.repeat}/{job.model}"
         if job.model is not None and not any(prefix in f"{name}/" for name in stored):
             continue
-        for name, (key, _) in tasks_of(study, store, job).items():
-            result = store.find(name, arrays=False)
-            if result is not None and result.key in (key, digest_of(result.outcome, key)):
-                current[name] = result.key
+        for task in tasks_of(study, store, job):
+            result = store.find(task.name, arrays=False)
+            if result is not None and result.key in (task.key, digest_of(result.outcome, task.key)):
+                current[task.name] = result.key
     return current

@@ -55,8 +55,17 @@ class Product:
     seconds: float | None = None
 
 
-Make = Callable[[], Product]
-"""Type of a function that computes the result of a task but does not store it."""
+@dataclass(frozen=True)
+class Task:
+    """A computation of a study whose result is stored.
+
+    name: name of the task, such as `answer/SIGNAL/0`. key: hash of all inputs and of the code. compute: function that
+    computes the result but does not store it.
+    """
+
+    name: str
+    key: str
+    compute: Callable[[], Product]
 
 
 def digest_of(*parts: object) -> str:
@@ -74,8 +83,8 @@ def task_seed(study: Study, name: str) -> int:
     return int(np.random.SeedSequence([study.seed, zlib.crc32(name.encode())]).generate_state(1)[0])
 
 
-def compute_and_store(store: Store, name: str, key: str, make: Make) -> None:
-    """Compute a task by calling `make`, and store its result.
+def compute_and_store(store: Store, task: Task) -> None:
+    """Compute a task, and store its result.
 
     If the computation raises Refusal, its whole message is stored as the outcome. After other exceptions, the outcome
     is the text from `outcome_of_failure`, which has only the first line of the message. InputError and the OSError of a
@@ -86,10 +95,10 @@ def compute_and_store(store: Store, name: str, key: str, make: Make) -> None:
     def write(product: Product) -> None:
         meta = {} if product.content is None else product.content.meta()
         seconds = time.perf_counter() - began if product.seconds is None else product.seconds
-        store.write(TaskResult(name, key, meta, product.arrays, product.outcome, seconds))
+        store.write(TaskResult(task.name, task.key, meta, product.arrays, product.outcome, seconds))
 
     try:
-        write(make())
+        write(task.compute())
     except Refusal as refusal:
         write(Product(outcome=str(refusal)))
     except Exception as fault:

@@ -13,7 +13,7 @@ from bayesdamp.cli import main
 from bayesdamp.cli.runs import choose_folder
 from bayesdamp.config.load import comparison_study, laws_for, record_question
 from bayesdamp.pipeline.records import StudyRecord, compute_signal
-from bayesdamp.pipeline.tasks import compute_and_store
+from bayesdamp.pipeline.tasks import Task, compute_and_store
 from bayesdamp.store.files import write_json
 from bayesdamp.store.results import Store
 from tests.records.tables import T, Y, write_table
@@ -133,7 +133,7 @@ def test_noise_is_added_to_a_record_without_noise(tmp_path) -> None:
         study = comparison_study([signal_of(tmp_path / f"{name}.csv")])
         store, task = Store(tmp_path / "out"), f"signal/{name}/0"
         record = StudyRecord(study, study.signals[0], 0, store)
-        compute_and_store(store, task, record.key, partial(compute_signal, record))
+        compute_and_store(store, Task(task, record.key, partial(compute_signal, record)))
         results[name] = store.read(task)
     warnings = {name: result.meta["provenance"]["warnings"] for name, result in results.items()}
     assert all(result.meta["noisy"] for result in results.values())

@@ -1,12 +1,11 @@
 """The answer on records of an independent solver: the damping model is named, and intervals contain the truth."""
 
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 import pytest
 
-from bayesdamp.inference.deviation.model_comparison import ModelComparison
-from bayesdamp.interface.answer import answer
+from bayesdamp.interface.answer import answer, compare_models
 from bayesdamp.types import Signal
 from bayesdamp.verdict import Verdict
 from bayesdamp.verdict.parts import Grade
@@ -21,9 +20,8 @@ contain the truth: a correct program fails here for about one seed in seven. The
 @lru_cache
 def answered(number: int) -> tuple[Case, Verdict]:
     record = case("family", SEED, number)
-    return record, answer(
-        record.signal, record.amplitudes, restoring=[record.restoring], measured=False
-    ).verdict
+    comparison = compare_models(record.signal, restoring=[record.restoring])
+    return record, answer(record.signal, comparison, record.amplitudes, measured=False).verdict
 
 
 @pytest.mark.parametrize(("number", "damping"), NUMBERS.items())
@@ -50,9 +48,8 @@ def test_a_wrong_damping_model_alone_is_not_the_answer() -> None:
     exponent, describes the record."""
     record = case("family", SEED, 1)
     assert record.damping == "coulomb"
-    verdict = answer(
-        record.signal, record.amplitudes, damping=["viscous"], restoring=[record.restoring]
-    ).verdict
+    comparison = compare_models(record.signal, damping=["viscous"], restoring=[record.restoring])
+    verdict = answer(record.signal, comparison, record.amplitudes).verdict
     assert verdict.damping == "viscous"
     assert not verdict.decided
     assert verdict.rivals[0].damping == "power"
@@ -64,22 +61,9 @@ def test_a_wrong_damping_model_alone_is_not_the_answer() -> None:
 
 def test_a_record_without_an_oscillation_has_a_verdict() -> None:
     noise = np.random.default_rng(2).standard_normal(400)
-    verdict = answer(Signal(np.arange(400) * 0.01, noise, name="silence")).verdict
+    signal = Signal(np.arange(400) * 0.01, noise, name="silence")
+    verdict = answer(signal, compare_models(signal)).verdict
     assert (verdict.grade, verdict.decided, verdict.damping) == (Grade.NOT_WEIGHED, False, "")
     assert verdict.record == "silence"
     assert verdict.sentence[0].isupper()
     assert verdict.sentence.endswith(".")
-
-
-def test_sampling_continues_a_comparison_from_linear_models(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The models are compared once, and the verdict is that of a single call."""
-    record, _ = answered(0)
-    comparisons: dict[str, ModelComparison] = {}
-    options = {"damping": ["viscous", "coulomb"], "restoring": [record.restoring]}
-    call = partial(answer, record.signal, record.amplitudes, **options)
-    whole = call().verdict
-    call(sample=False, comparisons=comparisons)
-    monkeypatch.setattr("bayesdamp.interface.answer.compare_signal", None)
-    assert call(comparisons=comparisons).verdict == whole
-    with pytest.raises(TypeError):  # control
-        call()

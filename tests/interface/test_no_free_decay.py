@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 
 import bayesdamp as bd
 from bayesdamp.cli import main
-from bayesdamp.interface.answer import answer
+from bayesdamp.interface.answer import answer, compare_models
 from bayesdamp.records.cleaning.clean import clean
 from bayesdamp.records.record import RawRecord
 from bayesdamp.store.results import RecordContent, Store
@@ -28,7 +28,8 @@ def verdict_on(
 ) -> Verdict:
     """Return the verdict, without sampling, on the first samples of a sum of (amplitude, frequency, damping ratio)."""
     t, y = sum_of(*modes, noise=noise)
-    return answer(Signal(t[:samples], y[:samples]), sample=False, **options).verdict
+    signal = Signal(t[:samples], y[:samples])
+    return answer(signal, compare_models(signal, **options), sample=False).verdict
 
 
 def test_beats_are_described_by_two_oscillations() -> None:
@@ -108,7 +109,8 @@ def test_the_harmonic_of_one_oscillator_is_not_a_second_mode() -> None:
     p = {"zeta": 0.06, "stiffness": 16.0, "cubic": 100.0, "rest_angle": 0.0, "theta0": 0.3, "omega0": 0.0}
     y = trajectory("duffing", p, t)[:, 0]
     y += 0.0003 * np.random.default_rng(3).standard_normal(t.size)
-    verdict = answer(Signal(t, y), restoring=["linear", "duffing"], sample=False).verdict
+    signal = Signal(t, y)
+    verdict = answer(signal, compare_models(signal, restoring=["linear", "duffing"]), sample=False).verdict
     assert verdict.decided
     assert verdict.damping == "viscous"
     assert verdict.restoring == "duffing"
@@ -122,7 +124,8 @@ def test_a_wandering_base_line_does_not_change_the_frequency() -> None:
     wander = gaussian_filter1d(rng.standard_normal(t.size), 150)
     y = np.exp(-zeta * omega * t) * np.cos(omega * np.sqrt(1 - zeta**2) * t)
     y += 0.05 * wander / wander.std() + 0.002 * rng.standard_normal(t.size)
-    verdict = answer(Signal(t, y), sample=False).verdict
+    signal = Signal(t, y)
+    verdict = answer(signal, compare_models(signal), sample=False).verdict
     for frequency in filter(None, (verdict.frequency, verdict.frequency_at)):
         assert frequency.low < 1.37 < frequency.high
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bayesdamp.interface.answer import answer
+from bayesdamp.interface.answer import answer, compare_models
 from bayesdamp.types import Signal
 from bayesdamp.verdict.types import Verdict
 
@@ -21,8 +21,8 @@ def decay(second: float) -> Signal:
 def test_a_change_of_the_damping_is_stated_with_its_size() -> None:
     """The law's damping is the mean over the energy, of which the later part has 5 %. Control: no change."""
     changed, control = (
-        answer(decay(second), damping=["viscous"], restoring=["linear"], sample=False).verdict
-        for second in (0.04, FIRST)
+        answer(s, compare_models(s, damping=["viscous"], restoring=["linear"]), sample=False).verdict
+        for s in (decay(0.04), decay(FIRST))
     )
     assert changed.over_law.low < (0.04 / FIRST) ** 0.95 < changed.over_law.high
     assert changed.over_law.amplitude < np.exp(-OMEGA * FIRST * 10)

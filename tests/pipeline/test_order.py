@@ -3,15 +3,17 @@
 import os
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from bayesdamp.config import Recording
 from bayesdamp.inference.evidence import EVIDENCES
-from bayesdamp.pipeline import records
+from bayesdamp.pipeline import answering, records
 from bayesdamp.pipeline.jobs import Depth, Job, stages, tasks_of
 from bayesdamp.pipeline.records import read_free_decay
+from bayesdamp.pipeline.tasks import compute_and_store
 from bayesdamp.store.results import Store
 from tests.studies import COMPARED, VISCOUS, WEIGHED, study_text, write_study
 
@@ -43,7 +45,7 @@ def test_evidence_that_needs_draws_comes_after_the_samplers_and_only_for_sampled
     job = Job("rig", 0, "viscous")
 
     def methods(job: Job) -> list[str]:
-        return [name.split("/")[-1] for name in tasks_of(study, Store(tmp_path), job)]
+        return [task.name.split("/")[-1] for task in tasks_of(study, Store(tmp_path), job)]
 
     unsampled = replace(job, is_sampled=False)
     assert {"nuts", "nested"}.isdisjoint(methods(unsampled))
@@ -64,4 +66,18 @@ def test_records_are_sampled_one_by_one_unless_all_answers_are_wanted_first(tmp_
     assert groups(True) == [{"answer"}, {"sampled"}]
     assert groups(False) == [{"sampled"}]
     tasks = tasks_of(study, store, Job("rig", 0, task_group="sampled"))
-    assert [name.split("/")[0] for name in tasks] == ["signal", "answer", "sampled"]
+    assert [task.name.split("/")[0] for task in tasks] == ["signal", "answer", "sampled"]
+
+
+def test_a_record_is_compared_once_for_its_answer_and_its_sampled_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Control: the sampled answer on another record is compared anew."""
+    study, store = write_study(tmp_path, study_text(COMPARED, WEIGHED, simulate=VISCOUS)), Store(tmp_path)
+    compare = Mock(wraps=answering.compare_models)
+    monkeypatch.setattr(answering, "compare_models", compare)
+    for task in tasks_of(study, store, Job("rig", 0, task_group="sampled")):
+        compute_and_store(store, task)
+    assert compare.call_count == 1
+    compute_and_store(store, tasks_of(replace(study, seed=8), store, Job("rig", 0, task_group="sampled"))[2])
+    assert compare.call_count == 2

@@ -86,7 +86,7 @@ def test_a_changed_plug_in_changes_only_the_keys_of_tasks_that_use_it(tmp_path):
     for factor in ("1.0", "0.5"):
         file.write_text(DRAG.replace("v**3", f"{factor} * v**3"), encoding="utf-8")
         study = write_study(tmp_path, text)
-        keys.append({n: k for job in jobs_of(study) for n, (k, _) in tasks_of(study, store, job).items()})
+        keys.append({t.name: t.key for job in jobs_of(study) for t in tasks_of(study, store, job)})
     changed = {n for n in keys[0] if keys[0][n] != keys[1][n]}
     unchanged = {n for n in keys[0] if n.startswith(("signal/", "estimate/")) and "cubic_drag" not in n}
     assert unchanged

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesdamp.interface.answer import answer
+from bayesdamp.interface.answer import answer, compare_models
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import make_record
 from bayesdamp.types import Signal
@@ -121,7 +121,7 @@ def simulated(name: str) -> Signal:
 
 def answered(signal: Signal, sample: bool = False, measured: bool = False) -> dict[str, Any]:
     """Return the stored numbers of the answer on a record."""
-    result = answer(signal, sample=sample, measured=measured)
+    result = answer(signal, compare_models(signal), sample=sample, measured=measured)
     verdict = result.verdict
     logs = {
         f"{c.damping}@{c.restoring}": c.exact if c.log_evidence is None else c.log_evidence

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from bayesdamp.inference.deviation.model_comparison import ModelComparison
-from bayesdamp.interface.answer import COMPARED, answer
+from bayesdamp.interface.answer import answer, compare_models
 from bayesdamp.physics.damping import TERMS as DAMPINGS, all_sums
 from bayesdamp.types import Signal
 from bayesdamp.verdict.types import Verdict
@@ -159,24 +159,23 @@ def row(term: str, seed: int) -> dict[str, Any]:
     These damping sums are compared: the seven of the paper, the term alone, and the term with viscous damping.
     """
     c = case(term, seed)
-    results: dict[str, ModelComparison] = {}
     further: dict[str, float] = {"intervals": 0, "held": 0}
 
     def answer_record(signal: Signal, _: tuple[float, ...]) -> Verdict:
         sums = [*all_sums(), term, f"viscous+{term}"]
-        verdict = answer(signal, damping=sums, restoring=["linear"], comparisons=results).verdict
+        comparison = compare_models(signal, damping=sums, restoring=["linear"])
+        verdict = answer(signal, comparison).verdict
         inside = [
             q.low <= c.parameters[q.name] <= q.high
             for q in (verdict.coefficients if verdict.damping == c.damping else ())
             if q.name in c.parameters
         ]
         further.update(intervals=len(inside), held=sum(inside))
+        if isinstance(comparison, ModelComparison):
+            further.update(nats=nats_ahead(comparison, c))
         return verdict
 
-    row = row_of(c, answer_record)
-    if COMPARED in results:
-        further["nats"] = nats_ahead(results[COMPARED], c)
-    return row | further
+    return row_of(c, answer_record) | further
 
 
 def page(rows: pd.DataFrame) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bayesdamp.cli.records import ReadingOptions, records_in
 from bayesdamp.formatting import markdown_table
-from bayesdamp.interface.answer import answer
+from bayesdamp.interface.answer import answer, compare_models
 from bayesdamp.store.files import write_table
 from bayesdamp.types import Signal
 from bayesdamp.verdict.specimen import specimen
@@ -42,7 +42,7 @@ def main(folder: Path) -> None:
     """Run the command line: answer the records, and write README.md and verdicts.csv."""
     results: list[Verdict] = []
     for name, records in signals():
-        answers = [answer(signal, repeated=len(records) > 1) for signal in records]
+        answers = [answer(signal, compare_models(signal), repeated=len(records) > 1) for signal in records]
         results += [a.verdict for a in answers]
         if len(answers) > 1:
             results.append(specimen(name, [a.of_specimen() for a in answers if a.arrays]))

@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 
-from bayesdamp.interface.answer import answer
+from bayesdamp.interface.answer import answer, compare_models
 from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import make_record
 from bayesdamp.types import OK, InputError, Signal
@@ -150,8 +150,8 @@ def row(kind: str, number: int, mode: str, oversample: int = 1) -> dict[str, Any
             envelope = make_record(record.name, signal.t, signal.y, "V", frequency / (2 * math.pi))
             verdict = analyse(envelope).verdict
         else:
-            laws = ["linear"] if light else ()
-            quick = partial(answer, signal, restoring=laws, deviation=mode, measured=False, sample=False)
+            comparison = compare_models(signal, restoring=["linear"] if light else (), deviation=mode)
+            quick = partial(answer, signal, comparison, measured=False, sample=False)
             try:
                 verdict = quick(amplitudes).verdict
             except InputError:  # the analysed part of the record ends before the middle amplitude

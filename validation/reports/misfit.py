@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from bayesdamp.cli.records import ReadingOptions, records_in
-from bayesdamp.interface.answer import answer
+from bayesdamp.interface.answer import answer, compare_models
 from bayesdamp.types import Refusal, Signal
 from bayesdamp.verdict.types import Verdict
 from validation.scoring import groups_of, hits_of, make_page, named, page_options, row_of, score_table
@@ -123,7 +123,7 @@ def answer_file(signal: Signal, amplitudes: tuple[float, ...]) -> Verdict:
         (record,) = records_in(file, ReadingOptions(time="t", angle="angle", unit="rad"))
     if record.signal is None:
         raise Refusal(record.refusal)
-    return answer(record.signal, sample=False).verdict
+    return answer(record.signal, compare_models(record.signal), sample=False).verdict
 
 
 def row(kind: str, number: int, seed: int) -> dict[str, Any]:

@@ -41,7 +41,7 @@ from bayesdamp.inference.deviation.linear import (
 from bayesdamp.inference.deviation.sample_noise import (
     AUTOMATIC,
     AdaptedData,
-    adapt,
+    adapt_to_noise,
     inflation,
     predictable_nats,
 )
@@ -521,7 +521,7 @@ def choose_noise(
     law = min(modes, key=lambda name: modes[name].variance(data))
     mode, variance, kappa, noise_known = modes[law], modes[law].variance(data), 1.0, True
     known = fits.known_under(law)
-    adapting = partial(adapt, data=data, known=known, priors=fits.priors, approximate=approximate)
+    adapting = partial(adapt_to_noise, data=data, known=known, priors=fits.priors, approximate=approximate)
     adapted = adapting(noises, solver=fits.solvers[law], at=mode)
     noise = data.noise_model if adapted is None else adapted.noise
     if adapted is not None and noise.name != GAUSSIAN:

@@ -26,7 +26,7 @@ from bayesdamp.types import Refusal, Signal
 
 AUTOMATIC = (GAUSSIAN, CORRELATED, "student_t", "quantised")
 """Names of the noise models that are compared by default. Correlated noise never replaces Gaussian noise (see
-`_choose_noise`)."""
+`_most_probable_noise`)."""
 LEAD_NATS = 5.0
 """Another noise model is chosen instead of Gaussian noise only if its log evidence is at least this many nats larger
 (conventional), and at least `predictable_nats` larger."""
@@ -62,8 +62,8 @@ def prepare_for_noises(
 
     A record of very many cycles is reduced to amplitudes and phases. The noise model is then chosen for the residual of
     the samples from a fit of these, unless `names` contains only Gaussian noise; it is in `Data.noise_model`. Unless it
-    is Gaussian or correlated noise, amplitudes and phases are estimated again under it. For other records, `adapt`
-    chooses the noise model later, for the residual of a motion.
+    is Gaussian or correlated noise, amplitudes and phases are estimated again under it. For other records,
+    `adapt_to_noise` chooses the noise model later, for the residual of a motion.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def prepare_for_noises(
         used = (firsts[:, None] + np.arange(MOST_SAMPLES // STRETCHES)).ravel()
     record = replace(signal, t=t[used], y=np.asarray(signal.y)[used])
     fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
-    noise = _choose_noise(names, data.averaged.residual[used], fit_one)[0]
+    noise = _most_probable_noise(names, data.averaged.residual[used], fit_one)[0]
     if noise.name in LEAST_SQUARES:
         return replace(data, noise_model=noise)
     data = prepare_data(signal, average, noise)
@@ -106,7 +106,7 @@ def prepare_for_noises(
     return prepare_data(signal, average, replace(noise, fitted=fitted))
 
 
-def _choose_noise(
+def _most_probable_noise(
     names: Sequence[str], residual: np.ndarray, fit_one: Callable[[str, np.ndarray], FittedNoise]
 ) -> tuple[SampleNoise, float]:
     """Choose the noise model of residuals, (m,), by its evidence.
@@ -178,7 +178,7 @@ class AdaptedData:
     variance: float
 
 
-def adapt(
+def adapt_to_noise(
     names: Sequence[str],
     data: Data,
     solver: Solver,
@@ -225,7 +225,7 @@ def adapt(
     if motion is None:
         return None
     fit_one = partial(fit_noise, signal=record, features=data.features, known=known, priors=priors)
-    chosen, gain = _choose_noise(names, record.y - motion, fit_one)
+    chosen, gain = _most_probable_noise(names, record.y - motion, fit_one)
     gaps, noise = np.diff(record.t), chosen.fitted
     if noise.name == GAUSSIAN:
         # `inflation` allows for correlated residuals. Where correlated noise explains them as well as an autoregression

@@ -7,7 +7,7 @@ import pytest
 
 from bayesdamp.inference.deviation.data import Data, prepare_data
 from bayesdamp.inference.deviation.linear import knots_of
-from bayesdamp.interface.answer import answer
+from bayesdamp.interface.answer import answer, compare_models
 from bayesdamp.physics.damping import PAPER_TERMS
 from bayesdamp.physics.kernel.solve import NONE
 from bayesdamp.types import Signal
@@ -39,7 +39,9 @@ def test_the_true_damping_is_named_at_any_rate(kind: str, rate: int) -> None:
     noise = NOISE * np.sqrt(rate / 70) * np.random.default_rng(5).standard_normal(t.size)
     signal = Signal(12.5 + t, trajectory(LAW, {**KNOWN, **TRUTHS[kind]}, t)[:, 0] + noise, name=kind)
     asked = {"damping": list(TRUTHS), "restoring": [LAW], "known": KNOWN, "deviation": "none"}
-    verdict = answer(signal, [AMPLITUDE], **asked, measured=False, sample=False).verdict
+    verdict = answer(
+        signal, compare_models(signal, **asked), [AMPLITUDE], measured=False, sample=False
+    ).verdict
     data = prepare_data(signal)
     assert (data.rows is not None) == (rate >= 64)
     assert data.times[0] == pytest.approx((data.thinned - 1) / 2 * PERIOD / rate)  # of the picture

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayesdamp.inference.deviation.compare import compare_signal
-from bayesdamp.interface.answer import answer
+from bayesdamp.interface.answer import answer, compare_models
 from bayesdamp.physics.damping import TERMS, others
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.records.simulate import simulate_signal
@@ -22,7 +22,9 @@ def answer_on(term: str) -> tuple[Verdict, dict[str, float], float]:
     simulated = case(term, {"structural": 1009}.get(term, 1001 if term in ("cubic", "stribeck") else 1000))
     damping = ["viscous", "coulomb", "quadratic", term, f"viscous+{term}"]
     return (
-        answer(simulated.signal, damping=damping, restoring=["linear"]).verdict,
+        answer(
+            simulated.signal, compare_models(simulated.signal, damping=damping, restoring=["linear"])
+        ).verdict,
         simulated.parameters,
         simulated.shares[term],
     )
@@ -54,7 +56,7 @@ def test_an_exponent_that_is_not_determined_is_reported() -> None:
     p |= {"omega0": 0.0, "epsilon": 0.001}
     rng = np.random.default_rng(1)
     signal = simulate_signal(osc, p, duration=25.0, samples=900, noise_sd=0.006, rng=rng)
-    verdict = answer(signal, damping=["power"], restoring=["linear"]).verdict
+    verdict = answer(signal, compare_models(signal, damping=["power"], restoring=["linear"])).verdict
     assert any("does not determine the exponent" in remark for remark in verdict.remarks)
     assert not any("does not determine" in remark for remark in answer_on("cubic")[0].remarks)  # control
 

@@ -7,7 +7,7 @@ import pytest
 
 from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.findings import compute_findings
-from bayesdamp.interface.answer import answer
+from bayesdamp.interface.answer import answer, compare_models
 from bayesdamp.types import Ratio, Signal
 from tests.physics.independent import trajectory, viscous, with_coulomb
 from validation.truth.ratio import harmonic_ratio
@@ -76,7 +76,7 @@ def test_friction_in_rounded_values_is_identified_as_sharp(monkeypatch: pytest.M
     sums = ["viscous+coulomb", "viscous+coulomb+quadratic"]
 
     def answered() -> tuple[str, float]:
-        result = answer(signal, damping=sums, restoring=["linear"], sample=False)
+        result = answer(signal, compare_models(signal, damping=sums, restoring=["linear"]), sample=False)
         assert {"gaussian", "quantised"} <= {noise.name for noise in result.content.noises}
         return result.verdict.damping, next(c.value for c in result.verdict.coefficients if c.name == "mu_c")
 
