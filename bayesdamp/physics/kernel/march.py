@@ -338,7 +338,7 @@ def march(
         if not is_stuck:
             slopes[0, base + 1, 1] = 1.0
             linearise(x, v, 0.0, at_g, at_h, c, q_p, epsilon, rounding, sign, active, law_p, sizes, rows[0])
-            curvatures(slopes[0], rows[0], sources_of, base, 0, n, tangents == 2)
+            curvatures(slopes[0], rows[0], sources_of, base, piece, n, tangents == 2)
     step = 0.05 * radian_time
     count, attempts = 1, 0
     if abs(v) < edge and a != 0.0:

@@ -212,13 +212,11 @@ def along(before, after, step, more, share):
 
 
 @njit
-def polynomial_coefficients(read, column):
-    """Return the coefficients of powers 0 to 4 of the polynomial through the values in one column of `read`.
+def polynomial_coefficients(r0, r1, r2, r3, r4):
+    """Return the coefficients of powers 0 to 4 of the polynomial with the values r0 to r4 at the five `POINTS`.
 
-    The polynomial's variable is the fraction of an integration step. read: values at the five fractions `POINTS`, one
-    row for each, as written by `linearise`, (5, l). column: index of the column.
+    The polynomial's variable is the fraction of an integration step, as in `POINTS`.
     """
-    r0, r1, r2, r3, r4 = read[0, column], read[1, column], read[2, column], read[3, column], read[4, column]
     return (
         r0,
         POWERS[1, 0] * r0 + POWERS[1, 1] * r1 + POWERS[1, 2] * r2 + POWERS[1, 3] * r3 + POWERS[1, 4] * r4,
@@ -287,7 +285,9 @@ def solve_step(read, step, sources, local, half):
     others stay as they are. step: length of the step in s.
     """
     of_x, of_v = homogeneous_solutions(
-        polynomial_coefficients(read, 0), polynomial_coefficients(read, 1), step
+        polynomial_coefficients(read[0, 0], read[1, 0], read[2, 0], read[3, 0], read[4, 0]),
+        polynomial_coefficients(read[0, 1], read[1, 1], read[2, 1], read[3, 1], read[4, 1]),
+        step,
     )
     c1, d1, c2, d2, c3, d3, c4, d4 = of_x
     e1, f1, e2, f2, e3, f3, e4, f4 = of_v
