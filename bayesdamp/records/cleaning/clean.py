@@ -54,6 +54,8 @@ equally small: 3e-5."""
 PRESERVED_DENSITY = 1e-3
 """Decimation preserves all frequencies at which the spectral density is more than this fraction of its maximum (−30 dB;
 conventional)."""
+FEWEST_CYCLES = 1.95
+"""Smallest number of cycles with which a part of a record is used (two, less a margin; conventional)."""
 MAX_STEPS_OFF = 2.0
 """A record is decimated only if all of its time stamps differ from equally spaced times by at most this many sampling
 steps."""
@@ -163,6 +165,14 @@ def clean(
     seek_start, seek_stop = start == "auto", stop == "auto"
     periods = coarse_periods(t, y)
     window = window_of_other_motion(t, y, periods[0][0]) if seek_start and seek_stop else None
+    if window is not None:
+        # A body that is held before its release can be mistaken for another motion; then the part does not oscillate.
+        part = slice(window.first, window.last + 1)
+        try:
+            cycles = features(Signal(t[part] - t[part][0], y[part], quantity, base, name, step)).cycles
+        except Refusal:
+            cycles = 0.0
+        window = window if cycles >= FEWEST_CYCLES else None
     if window is None:
         if seek_start and seek_stop and is_tone_burst(t, y, periods[0][0]):
             raise InputError(TONE_BURST, name)
@@ -183,7 +193,7 @@ def clean(
         free = t[min(int(np.flatnonzero(extreme)[-1]) + 1, t.size - 1)]
         raise InputError(CLIPPED.format(free), name)
     cycles, period = measured.cycles, measured.period
-    if cycles < 1.95:
+    if cycles < FEWEST_CYCLES:
         raise InputError(f"has {cycles:.1f} periods of free decay; at least two are needed", name)
     rate = (t.size - 1) / float(t[-1] - t[0])
     label = UNITS[unit].of(quantity)

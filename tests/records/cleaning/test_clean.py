@@ -39,6 +39,15 @@ def test_a_clock_in_bursts_is_rebuilt_and_the_release_is_the_start():
     assert any("burst" in note for note in signal.provenance.notes)
 
 
+@pytest.mark.parametrize("rate", [1.5, 1.7])
+def test_a_body_may_be_held_before_it_is_released_and_heavily_damped(rate):
+    t = np.arange(1000) * 0.005 - 1.75
+    signal = clean(
+        record(t, decay(t, rate) + 0.001 * np.random.default_rng(1).standard_normal(t.size)), name="x"
+    )
+    assert features(signal).period == pytest.approx(2 * np.pi / 9, rel=0.03)
+
+
 def test_a_given_window_is_in_seconds_of_the_file():
     t = 50 + np.arange(2000) * 0.01
     signal = clean(record(t, decay(t - 50, 0.1)), name="x", start=52.0, stop=60.0)
