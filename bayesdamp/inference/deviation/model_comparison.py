@@ -530,12 +530,12 @@ def choose_noise(
             frictions, epsilon = fits.choose_friction(adapting)
             if epsilon != fits.epsilon:
                 fits = fits.with_width(epsilon)
-                again = adapting(solver=fits.solvers[law], at=fits.modes()[law])
+                again = adapting(solver=fits.solvers[law], at=fits.modes().get(law, mode))
                 if again is not None:
                     adapted, noise = again, replace(again.noise, weighed=noise.weighed)
         fits = fits.refitted(data=adapted.data)
-        modes = fits.modes()
-        mode = modes[law]
+        modes = fits.modes() or modes
+        mode = modes.get(law, mode)
         kappa = inflation(data.t, mode.left, data.frequency, mode.u.size, adapted.variance)
         variance = kappa * adapted.variance
     elif "noise_sd" in stated and data.noise_model.name == GAUSSIAN:

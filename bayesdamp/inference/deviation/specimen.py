@@ -75,7 +75,7 @@ def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLi
 
     amplitudes: those of the record's damping curve, in rad or m, (a,). Where no orbit has an amplitude, the row of
     `per_unit` is nan. The log likelihood is absolute: with the prior it gives the candidate's log evidence in nats.
-    Return None if no damping parameter is inferred.
+    Return None if no damping parameter is inferred, or if no amplitude has an orbit.
     """
     posterior, parameters, solver = result.posterior, result.fit.parameters, result.solver
     if posterior.damping_likelihood is None:
@@ -102,6 +102,8 @@ def ratio_likelihood(result: CandidateResult, amplitudes: np.ndarray) -> RatioLi
         whole = each @ result.values[: len(solver.terms)]
         if whole[0] > 0:
             growth[row, own_columns] = np.log(whole[1:] / whole[0]) / steps
+    if not np.isfinite(per_unit).all(axis=1).any():
+        return None
     return RatioLikelihood(**vars(run), per_unit=per_unit, growth=growth)
 
 
