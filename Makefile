@@ -27,9 +27,10 @@ lint: $(READY)
 bench: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest tests/benchmarks --override-ini addopts= -s -p no:xdist $(ARGS)
 
-# The slow checks, which `make test` leaves out.
+# The slow checks, which `make test` leaves out, and which answers on 260 fixed records have changed.
 validate: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m slow $(ARGS)
+	$(ONE_THREAD) $(BIN)/python -m validation.frozen compare
 
 # The shipped reports whose sources have changed, the cheap ones first; an hour and a quarter, and resumes. ARGS=--check says
 # which.

@@ -1,10 +1,10 @@
-"""The answers on three fixed records are the stored ones. `python -m tests.reference.frozen compare` checks all."""
+"""The answers on three fixed records are the stored ones. `python -m validation.frozen compare` checks all."""
 
 import copy
 
 import pytest
 
-from tests.reference.frozen import answered, differences, envelope_row, simulated, stored
+from validation.frozen import answered, differences, envelope_row, simulated, stored
 
 
 @pytest.mark.parametrize("name", ["sum-003", "cubic-1"])

@@ -13,7 +13,7 @@ from numba import njit
 
 from bayesdamp.machine import interruptible
 
-inner = njit(fastmath={"contract"}, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+inner = njit(fastmath={"contract"}, no_cpython_wrapper=True, no_cfunc_wrapper=True)  # type: ignore[call-overload]
 """Compile a function that only other compiled functions call; without wrappers for Python this takes less time."""
 
 

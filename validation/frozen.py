@@ -1,7 +1,7 @@
 """Answers on fixed records, stored as data, and the differences between them and the answers of today.
 
-    python -m tests.reference.frozen freeze [NAME ...]
-    python -m tests.reference.frozen compare [NAME ...]
+    python -m validation.frozen freeze [NAME ...]
+    python -m validation.frozen compare [NAME ...]
 
 A name is that of a record or a group: `simulated`, `envelopes`, `measured`. Records are simulated by the validation's
 own solver, without the program that answers. The group `measured` needs the data folder. `compare` prints each record
@@ -31,7 +31,7 @@ from validation.truth.motion import NoMotionError, solve_motion
 from validation.truth.oscillator import LAWS, SUMS
 from validation.truth.ringdowns import draw_ringdown, simulate
 
-FOLDER = Path(__file__).with_name("answers")
+FOLDER = Path(__file__).with_name("frozen_answers")
 SEED = 20261126
 SUMS_OF_THREE, FORMS, DISCREPANT, ENVELOPES = 160, 4, 20, 20
 """Numbers of records with sums of damping terms, with each other form and with discrepancies, and of ring-downs."""
