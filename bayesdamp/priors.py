@@ -313,8 +313,9 @@ def shared_precision(squares: Any, count: Any, scales: Any = SHARED_SIGMAS) -> A
 def _over_scales(squares: Any, count: Any, scales: Any) -> tuple[Any, Any]:
     """Return the joint log prior density of scores with a common, unknown scale σ, and the posterior mean of 1/σ².
 
-    These are the results of `shared_log_density` and `shared_precision`. squares: sum of the squared scores, any shape,
-    also that of both results. count: number of scores. scales: possible values of σ, all equally probable, (s,).
+    The scores are those of a model's damping coefficients; given σ, each is half-normal, |N(0, σ²)|. These are the
+    results of `shared_log_density` and `shared_precision`. squares: sum of the squared scores, any shape, also that of
+    both results. count: number of scores. scales: possible values of σ, all equally probable, (s,).
     """
     np_: Any = sys.modules["jax"].numpy if _is_traced(squares) else np
     scales = np_.asarray(scales)

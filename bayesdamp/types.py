@@ -563,7 +563,7 @@ class Unit:
 
     @property
     def displacement(self) -> Unit:
-        """Return the unit of displacement amplitudes: this unit, or its base for a unit of velocity or acceleration."""
+        """Return the unit of displacement amplitudes: this unit, or rad or m for rpm, dps, g and the like."""
         return self if self.quantity is None else UNITS[self.base]
 
     def quantity_name(self, quantity: str) -> str:

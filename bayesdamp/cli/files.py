@@ -47,4 +47,4 @@ def check_replaceable(path: Path, first_line: str) -> None:
             head = handle.read(len(first_line))
         if head != first_line.encode():
             what = "already exists and was not made by bayesdamp"
-            raise InputError(f"--out {path}: {what}; give another name, or remove it")
+            raise InputError(f"--out {path}: {what}; give another name, or delete that file")

@@ -351,8 +351,8 @@ class Simulation(SimulateTable):
 class Recording(FileTable):
     """A record that is read from a file.
 
-    file: the path as written in the study. path: the absolute path. unit: unit of the displacement; empty for an
-    envelope whose study does not state the unit, so that the file's unit is used.
+    file: the path as written in the study. path: the absolute path. unit: unit of the displacement, or a unit of
+    velocity or acceleration such as rpm; for an envelope that of its readings, or empty if the file states it.
     """
 
     file: str

@@ -188,7 +188,9 @@ def stages(
 
 
 def _candidate_jobs(study: Study, store: Store) -> list[Job]:
-    """Return the jobs on the candidates (models) to evaluate, and store why tasks of other candidates are left out.
+    """Return the jobs on the candidates (models) to evaluate, and store why tasks of candidates are left out.
+
+    Of a candidate that is not sampled, the tasks that need sampling are left out; of one that is not evaluated, all.
 
     The reason is stored in place of a result in two cases: for every evidence task of a candidate that is not
     evaluated, and for every task that is left out now but has a result from an earlier run.

@@ -283,7 +283,8 @@ def choose_columns(
                 f"columns of the file have different lengths ({sizes}); give as many values as times"
             )
         raise InputError(
-            f"only the times change; give a file with a recorded quantity (columns are {list_names(columns)})"
+            f"its columns contain only times or sample numbers (they are {list_names(columns)}); give a file with a "
+            "recorded quantity"
         )
     chosen = _choose_in_all(content, blocks)
     left = [

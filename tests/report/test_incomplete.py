@@ -3,9 +3,11 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from bayesdamp.report.results.run import summary_rows
 from bayesdamp.report.sections import render
 from bayesdamp.store.files import write_json
 from bayesdamp.store.results import Store, TaskResult, claim
@@ -85,3 +87,14 @@ def test_a_damaged_verdict_is_one_line(maker, content):
     (folder / "verdict.json").write_text(content, encoding="utf-8", errors="surrogateescape")
     with pytest.raises(InputError, match=r"verdict\.json: this file is damaged; run the study again"):
         render(folder)
+
+
+def test_a_sampler_without_doubts_is_preferred_and_then_nuts() -> None:
+    for nuts, emcee, chosen in (("ok", "ok", "nuts"), ("no", "ok", "emcee"), ("no", "no", "nuts")):
+        outcomes = {"emcee": emcee, "nuts": nuts}
+        rows = [
+            {"signal": "s", "repeat": 0, "model": "viscous", "sampler": s, "mean": 1.0, "outcome": o}
+            for s, o in outcomes.items()
+        ]
+        run = SimpleNamespace(posteriors=rows)
+        assert [row["sampler"] for row in summary_rows(run, "s", 0, "viscous")] == [chosen]

@@ -46,7 +46,8 @@ def test_warnings_are_on_the_page(page):
     for text in (
         "changes by up to 4.1 times the standard deviation that is expected by chance",
         "predictive p 0.0030",
-        "not converged: R̂ of stiffness is 1.034",
+        "emcee: not converged: R̂ of stiffness is 1.034",
+        "The study names 4 damping models",
         "ε, within which friction changes its sign, was not given; it is assumed.",
     ):
         assert text in words

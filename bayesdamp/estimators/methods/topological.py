@@ -57,9 +57,9 @@ class Pairs:
     """The components of sublevel sets that are not noise, in time order.
 
     v, p (k,): values at birth (a minimum) and death (a maximum), relative to the midline; the lifetime is p − v. cycle
-    (k,): number of periods from the birth of the first component to the birth of this component.
-    floor: noise floor of the lifetimes, in the unit of the record; for the variant "published" v and p are already
-    corrected for it.
+    (k,): whole number of periods from the birth of the first component to the birth of this component.
+    floor: mean amount by which noise lengthens a lifetime, in the unit of the record. For the variant "published" v and
+    p are already corrected for it; for "as_printed" the formulas subtract it.
     """
 
     v: np.ndarray

@@ -169,11 +169,12 @@ class Data:
     def solver(
         self, terms: Sequence[str], restoring: str, epsilon: float, knots: np.ndarray
     ) -> Solver | AveragedSolver:
-        """Return a solver for damping terms under a restoring law; its motions have the same form as y.
+        """Return a solver for damping terms under a restoring law.
 
-        epsilon: width of the velocity range in which dry friction changes its sign, in rad/s or m/s. knots: times in s,
-        on the time axis of `t`, between which the deviations of damping (g) and frequency (h) from their laws are
-        interpolated.
+        Like y, its motions are samples, means over windows of samples, or amplitude, phase and midline of blocks of
+        cycles. epsilon: width of the velocity range in which dry friction changes its sign, in rad/s or m/s. knots:
+        times in s, on the time axis of `t`, between which the deviations of damping (g) and frequency (h) from their
+        laws are interpolated.
         """
         arguments = (
             tuple(terms), restoring, self.t, self.quantity, self.amplitude, self.frequency, epsilon, knots,

@@ -649,9 +649,10 @@ def log_evidences(model: LinearModel, grid: Grid, variance: float, samples: floa
 
 
 def _factorised(model: LinearModel, grid: Grid, variance: float) -> tuple[_Principal, _Triangles]:
-    """Return the model in principal coordinates, and its triangles with the parameters after the deviations.
+    """Return the model in principal coordinates of its parameters, and factors of the information at each grid point.
 
-    The last rows of each triangle then belong to the parameters alone. The arguments are those of `score_normals`.
+    The factors are Cholesky factors. Their last rows belong to the parameters; the rows before belong to the deviations
+    g and h, or to g alone if h is already integrated out (`_without_h`). The arguments are those of `score_normals`.
     """
     principal = _Principal.of(model, variance)
     if principal.keeps_digits(grid, variance):

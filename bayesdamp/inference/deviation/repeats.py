@@ -142,7 +142,8 @@ def join_runs(
         Priors of the specimen's parameters, in the order of the likelihoods' names.
     log_sizes : ndarray, shape (c,)
         Log prior probabilities of the first c grid points (sizes and correlation lengths of the deviations from the
-        laws); the other grid points of the likelihoods are not used.
+        laws); the other grid points of the likelihoods are not used. The first grid point has no deviations, so that
+        `zeros(1)` assumes exact laws.
     seed : int
         Seed of the random stream.
 

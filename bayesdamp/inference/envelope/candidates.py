@@ -139,8 +139,8 @@ class EnvelopeCandidate:
     law
         The decay law of the sum.
     x0, rates, fit
-        The fit: ln(A/A_ref) at the start; rates c_i in 1/s of the law's terms (see `DecayLaw`), (d,); fitted
-        ln(A/A_ref) at the blocks, (n,).
+        The fit: ln(A/A_ref) at the start (A_ref: see `Blocks`); rates c_i in 1/s of the law's terms (see `DecayLaw`),
+        (d,); fitted ln(A/A_ref) at the blocks, (n,).
     about
         Normal posteriors of the model linearised about the fit, one for each combination of noise, its scale, and size
         and correlation length of the deviation g from the law.

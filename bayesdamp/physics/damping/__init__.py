@@ -161,7 +161,7 @@ class DampingTerm(ABC):
         return self.work(amplitude, frequency, medians) / (2 * np.pi * (frequency * amplitude) ** 2)
 
     def work(self, amplitude: float, frequency: float, further: Mapping[str, float]) -> float:
-        """Return the energy lost in a cycle x = θ_e + A sin ωt, per unit of coefficient and inertia, in rad²/s².
+        """Return the energy lost in a cycle x = θ_e + A sin ωt, for coefficient 1 and per unit of inertia, in rad²/s².
 
         Dry friction jumps with the sign of the velocity here.
 

@@ -90,7 +90,7 @@ class StudyCandidate:
 
     @property
     def noise(self) -> str:
-        """Name of the noise model for this candidate: of those that the study allows, the one with the most evidence.
+        """Name of the noise model, the same for all candidates on this record: the most probable that the study allows.
 
         The evidences of the noise models were computed by the task `ANSWER`, which compares the damping models on the
         record. If it compared none of the allowed noise models, or has no result, the name is that of the first allowed

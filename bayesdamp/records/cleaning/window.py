@@ -287,9 +287,10 @@ def _find_decays(
 
 
 def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) -> _Decays | None:
-    """Return the free decays with about the given period in s; None if there are none.
+    """Return all turning points and, among them, the free decays with about this period in s; None if there are none.
 
-    t, y: times in s and values, (n,). step: step to which the values are rounded, in the unit of y.
+    Period and noise in the result are measured again, in the decay with the most `information` on the damping. t, y:
+    times in s and values, (n,). step: step to which the values are rounded, in the unit of y.
     """
     noise = roughness(t, y, period)
     turns = without_gap_edges(turning_points(t, y, period, noise), t, period)

@@ -145,7 +145,7 @@ def make_record(
         size[size < 10.0 ** (-LARGEST_LEVEL / 20.0) * size.max()] = 0.0
         if np.any(y < -MAX_NEGATIVE * size.max()):
             raise InputError(
-                f"{name}: readings have both signs ({y.min():g} to {y.max():g}), so they are not amplitudes; "
+                f"{name}: readings below zero ({y.min():g} to {y.max():g}) are not amplitudes; "
                 "give --unit dB if they are levels, or leave out --quantity envelope if they are an oscillation"
             )
         if np.any(y < 0):

@@ -130,7 +130,7 @@ class SignalSection(Section):
         return any(self.shows(run, signal) for signal in run.signals)
 
     def render(self, run: RunFolder) -> Markup:
-        """Return the introduction and the content on each signal."""
+        """Return the section as HTML: the introduction, then the content on each signal that has any (`shows`)."""
         signals = [signal for signal in run.signals if self.shows(run, signal)]
         note = paragraph(ONE_MODEL, "small") if self.draws_models and len(run.signals) > _MOST else ""
         return stack(self.lead and paragraph(self.lead), note, self.by_signal(run, signals))

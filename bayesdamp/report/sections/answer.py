@@ -24,13 +24,19 @@ CAPTION = (
     "Upper left: the record and the fit of the damping model that the legend names (only their amplitudes, if the "
     "record was averaged over cycles). The fit may deviate from its laws, unless they are assumed to be exact. Upper "
     "right: the equivalent viscous damping ratio of this record against amplitude (thick black line) with its 95 % "
-    "interval (grey band), the 95 % interval that is measured without assuming a damping law (brown band), and each "
-    f"compared damping model, fitted with exact laws (coloured lines). In this panel, {SHAPES}. A model whose line "
-    "leaves both bands does not describe this record. Lower left: the residual, which is the record minus the fit. It "
+    "interval (grey band), {measured}, and each compared damping model, fitted with exact laws (coloured lines). In "
+    f"this panel, {SHAPES}. A model whose line leaves the bands does not describe this record. Lower left: the "
+    "residual, which is the record minus the fit. It "
     "should look like noise; a wave in the residual is motion that the fit does not explain. Lower right: the energy "
     "that each term of the named model dissipates in a cycle, against amplitude, divided by the mass or the moment of "
     "inertia; here too the laws are exact."
 )
+TWICE = (
+    "both averaged over the compared models by their probability, the 95 % interval that is measured without assuming "
+    "a damping law (brown band)"
+)
+ONCE = "both measured without assuming a damping law"
+"""`TWICE`, `ONCE`: the part of `CAPTION` that says how the damping ratio was measured."""
 UNMEASURED = " There is no brown band: the damping ratio could not be measured without a damping law."
 MEASURED = (
     "Top: the record. Lower left: its equivalent viscous damping ratio against amplitude (black line) with the 95 % "
@@ -141,7 +147,8 @@ def _views(run: RunFolder, answer: StoredAnswer) -> list[object]:
     unit, recorded = v.damping_ratio[0].unit if v.damping_ratio else "rad", own.of(quantity)
     label = f"{own.quantity_name(quantity)} / {words.divisor(recorded)}"
     draw = partial(figures.answer, answer.arrays, unit, v.damping, label)
-    caption = MEASURED if v.contradicted else CAPTION
+    by_laws = "ratio" in answer.arrays
+    caption = MEASURED if v.contradicted else CAPTION.format(measured=TWICE if by_laws else ONCE)
     if "free/amplitude" not in answer.arrays:
         caption += UNMEASURED
     parts: list[object] = [run.drawings.add(f"answer-{signal}", caption, draw)]
