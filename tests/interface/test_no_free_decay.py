@@ -40,6 +40,9 @@ def test_beats_are_described_by_two_oscillations() -> None:
     assert verdict.motion is MotionKind.BEATS
     assert not verdict.decided
     assert verdict.modes[0].low < 0.01 < verdict.modes[0].high  # 95 %, seed fixed
+    t, y = sum_of(*parts, noise=0.003)
+    faster = answer(Signal(t / 5, y), compare_models(Signal(t / 5, y)), sample=False).verdict
+    assert [m.high for m in faster.modes] == pytest.approx([m.high for m in verdict.modes], rel=1e-3)
     assert verdict.modes[1].frequency == pytest.approx(1.12 * OMEGA / (2 * np.pi), rel=1e-3)
     assert verdict.sentence.startswith("Not the free decay of one oscillator: two oscillations beat")
     assert verdict.modes[1].first / verdict.modes[0].first == pytest.approx(1 / 3, rel=0.05)

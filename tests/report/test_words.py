@@ -46,3 +46,8 @@ def test_intervals_have_the_digits_of_their_width():
 def test_durations():
     texts = {0.0: "0 ms", 3.04: "3.0 s", 59.9: "60 s", 125: "2 min 05 s", 7265: "2 h 01 min"}
     assert {seconds: fmt.duration(seconds) for seconds in texts} == texts
+
+
+def test_a_list_has_commas_and_a_word_before_its_last_item():
+    texts = {(): "", ("a",): "a", ("a", "b"): "a or b", ("a", "b", "c"): "a, b or c"}
+    assert {items: fmt.listing(items, "or") for items in texts} == texts
