@@ -15,6 +15,7 @@ from bayesdamp.inference.noise import NOISES
 from bayesdamp.inference.noise.gaussian import Gaussian
 from bayesdamp.pipeline.tasks import Product
 from bayesdamp.records.simulate import simulate_signal
+from bayesdamp.report.sections import render
 from bayesdamp.store.results import RecoveryContent
 from bayesdamp.types import InputError
 from tests.studies import study_text, write_study
@@ -160,6 +161,10 @@ def test_only_a_wrong_likelihood_fails(tmp_path, monkeypatch, misjudged, right):
         assert 0 <= min(ranked) <= max(ranked) <= 255
     if not right:
         return
+    info = json.loads((out / "run.json").read_text())
+    info["result"]["counts"]["viscous"]["refused"] = {"few": 3, "many": 5}
+    (out / "run.json").write_text(json.dumps(info))
+    assert "5: many; 3: few" in render(out).read_text(encoding="utf-8")
     before, calls, compute = (out / "ranks.csv").read_bytes(), [], ranks.compute_chunk
     monkeypatch.setattr(ranks, "compute_chunk", lambda *given: calls.append(given[2]) or compute(*given))
     lost = sorted((out / "cells").rglob("viscous/*.npz"))[-1]

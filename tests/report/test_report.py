@@ -51,6 +51,7 @@ def test_warnings_are_on_the_page(page):
         "ε, within which friction changes its sign, was not given; it is assumed.",
     ):
         assert text in words
+    assert "bench and sim: Restoring force" not in words  # what is the same for all signals names none
 
 
 def test_measured_signals_have_no_truth(page):

@@ -21,6 +21,7 @@ def test_a_value_has_the_digits_of_its_error():
 
 def test_a_number_has_four_digits():
     texts = {12.3456: "12.35", 9.9996: "10.00", 1e-7: "1.000 × 10⁻⁷", -math.inf: "−∞", None: "–", 0.0: "0"}
+    texts |= {123456.0: "123456", 1234567.0: "1.235 × 10⁶"}
     assert {value: fmt.number(value) for value in texts} == texts
 
 
