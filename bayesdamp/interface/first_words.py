@@ -8,7 +8,7 @@ from bayesdamp import formatting as fmt
 from bayesdamp.formatting import digits, percentage
 from bayesdamp.records.oscillation.features import features, once_per_record
 from bayesdamp.records.oscillation.law_free import law_free
-from bayesdamp.records.oscillation.modes import OtherMotion, find_other_motion
+from bayesdamp.records.oscillation.modes import MOST_MISFIT, OtherMotion, find_other_motion
 from bayesdamp.types import DERIVATIVES, NORMAL_95, LawFreeDamping, Refusal, Signal, unit_named
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import Grade, Interval, MotionKind, Oscillation, UsedWindow
@@ -132,6 +132,12 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
     duration = float(signal.t[-1] - signal.t[0])
     spread = (modes[0].high - modes[0].low) * modes[0].frequency
     f = modes[0].frequency
+    remarks = [] if np.isnan(own.rates).any() else [VISCOUS]
+    if other.misfit > MOST_MISFIT:
+        remarks.append(
+            f"The two oscillations do not explain the record: the residual is {digits(other.misfit, n=2)} times the "
+            "noise, and the intervals are too narrow."
+        )
     verdict = Verdict(
         signal.name,
         Grade.NO_FREE_DECAY,
@@ -143,7 +149,7 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
         modes=modes,
         quantity=signal.quantity,
         window=UsedWindow(first, first + duration, duration * f, ""),
-        remarks=() if np.isnan(own.rates).any() else (VISCOUS,),
+        remarks=tuple(remarks),
     )
     return replace(verdict, sentence=sentence(verdict))
 

@@ -164,6 +164,10 @@ class RecordColumns:
     choice: str = ""
 
 
+FASTEST_PENDULUM = 5.0
+"""Frequency in Hz above which an oscillation is not that of a pendulum, which would be shorter than a centimetre."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Block:
     """The columns of one run in one group (sheet, structure) of a file, with their times or sampling rate.
@@ -288,7 +292,9 @@ def choose_columns(
         )
     chosen = _choose_in_all(content, blocks)
     left = [
-        r for r in chosen if unit_of_column(r.value)[1] != "acceleration" or not _contains_gravity(r.value)
+        r
+        for r in chosen
+        if unit_of_column(r.value)[1] != "acceleration" or not _contains_gravity(r.value) or _is_fast(r)
     ]
     if left:
         return [_with_clock(record, content) for record in left]
@@ -299,6 +305,15 @@ def choose_columns(
         "down",
         arguments=["value"],
     )
+
+
+def _is_fast(record: RecordColumns) -> bool:
+    """Return whether a record oscillates faster than a pendulum (`FASTEST_PENDULUM`), so that it is not one."""
+    rate, time = record.rate or record.value.rate, record.time
+    step = 1.0 / rate if rate else 0.0
+    if time is not None:
+        step = (seconds_of_unit(time) or 1.0) * float(np.nanmedian(np.diff(time.values)))
+    return measure_oscillation(record.value.values).period * step < 1.0 / FASTEST_PENDULUM
 
 
 def _make_block(content: Contents, run: str, group: str, timed: list[Column], rate: float | None) -> _Block:

@@ -13,7 +13,13 @@ import numpy as np
 import scipy  # loads its modules when they are used
 from threadpoolctl import threadpool_limits
 
-from bayesdamp.records.oscillation.noise import LEAST_SHARE, coarse_period, group_by_size, roughness
+from bayesdamp.records.oscillation.noise import (
+    LEAST_SHARE,
+    coarse_period,
+    coarse_periods,
+    group_by_size,
+    roughness,
+)
 from bayesdamp.types import DERIVATIVES, FeatureValues, Refusal, Signal
 
 PER_CYCLE = 48
@@ -23,6 +29,9 @@ FEW_TURNS = 7
 """If fewer turning points than this are found, the search is repeated with a weaker condition: the values need to
 return from an extremum by only half of the distance that was required before. Under heavy damping a half cycle may be
 less than half of the one before."""
+ENOUGH_TURNS = 5
+"""If the first of the possible periods gives fewer regular turning points than this, other periods are tried too
+(conventional)."""
 LEAST_SAMPLES = 9
 """The window of samples around a turning point is widened, up to threefold, until it has this many samples, which are
 enough to determine a sinusoid with changing amplitude, phase and midline."""
@@ -468,6 +477,12 @@ class Features(FeatureValues):
     swing_sizes: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
+def _regular_runs(t: np.ndarray, y: np.ndarray, period: float) -> list[TurningPoints]:
+    """Return the runs of regular turning points (`regular_runs`) of an oscillation with about this period in s."""
+    noise = roughness(t, y, period)
+    return regular_runs(without_gap_edges(turning_points(t, y, period, noise), t, period), noise)
+
+
 @once_per_record
 def features(signal: Signal) -> Features:
     """Measure the features of a signal: period, amplitude, noise, turning points and others.
@@ -481,13 +496,18 @@ def features(signal: Signal) -> Features:
         raise Refusal(f"the record has {t.size} samples; at least 10 are needed")
     if np.ptp(y) == 0:
         raise Refusal("the record is constant: nothing oscillates")
-    # Rough period and noise, with which the turning points are found.
+    # Rough period, with which the turning points are found.
     period, share = coarse_period(t, y)
+    runs = _regular_runs(t, y, period)
+    turns = max(runs, key=lambda run: run.times.size)
+    if turns.times.size < ENOUGH_TURNS:  # this period may be wrong
+        for other, other_share in coarse_periods(t, y):
+            others = _regular_runs(t, y, other)
+            longest = max(others, key=lambda run: run.times.size)
+            if other_share >= LEAST_SHARE and longest.times.size > turns.times.size:
+                period, share, runs, turns = other, other_share, others, longest
     if share < LEAST_SHARE:
         raise Refusal("no oscillation stands out of the noise")
-    noise = roughness(t, y, period)
-    runs = regular_runs(without_gap_edges(turning_points(t, y, period, noise), t, period), noise)
-    turns = max(runs, key=lambda run: run.times.size, default=TurningPoints(*np.empty((3, 0))))
     if turns.times.size < 3:
         raise Refusal("no oscillation is found: fewer than three turning points stand out of the noise")
     middle = midpoints(turns.values)

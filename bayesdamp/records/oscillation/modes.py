@@ -87,6 +87,9 @@ the factor `RISE_RATIO` and over at least `RISE_PERIODS` periods."""
 MIN_RISING_FRACTION = 0.25
 """A record counts as excited throughout only if the amplitude rises in at least this fraction of its duration. Under
 random excitation it rises half of the time, after repeated releases only during a small part of it."""
+STANDING_OUT = 10.0
+"""A record does not count as excited throughout if its largest amplitude is more than this factor times the median: it
+then contains a decay that stands out. Under Gaussian random forces, one period in 2^100 has such an amplitude."""
 MIN_RANGE_SIGMAS = 20.0
 """An oscillation that stays constant after a decay is recognised only if its range (maximum minus minimum) is at least
 this many standard deviations of a sample's noise."""
@@ -287,12 +290,15 @@ class OtherMotion:
     complete
         Whether two modes explain the record to its noise (`MOST_MISFIT`). If their frequencies are close, there must
         also be enough beats (`LEAST_BEATS`). False for "growing", "steady" and "excited".
+    misfit
+        For two oscillations, the standard deviation of the residual relative to that of the noise; 1 for other kinds.
     """
 
     kind: Literal["growing", "steady", "beats", "two modes", "driven", "excited"]
     modes: Modes
     size: float
     complete: bool = False
+    misfit: float = 1.0
 
 
 def find_other_motion(
@@ -358,7 +364,8 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, no_law_fits: bool) -> OtherMot
     if slow == 1 and f * duration < DRIFT_CYCLES and two.rates[slow] < RATE_SIGMAS * two.errors[slow]:
         return None  # a drift of the baseline
     noise = float(np.std(y)) * two.left**0.5
-    complete = noise < MOST_MISFIT * roughness(t, y, 1 / f)
+    misfit = noise / roughness(t, y, 1 / f)
+    complete = misfit < MOST_MISFIT
     if g / f - 1 < CLOSE_FREQUENCIES:
         ranges = _ranges(t, y, 1 / f)
         # `levels`: in the last third, the amplitude and the slower mode stay constant, well above the noise.
@@ -373,11 +380,13 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, no_law_fits: bool) -> OtherMot
         complete = complete and (g - f) * together > LEAST_BEATS
         if relative_rise(ranges, noise) < MIN_RISE and not levels and not (no_law_fits and complete):
             return None
-        return OtherMotion("driven" if steady else "beats", two, size, complete)
+        return OtherMotion("driven" if steady else "beats", two, size, complete, misfit)
+    if not complete and g - f < fastest:  # two damped sinusoids imitate how another decay ends
+        return None
     multiple = two.frequencies[1] / two.frequencies[0]
     if not no_law_fits and multiple > 1 and abs(multiple - round(multiple)) < HARMONIC_TOLERANCE * multiple:
         return None
-    return OtherMotion("driven" if steady else "two modes", two, size, complete)
+    return OtherMotion("driven" if steady else "two modes", two, size, complete, misfit)
 
 
 def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | None:
@@ -405,6 +414,8 @@ def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | N
     third = ranges.size // 3
     before, after = float(np.median(ranges[:third])), float(np.median(ranges[-third:]))
     if not before < MIN_FALL * after < MIN_FALL**2 * before:  # this form is also right if a median is 0
+        return None
+    if ranges.max() > STANDING_OUT * np.median(ranges):
         return None
     noise = roughness(t, y, period)
     if (
