@@ -477,6 +477,10 @@ class Features(FeatureValues):
     swing_sizes: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
+def _longest(runs: list[TurningPoints]) -> TurningPoints:
+    return max(runs, key=lambda run: run.times.size, default=TurningPoints(*np.empty((3, 0))))
+
+
 def _regular_runs(t: np.ndarray, y: np.ndarray, period: float) -> list[TurningPoints]:
     """Return the runs of regular turning points (`regular_runs`) of an oscillation with about this period in s."""
     noise = roughness(t, y, period)
@@ -499,11 +503,11 @@ def features(signal: Signal) -> Features:
     # Rough period, with which the turning points are found.
     period, share = coarse_period(t, y)
     runs = _regular_runs(t, y, period)
-    turns = max(runs, key=lambda run: run.times.size)
+    turns = _longest(runs)
     if turns.times.size < ENOUGH_TURNS:  # this period may be wrong
         for other, other_share in coarse_periods(t, y):
             others = _regular_runs(t, y, other)
-            longest = max(others, key=lambda run: run.times.size)
+            longest = _longest(others)
             if other_share >= LEAST_SHARE and longest.times.size > turns.times.size:
                 period, share, runs, turns = other, other_share, others, longest
     if share < LEAST_SHARE:
