@@ -48,6 +48,15 @@ def test_a_body_may_be_held_before_it_is_released_and_heavily_damped(rate):
     assert features(signal).period == pytest.approx(2 * np.pi / 9, rel=0.03)
 
 
+@pytest.mark.parametrize(("ratio", "before"), [(0.27, 2.0), (0.27, 0.0), (0.3, 0.0)])
+def test_a_decay_of_three_cycles_is_used(ratio, before):
+    """In closed form, with a period of 1 s; the body is held for `before` s."""
+    t, wd = np.arange(0, 8, 0.01) - before, 2 * np.pi * np.sqrt(1 - ratio**2)
+    fall = np.exp(-2 * np.pi * ratio * t) * (np.cos(wd * t) + 2 * np.pi * ratio / wd * np.sin(wd * t))
+    y = np.where(t < 0, 1.0, fall) + 0.001 * np.random.default_rng(1).standard_normal(t.size)
+    assert features(clean(record(t, y), name="x")).cycles > 2.9
+
+
 def test_a_given_window_is_in_seconds_of_the_file():
     t = 50 + np.arange(2000) * 0.01
     signal = clean(record(t, decay(t - 50, 0.1)), name="x", start=52.0, stop=60.0)

@@ -128,3 +128,25 @@ def test_exact_rest_before_a_release_is_not_excitation() -> None:
     y = np.where(t < 35, 0.0, np.exp(-0.02 * (t - 35)) * np.cos(2 * np.pi * (t - 35)))
     assert find_excited(t, y, 1.0) is None
     assert find_excited(t, y[::-1], 1.0) is None
+
+
+@pytest.mark.parametrize("friction", [0.07, 0.09, 0.12])
+def test_friction_that_stops_the_body_after_a_few_cycles_is_not_two_modes(friction: float) -> None:
+    """In closed form: in each half cycle the amplitude falls by twice the friction, and then the body rests."""
+    t = np.arange(0, 8, 0.01)
+    swing = np.minimum(np.floor(2 * t), np.ceil((1 / friction - 1) / 2))
+    size = 1 - 2 * friction * swing
+    free = (size - friction) * np.cos(2 * np.pi * (t - swing / 2)) + friction
+    y = (-1) ** swing * np.where(size > friction, free, size)
+    assert find_other_motion(t, y + 0.001 * np.random.default_rng(1).standard_normal(t.size), 1.0) is None
+
+
+def test_a_decay_that_stands_out_of_random_vibration_is_not_excited() -> None:
+    """Control: without the decay."""
+    t = np.arange(0, 100, 0.02)
+    fall = np.exp(-0.05 * 2 * np.pi * 0.02)
+    force = 1e-4 * np.random.default_rng(8).standard_normal(t.size)
+    ambient = lfilter([1.0], [1.0, -2 * fall * np.cos(2 * np.pi * 0.02), fall**2], force)
+    decay = np.where(t < 40, 0.0, 0.1 * np.exp(-0.1 * (t - 40)) * np.sin(2 * np.pi * (t - 40)))
+    assert find_excited(t, ambient, 1.0) is not None
+    assert find_excited(t, ambient + decay, 1.0) is None
