@@ -27,7 +27,7 @@ lint: $(READY)
 bench: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest tests/benchmarks --override-ini addopts= -s -p no:xdist $(ARGS)
 
-# The slow checks, which `make test` leaves out, and which answers on 260 fixed records have changed.
+# The slow checks, which `make test` leaves out, and which answers on 236 fixed records have changed.
 validate: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m slow $(ARGS)
 	$(ONE_THREAD) $(BIN)/python -m validation.frozen compare

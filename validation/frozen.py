@@ -24,7 +24,7 @@ from bayesdamp.interface.envelopes import analyse
 from bayesdamp.records.envelope.record import make_record
 from bayesdamp.types import Signal
 from validation.experiments.laws import case
-from validation.measured.run import signals
+from validation.measured.run import DATA, signals
 from validation.truth import discrepancies, records
 from validation.truth.drawing import Draw, draw_oscillator
 from validation.truth.motion import NoMotionError, solve_motion
@@ -181,6 +181,9 @@ def write(group: str, rows: Mapping[str, Any]) -> None:
 def rows_of(group: str, names: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Answer the records of a group again, those of these names or all."""
     if group == "measured":
+        if not DATA.exists():
+            print(f"no folder {DATA}: the group `measured` is left out")
+            return
         for record, decays in signals():
             numbered = {f"{record}-{i}": signal for i, signal in enumerate(decays, start=1)}
             for name in (n for n in numbered if not names or n in names):
@@ -238,6 +241,9 @@ def main(task: str, names: Sequence[str]) -> int:
                 if words:
                     print(f"{name} {kind}: {'; '.join(words)}", flush=True)
         print(f"{group}: {count} answers compared, {moved} different so far")
+        if names and not count and task == "compare":
+            print(f"no stored answer in {group} is named {' or '.join(names)}")
+            moved += 1
     return 1 if moved else 0
 
 

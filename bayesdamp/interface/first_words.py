@@ -79,6 +79,8 @@ def change_in_words(at: LawFreeDamping) -> str:
     return "it grows as the amplitude falls (as with dry friction)"
 
 
+MOST_STATED = 1000.0
+"""Largest ratio of the residual to the noise that a remark states as a number (conventional)."""
 VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 
@@ -134,9 +136,10 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
     f = modes[0].frequency
     remarks = [] if np.isnan(own.rates).any() else [VISCOUS]
     if other.misfit > MOST_MISFIT:
+        noise = f"{digits(other.misfit, n=2)} times" if other.misfit < MOST_STATED else "far above"
         remarks.append(
-            f"The two oscillations do not explain the record: the residual is {digits(other.misfit, n=2)} times the "
-            "noise, and the intervals are too narrow."
+            f"The two oscillations do not explain the record: the residual is {noise} the noise, and the intervals are "
+            "too narrow."
         )
     verdict = Verdict(
         signal.name,

@@ -165,7 +165,8 @@ class RecordColumns:
 
 
 FASTEST_PENDULUM = 5.0
-"""Frequency in Hz above which an oscillation is not that of a pendulum, which would be shorter than a centimetre."""
+"""Frequency in Hz above which an acceleration with gravity is not that along a pendulum: such an axis oscillates at
+twice the pendulum's frequency, and the pendulum would be shorter than 4 cm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,12 +309,16 @@ def choose_columns(
 
 
 def _is_fast(record: RecordColumns) -> bool:
-    """Return whether a record oscillates faster than a pendulum (`FASTEST_PENDULUM`), so that it is not one."""
-    rate, time = record.rate or record.value.rate, record.time
-    step = 1.0 / rate if rate else 0.0
+    """Return whether a record oscillates so fast that it is not the axis along a pendulum (`FASTEST_PENDULUM`).
+
+    Times whose column states no unit are taken as seconds.
+    """
+    y, time, rate = record.value.values, record.time, record.rate or record.value.rate
+    step = 1.0 / rate if rate else np.inf
     if time is not None:
-        step = (seconds_of_unit(time) or 1.0) * float(np.nanmedian(np.diff(time.values)))
-    return measure_oscillation(record.value.values).period * step < 1.0 / FASTEST_PENDULUM
+        t = time.values[np.isfinite(y) & np.isfinite(time.values)]
+        step = (seconds_of_unit(time) or 1.0) * float(np.mean(np.diff(t))) if t.size > 1 else np.inf
+    return 0 < measure_oscillation(y).period * step < 1.0 / FASTEST_PENDULUM
 
 
 def _make_block(content: Contents, run: str, group: str, timed: list[Column], rate: float | None) -> _Block:

@@ -35,6 +35,7 @@ from bayesdamp.records.files import contents as file_contents
 from bayesdamp.records.files.contents import (
     DAY,
     SECONDS,
+    TIMES,
     Column,
     Contents,
     Reader,
@@ -534,11 +535,10 @@ def _complete_rows(value: Column, time: Column | None, content: Contents) -> tup
         position = f"sample {row} (from 0)"
         if content.first_line is not None and content.lines is not None:
             position = f"line {int(content.lines[row]) + content.first_line}"
-        names = dict.fromkeys(c.words[row] for _, c in columns if row in c.words)
-        if len(names) > 1:
-            quoted = " and ".join(map(repr, names))
+        if time is not None and row in value.words and TIMES.search(time.words.get(row, "")):
+            header = f"{time.words[row]!r} and {value.words[row]!r}"
             raise InputError(
-                f"{position}: another table begins, with {quoted}; give each table a file of its own"
+                f"{position}: another table begins, with {header}; give each table a file of its own"
             )
         others = f" ({bad.size - 1} more like it)" if bad.size > 1 else ""
         raise InputError(f"{position}: {fault}; correct it or leave the row out{others}")

@@ -163,7 +163,11 @@ BAD = {
     "column number too large": (GOOD, {"value": 3}, "no column 3; the file has 2 columns"),
     "name without header": (rows(), {"value": "angle", "time": 1}, "no names"),
     "text in a number": ([*GOOD[:8], "0.7,oops", *GOOD[8:]], {}, "9: 'oops' in column 2 is not a number"),
-    "two tables": ([*GOOD[:8], "t (ms),x", *GOOD[8:]], {}, "line 9: another table begins, with 't (ms)' and"),
+    "two tables": (
+        [*GOOD[:8], "time (ms),x", *GOOD[8:]],
+        {},
+        "9: another table begins, with 'time (ms)' and",
+    ),
     "infinite time": ([*GOOD[:8], "inf,0.1", *GOOD[8:]], {}, "line 9: the time is inf"),
     "several": ([*GOOD[:8], "nan,0.1", "0.8,bad", "1.1,nan"], {}, " (2 more like it)"),
     "too short": (GOOD[:8], {}, "only 7 samples; a record needs at least 10"),

@@ -29,9 +29,10 @@ FEW_TURNS = 7
 """If fewer turning points than this are found, the search is repeated with a weaker condition: the values need to
 return from an extremum by only half of the distance that was required before. Under heavy damping a half cycle may be
 less than half of the one before."""
-ENOUGH_TURNS = 5
-"""If the first of the possible periods gives fewer regular turning points than this, other periods are tried too
-(conventional)."""
+ENOUGH_TURNS, LEAST_RANGE = 5, 0.5
+"""If the first of the possible periods gives fewer regular turning points than `ENOUGH_TURNS`, other periods are tried
+too. One with more turning points is used if their range (maximum minus minimum) is at least `LEAST_RANGE` times that
+with the first period (conventional)."""
 LEAST_SAMPLES = 9
 """The window of samples around a turning point is widened, up to threefold, until it has this many samples, which are
 enough to determine a sinusoid with changing amplitude, phase and midline."""
@@ -505,10 +506,11 @@ def features(signal: Signal) -> Features:
     runs = _regular_runs(t, y, period)
     turns = _longest(runs)
     if turns.times.size < ENOUGH_TURNS:  # this period may be wrong
-        for other, other_share in coarse_periods(t, y):
+        for other, other_share in coarse_periods(t, y)[1:]:
             others = _regular_runs(t, y, other)
             longest = _longest(others)
-            if other_share >= LEAST_SHARE and longest.times.size > turns.times.size:
+            is_large = turns.times.size < 3 or np.ptp(longest.values) > LEAST_RANGE * np.ptp(turns.values)
+            if other_share >= LEAST_SHARE and longest.times.size > turns.times.size and is_large:
                 period, share, runs, turns = other, other_share, others, longest
     if share < LEAST_SHARE:
         raise Refusal("no oscillation stands out of the noise")

@@ -309,8 +309,9 @@ def find_other_motion(
     Three motions are tested in turn: one oscillation that grows or stays constant, two oscillations, and excitation
     throughout (`find_excited`). Two oscillations are accepted if two damped sinusoids explain nearly all of the record,
     leave at most half of what one leaves, and a single oscillator, even a nonlinear one, cannot move in this way. It
-    cannot if the second frequency is neither close to the first nor a harmonic of it. For close frequencies the
-    amplitude must rise, or fall and then stay constant. The result is None for fewer than 20 (averaged) samples.
+    cannot if the second frequency is neither close to the first nor a harmonic of it, and if the two are not so heavily
+    damped that they can imitate the end of another decay. For close frequencies the amplitude must rise, or fall and
+    then stay constant. The result is None for fewer than 20 (averaged) samples.
 
     Parameters
     ----------
@@ -364,8 +365,8 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, no_law_fits: bool) -> OtherMot
     if slow == 1 and f * duration < DRIFT_CYCLES and two.rates[slow] < RATE_SIGMAS * two.errors[slow]:
         return None  # a drift of the baseline
     noise = float(np.std(y)) * two.left**0.5
-    misfit = noise / roughness(t, y, 1 / f)
-    complete = misfit < MOST_MISFIT
+    rough = roughness(t, y, 1 / f)
+    misfit, complete = noise / max(rough, 1e-300), noise < MOST_MISFIT * rough
     if g / f - 1 < CLOSE_FREQUENCIES:
         ranges = _ranges(t, y, 1 / f)
         # `levels`: in the last third, the amplitude and the slower mode stay constant, well above the noise.
@@ -392,8 +393,8 @@ def _other_by_modes(t: np.ndarray, y: np.ndarray, no_law_fits: bool) -> OtherMot
 def find_excited(t: np.ndarray, y: np.ndarray, period: float) -> OtherMotion | None:
     """Return the motion of a record that is excited throughout, by random forces or a hand.
 
-    The amplitude of such a record rises repeatedly, about as slowly as it falls, and is at the end about as large as at
-    the start.
+    The amplitude of such a record rises repeatedly, about as slowly as it falls, is at the end about as large as at the
+    start, and never stands out (`STANDING_OUT`).
 
     Parameters
     ----------
