@@ -242,7 +242,7 @@ class Verdict(CheckedMethods):
         return join(cls, {name: value for name, value in given.items() if name != "schema"})
 
     def to_json(self) -> str:
-        """Return one JSON object as in the list of `verdict.json`, but with amplitudes in this verdict's own unit."""
+        """Return the verdict as JSON text: an object like those in `verdict.json`, with amplitudes in its own unit."""
         return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
 
     def save(self, path: str | Path) -> Path:

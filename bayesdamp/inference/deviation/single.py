@@ -505,8 +505,8 @@ def rebuild_single(signal: Signal, restoring: str, state: FitState) -> Single:
 def _rebuild(data: Data, candidate: MotionCandidate, state: FitState) -> Single:
     """Rebuild the result of a candidate from its stored fit, and linearise it about the stored motion.
 
-    data: the record, prepared as for the fit. state: the stored fit. Raises Refusal if the motion is unbounded, for
-    example because the fit belongs to another record.
+    data: the record, prepared as for the fit. state: the stored fit. Raises Refusal if the motion is unbounded or the
+    deviations are too large, for example because the fit belongs to another record.
     """
     knots = knots_of(data.end, data.cycles)
     if state.working is not None:

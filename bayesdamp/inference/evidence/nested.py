@@ -132,12 +132,12 @@ def _finite(log: np.ndarray) -> np.ndarray:
 def run_sampler(
     points: Map, density: Map, d: int, seed: int, needed: float | None = None
 ) -> tuple[Sampler, bool]:
-    """Run nautilus; return its sampler and whether it finished (reached `EFFECTIVE_DRAWS`).
+    """Run nautilus (without neural networks); return its sampler and whether it reached `EFFECTIVE_DRAWS`.
 
-    points: map from the unit cube, (n, d), to scores, (n, d). density: function that returns the log of the density to
-    integrate, (n,), at scores. d: number of scores. needed: estimate, in nats, of the log of the prior's volume divided
-    by the posterior's. The run ends early if its progress shows that it would need more than `MAX_LIKELIHOODS`
-    evaluations to shrink the volume this much. None for no such check.
+    points: map from the unit cube, (n, d), to scores, (n, d). density: function that returns, at scores, the log of the
+    integrand divided by the density from which `points` draws, (n,). d: number of scores. needed: estimate, in nats, of
+    the log of the prior's volume divided by the posterior's. The run ends early if its progress shows that it would
+    need more than `MAX_LIKELIHOODS` evaluations to shrink the volume this much. None for no such check.
     """
     from nautilus import Sampler
 

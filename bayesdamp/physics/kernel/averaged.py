@@ -160,11 +160,12 @@ class AveragedSolver(Solver):
     ) -> Motion | None:
         """Return the values of the blocks, and their derivatives, in a `Motion`; None if the trajectory diverges.
 
-        The values are amplitude, phase and midline of each block (group of consecutive cycles) in turn, multiplied by
-        the factors in `track`, plus `defect`; the derivatives are those without `defect`. The arguments are those of
-        `Solver.solve`, but `stop` is the number of values to return (three for each block; None for all). The times and
-        states in the result belong to the compressed oscillation, which has M times the damping in 1/M of the time.
-        None is also returned if an amplitude is zero, or if the trajectory needs too many steps.
+        The values are amplitude, phase and midline of each block (group of consecutive cycles) in turn, combined by
+        `Track.combine` to values with independent, equal noise, plus `defect`; the derivatives are those without
+        `defect`. The arguments are those of `Solver.solve`, but `stop` is the number of values to return (three for
+        each block; None for all). The times and states in the result belong to the compressed oscillation, which has M
+        times the damping in 1/M of the time. None is also returned if an amplitude is zero, or if the trajectory needs
+        too many steps.
         """
         blocks = len(self.track.weights) if stop is None else -(-stop // NUMBERS)
         if blocks not in self._solvers:

@@ -309,9 +309,10 @@ def find_other_motion(
     Three motions are tested in turn: one oscillation that grows or stays constant, two oscillations, and excitation
     throughout (`find_excited`). Two oscillations are accepted if two damped sinusoids explain nearly all of the record,
     leave at most half of what one leaves, and a single oscillator, even a nonlinear one, cannot move in this way. It
-    cannot if the second frequency is neither close to the first nor a harmonic of it, and if the two are not so heavily
-    damped that they can imitate the end of another decay. For close frequencies the amplitude must rise, or fall and
-    then stay constant. The result is None for fewer than 20 (averaged) samples.
+    cannot if the second frequency is neither close to the first nor a harmonic of it, and if the two explain the record
+    to its noise or are too lightly damped to imitate the end of another decay. For close frequencies the amplitude must
+    rise, or fall and then stay constant. The result is None for fewer than 20 (averaged) samples or three cycles, and
+    for a drift of the baseline.
 
     Parameters
     ----------

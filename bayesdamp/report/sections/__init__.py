@@ -60,7 +60,7 @@ def collapsible(summary: str, *content: object) -> Markup:
 
 
 def paragraph(text: object, look: str = "") -> Markup:
-    """Return a text, escaped, as an HTML paragraph. `look`: its class in the style sheet; "" for none."""
+    """Return a text as an HTML paragraph. It is escaped unless it is Markup. `look`: its class; "" for none."""
     return Markup("<p{}>{}</p>").format(Markup(f' class="{look}"') if look else "", text)
 
 
