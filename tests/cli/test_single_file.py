@@ -24,7 +24,7 @@ def test_a_user_s_file_is_not_replaced(
     """Controls: a new name, and a file that the same command has written."""
     monkeypatch.setattr("bayesdamp.cli.commands.claims.CLAIMS", ())  # the claims take seconds to compute
     words = WRITING[name]
-    line = "already exists and was not made by bayesdamp; give another name, or remove it"
+    line = "already exists and was not made by bayesdamp; give another name, or delete that file"
     for content in CONTENTS:
         (folder / name).write_bytes(content)
         assert refused(*words, name) == f"{words[-1]} {name}: {line}"
