@@ -509,8 +509,9 @@ def features(signal: Signal) -> Features:
         for other, other_share in coarse_periods(t, y)[1:]:
             others = _regular_runs(t, y, other)
             longest = _longest(others)
-            is_large = turns.times.size < 3 or np.ptp(longest.values) > LEAST_RANGE * np.ptp(turns.values)
-            if other_share >= LEAST_SHARE and longest.times.size > turns.times.size and is_large:
+            if other_share < LEAST_SHARE or longest.times.size <= turns.times.size:
+                continue
+            if turns.times.size < 3 or np.ptp(longest.values) > LEAST_RANGE * np.ptp(turns.values):
                 period, share, runs, turns = other, other_share, others, longest
     if share < LEAST_SHARE:
         raise Refusal("no oscillation stands out of the noise")

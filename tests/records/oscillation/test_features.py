@@ -1,10 +1,12 @@
 """Frequency, amplitude, rest, cycles, roughness and turning points of damped cosines, whose values are known."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
 from bayesdamp.records.oscillation.features import features
-from bayesdamp.types import Signal
+from bayesdamp.types import Refusal, Signal
 
 
 def cosine(cycles=7.0, per_cycle=200, zeta=0.05, noise=0.0, rest=0.0, phase=0.0, quantum=0.0, seed=0):
@@ -89,3 +91,22 @@ def test_noise_of_short_records_is_that_without_their_spikes():
         at = rng.choice(y.size, spikes, replace=False)
         y[at] += 0.3 * rng.choice([-1, 1], spikes) * rng.uniform(0.05, 1.0, spikes)
         assert 1 / 3 < features(Signal(signal.t, y)).roughness / 3e-5 < 3, seed
+
+
+def test_a_record_with_few_turning_points_is_measured_or_refused() -> None:
+    """Coulomb friction in closed form, in much noise; with another possible period no turning point is regular."""
+    for friction, duration, noise in (
+        (0.15, 3.0, 0.05),
+        (0.2, 8.0, 0.05),
+        (0.15, 3.0, 0.1),
+        (0.1, 5.0, 0.01),
+    ):
+        t = np.arange(0, duration, 0.02)
+        swing = np.minimum(np.floor(2 * t), np.ceil((1 / friction - 1) / 2))
+        size = 1 - 2 * friction * swing
+        free = (size - friction) * np.cos(2 * np.pi * (t - swing / 2)) + friction
+        y = (-1) ** swing * np.where(size > friction, free, size)
+        for seed in range(2):
+            with suppress(Refusal):
+                y_noisy = y + noise * np.random.default_rng(seed).standard_normal(t.size)
+                assert features(Signal(t, y_noisy)).period == pytest.approx(1.0, rel=0.2)
