@@ -1,7 +1,7 @@
 """The overview of many records, and the estimates against the posterior of their record."""
 
 import io
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +55,23 @@ def test_the_overview_has_the_common_answer_first_and_a_link_to_each_record(fold
     for name in SIZES:
         assert section.count(f'href="#answer-{name}"') == 1
         assert f'id="answer-{name}"' in page
+
+
+def test_the_caption_says_how_the_damping_ratio_was_measured(folder: Path) -> None:
+    """For one of the three records it is measured without a law, so that there is no ratio by the laws."""
+    store = Store(folder)
+    result = store.read("answer/rig_run_1/0")
+    arrays = {n: values for n, values in result.arrays.items() if n not in ("ratio", "low", "high")}
+    arrays |= {
+        f"free/{n}": arrays["amplitude"] for n in ("amplitude", "ratio", "ratio_low", "ratio_high", "lost")
+    }
+    store.write(replace(result, arrays=arrays))
+    page = sections.render(folder).read_text(encoding="utf-8")
+    once, twice = "both measured without assuming a damping law", "both averaged over the compared models"
+    assert (page.count(once), page.count(twice)) == (
+        2,
+        4,
+    )  # in the caption and in the text in place of the picture
 
 
 def test_only_the_first_of_many_records_have_figures(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
