@@ -26,6 +26,7 @@ from bayesdamp.interface.first_words import no_free_decay, remark_on
 from bayesdamp.priors import Prior
 from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.oscillation.law_free import LawFree, law_free
+from bayesdamp.records.oscillation.modes import NATS_AHEAD
 from bayesdamp.serial import join, split
 from bayesdamp.store.results import (
     AnswerContent,
@@ -256,7 +257,8 @@ def answer(
     -------
     Answer
         If `comparison` is a verdict, or if no damping law fits and the signal is rather an oscillation of another kind
-        (grade `no_free_decay`), the answer contains only the verdict.
+        (grade `no_free_decay`), the answer contains only the verdict. It is also of another kind if two oscillations of
+        close frequencies explain the signal far better than the best law.
 
     Raises
     ------
@@ -298,7 +300,10 @@ def answer(
         law_free=measured_ratios,
     )
     no_law_fits = verdict.law_free and findings.unexplained >= thresholds.REMARK
-    other = no_free_decay(signal, no_law_fits=True) if no_law_fits else None
+    # Nats of log likelihood that the best law lacks. Search for two close modes only if they can be this far ahead.
+    lacking = 0.5 * signal.t.size * (findings.unexplained / max(findings.noise, 1e-300)) ** 2
+    unexplained = findings.unexplained * comparison.data.recorded_amplitude if lacking > NATS_AHEAD else 0.0
+    other = no_free_decay(signal, no_law_fits, unexplained) if no_law_fits or unexplained else None
     if other is not None:
         return Answer(AnswerContent(other.to_dict()))
     arrays = dict(picture(comparison, findings))

@@ -85,23 +85,23 @@ VISCOUS = "Each oscillation is assumed to be a sinusoid with viscous damping."
 
 
 @once_per_record
-def _other_motion(signal: Signal, no_law_fits: bool) -> OtherMotion | None:
+def _other_motion(signal: Signal, no_law_fits: bool, unexplained: float = 0.0) -> OtherMotion | None:
     """Return the motion of a signal that is not a free decay of one oscillator, such as beats or growth.
 
     The result contains the kind of motion, its modes, and its size, which is not tested here (`no_free_decay` does).
     Return None if the signal may be a free decay, or if it has no period. `no_law_fits`: whether no law of one
     oscillator fits the record. If True, three kinds of second modes are accepted in addition: harmonics of the first
     frequency, modes that soon decay, and modes close to the first frequency without a rising amplitude, if the two beat
-    and explain the record to its noise.
+    and explain the record to its noise. `unexplained`: as in `find_other_motion`.
     """
     try:
         period = features(signal).period
     except Refusal:
         return None
-    return find_other_motion(signal.t, signal.y, period, no_law_fits)
+    return find_other_motion(signal.t, signal.y, period, no_law_fits, unexplained)
 
 
-def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
+def no_free_decay(signal: Signal, no_law_fits: bool = False, unexplained: float = 0.0) -> Verdict | None:
     """Return the verdict on a signal that is not the free decay of one oscillator; None if it may be such a decay.
 
     The verdict contains the motion and its modes, with amplitudes in `signal.unit`, but no damping law. The signal is
@@ -118,8 +118,11 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False) -> Verdict | None:
         Whether no law of one oscillator fits the record. If True, more second oscillations count: those that soon
         decay, those at a multiple of the first frequency (which may also be harmonics of a nonlinear oscillator), and,
         if two oscillations explain the record to its noise, smaller ones and close ones without a rising amplitude.
+    unexplained
+        Rms of the residual, beyond the noise, that the best law of one oscillator leaves, in `signal.unit`; 0 if it is
+        not known. Two close oscillations that explain much more count, even if no amplitude rises.
     """
-    other = _other_motion(signal, no_law_fits)
+    other = _other_motion(signal, no_law_fits, unexplained)
     if other is None:
         return None
     small = no_law_fits and other.complete

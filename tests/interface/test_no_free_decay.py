@@ -66,15 +66,22 @@ BEATING = (0.024, 1.08, 0.01)
 
 
 def test_a_close_second_oscillation_counts_if_no_law_fits(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The amplitude of neither record rises. Controls: without the second oscillation the damping is viscous, and a
-    law that explains nearly everything is not replaced by two oscillations."""
+    """The amplitude of no record rises, and the last has less than one beat. Controls: without the second oscillation
+    the damping is viscous, and a law that explains nearly everything is not replaced by two oscillations."""
     decay, options = (0.3, 1.0, 0.01), {"samples": 1000, "noise": 0.001}
-    for second, kind in ((BEATING, MotionKind.BEATS), ((0.009, 1.15, 0.0), MotionKind.DRIVEN)):
-        verdict = verdict_on(decay, second, **options)
+    doublet = (0.09, 1.013, 0.01)  # 0.65 line widths apart
+    steady = (0.009, 1.15, 0.0)
+    for second, samples, kind in (
+        (BEATING, 1000, MotionKind.BEATS),
+        (steady, 1000, MotionKind.DRIVEN),
+        (doublet, 2000, MotionKind.BEATS),
+    ):
+        verdict = verdict_on(decay, second, samples=samples, noise=0.001)
         assert verdict.motion is kind
         assert verdict.modes[0].low < 0.01 < verdict.modes[0].high  # 95 %, seed fixed
     assert verdict_on(decay, **options).damping == "viscous"
     monkeypatch.setattr(thresholds, "REMARK", 1.0)
+    monkeypatch.setattr("bayesdamp.interface.answer.NATS_AHEAD", np.inf)
     verdict = verdict_on(decay, BEATING, **options)
     assert verdict.law_free is not None
     assert verdict.motion is None
