@@ -67,7 +67,7 @@ FALLBACK = "text"
 _ONE_AT_A_TIME = threading.Lock()
 """Lock for `warnings.catch_warnings`, which changes a state of the whole process and is not thread-safe."""
 _OPEN = "a text table, .mat, .npy, .npz, .uff, .tdms, .lvm, .labx, .wav, .h5, .parquet, .xlsx or .json file"
-_AGAIN = "the file is damaged or of another kind: save it again, or export it as text"
+_AGAIN = "the file may be damaged, or its ending may not suit its content: save it again, or export it as a text table"
 _CHILD = """
 import json, pickle, sys
 from importlib import import_module

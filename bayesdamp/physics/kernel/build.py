@@ -418,12 +418,12 @@ def _function(plugin: DampingTerm | RestoringLaw, base: type, name: str, what: s
         raise Refusal(f"the {what} has no `kernel`; define this method to compute trajectories")
     try:
         definition = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
-    except (OSError, SyntaxError):
+    except (OSError, SyntaxError, TypeError):
         raise Refusal(
-            f"the source of the `kernel` of the {what} cannot be read; define it with `def` in a file"
+            f"the source code of the `kernel` of the {what} cannot be read; define this method with `def` in a .py file"
         ) from None
     if not isinstance(definition, ast.FunctionDef):
-        raise Refusal(f"the `kernel` of the {what} must be a plain function, defined with `def`")
+        raise Refusal(f"the `kernel` of the {what} must be defined with `def`, not as a lambda")
     foreign = sorted(set(function.__code__.co_names) & set(function.__globals__) - {"math", "np"})
     if foreign:
         raise Refusal(
