@@ -4,6 +4,7 @@ import math
 import os
 import signal
 import time
+from functools import partial
 from itertools import pairwise
 from threading import Timer
 
@@ -146,11 +147,21 @@ class Foreign(DampingTerm):
         return FACTOR * v
 
 
-def test_a_users_term_that_cannot_be_compiled_is_refused() -> None:
-    TERMS.add("foreign", Foreign())
+class Partial(Foreign):
+    """A user's term whose kernel has no source code of its own."""
+
+    kernel = partial(lambda k, x, v, epsilon: k * v, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("term", "message"),
+    [(Foreign, "uses 'FACTOR'; it may only use"), (Partial, r"with `def` in a \.py file")],
+)
+def test_a_users_term_that_cannot_be_compiled_is_refused(term: type[DampingTerm], message: str) -> None:
+    TERMS.add("foreign", term())
     try:
         solver = Solver(("foreign",), "linear", TIMES, "angle", 0.3, math.sqrt(20.0), 0.1, KNOTS)
-        with pytest.raises(Refusal, match="uses 'FACTOR'; it may only use"):
+        with pytest.raises(Refusal, match=message):
             solved(solver, np.array([0.8, 20.0, 0.0, 0.3, 0.0]))
     finally:
         TERMS.remove("foreign")
