@@ -27,7 +27,7 @@ from bayesdamp.verdict.parts import (
     UsedWindow,
 )
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import frequency_remark, remarks, sentence
+from bayesdamp.verdict.words import frequency_remark, remarks, sentence, spring_remark
 
 
 def decide(
@@ -103,6 +103,9 @@ def decide(
         FrequencyAt(min(r.amplitude for r in ratios), unit, q.value, q.low, q.high) if q and ratios else None
     )
     contradicted = off = narrower = False
+    restoring = next(iter(findings.restoring))
+    spring_doubtful = restoring != "linear" and findings.restoring_deviation.low > thresholds.SPRING_DEVIATES
+    least = thresholds.CONTRADICTS_THEN if spring_doubtful else thresholds.CONTRADICTS
     own_ratios, own_frequency = (), None
     if law_free is not None:
         own_ratios, own_frequency = _with_intervals(law_free, unit)
@@ -112,7 +115,7 @@ def decide(
         for own in own_ratios:
             value, low, high = (float(np.interp(own.amplitude, known, row)) for row in rows)
             law_there = Interval(value, low, high)
-            contradicted = contradicted or _contradicts(law_there, own, thresholds.CONTRADICTS)
+            contradicted = contradicted or _contradicts(law_there, own, least)
         own = own_frequency
         if by_law is not None and abs(log(by_law.amplitude / own.amplitude)) < thresholds.SAME_AMPLITUDE:
             off = _contradicts(by_law, own, thresholds.CONTRADICTS_FREQUENCY)
@@ -127,7 +130,7 @@ def decide(
         frequency_at = own_frequency
     twins = possible_twins(findings, first)
     certain = findings.damping[first] >= thresholds.DECIDED and same and not twins
-    decided = grade is not Grade.DEVIATES and certain
+    decided = grade is not Grade.DEVIATES and certain and not spring_doubtful
     shares = [Share(t, q.value, q.low, q.high, findings.term[t]) for t, q in findings.energy.items()]
     # The parameters of the best damping and restoring law, but not those of the start of the motion and of the noise.
     law, terms = findings.best.restoring, [TERMS.get(t) for t in findings.best.damping]
@@ -145,7 +148,7 @@ def decide(
         damping=first,
         probability=damping[first],
         rivals=rivals_of(damping, {n: min(p, cap) for n, p in findings.other_forms.items()}),
-        restoring=next(iter(findings.restoring)),
+        restoring=restoring,
         restoring_probability=min(next(iter(findings.restoring.values())), cap),
         frequency=natural,
         exponent=None if findings.exponent is None else interval_of(findings.exponent),
@@ -175,6 +178,8 @@ def decide(
         verdict = replace(verdict, exponent=None, coefficients=())
     if off and q is not None and not instead:
         notes = [*notes, frequency_remark(verdict, interval_of(q, "Hz"))]
+    if spring_doubtful:
+        notes = [*notes, spring_remark(verdict, interval_of(findings.restoring_deviation))]
     reservations = remarks(verdict, findings, same, notes, twins)
     return replace(verdict, remarks=reservations, sentence=sentence(verdict))
 

@@ -144,6 +144,14 @@ def frequency_remark(v: Verdict, by_law: Interval) -> str:
     )
 
 
+def spring_remark(v: Verdict, deviation: Interval) -> str:
+    """Return the remark that the frequency deviates from that of the best restoring law by the fraction `deviation`."""
+    return (
+        f"The frequency deviates from the restoring law, {_in_words(v.restoring)}, by {_percentages(deviation)}. A "
+        "second oscillation in the record may look like a nonlinear spring: compare again with the linear law alone."
+    )
+
+
 def _frequency(v: Verdict) -> str:
     """Return a clause with the natural frequency, beginning with a comma; "" for an envelope or if none is known.
 
