@@ -12,15 +12,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.inference.deviation.averaged import MOST_CYCLES, Averaging
-from bayesdamp.inference.deviation.candidate import START, MotionCandidate, refit
+from bayesdamp.inference.deviation.candidate import START, MotionCandidate
 from bayesdamp.inference.deviation.data import prepare_data
 from bayesdamp.inference.deviation.forms import add_rivals, columns_of
-from bayesdamp.inference.deviation.model_comparison import (
-    CandidateResult,
-    Known,
-    ModelComparison,
-    compare_candidates,
-)
+from bayesdamp.inference.deviation.model_comparison import Known, ModelComparison, compare_candidates
 from bayesdamp.inference.deviation.sample_noise import AUTOMATIC, prepare_for_noises
 from bayesdamp.inference.deviation.slices import exponent_quantiles
 from bayesdamp.machine import at_once
@@ -30,11 +25,6 @@ from bayesdamp.physics.oscillator import check_restoring
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.types import Reference, Signal
-
-NEAR = 10.0
-"""For a record of very many cycles, motions are computed by averaging over cycles. The motion of a candidate (a sum of
-damping terms under a restoring law) is then corrected by the full equation of motion if the candidate's log evidence is
-at most this many nats below the best (conventional)."""
 
 
 def compare_signal(
@@ -126,26 +116,11 @@ def compare_signal(
 
 
 def _correct_averages(comparison: ModelComparison) -> ModelComparison:
-    """Return a copy of the comparison in which averaged motions are corrected by the full equation of motion.
+    """Return a copy of the comparison in which averaged motions are corrected (`ModelComparison.corrected`).
 
-    Averaged motions are used for a record that is reduced to amplitudes and phases of blocks of cycles. The correction
-    is computed at the mode of each candidate within `NEAR` nats of the best, and the candidate is fitted again. If this
-    fails, the candidate keeps its result. In `solvers`, the solver of the best candidate replaces that of its restoring
-    law.
+    In `solvers`, the solver of the best candidate replaces that of its restoring law.
     """
-    top = comparison.best.log_evidence
-
-    def correct(r: CandidateResult) -> CandidateResult:
-        if top - r.log_evidence > NEAR:
-            return r
-        assert isinstance(r.solver, AveragedSolver)
-        solver = r.solver.with_defect(r.values, r.fit.active, *r.deviations)
-        fit = None if solver is None else refit(solver, comparison.data, r.fit)
-        if solver is None or fit is None:
-            return r
-        return comparison.evaluate(r.candidate, solver, fit)
-
-    comparison = replace(comparison, results=tuple(at_once(correct, comparison.results)))
+    comparison = replace(comparison, results=tuple(at_once(comparison.corrected, comparison.results)))
     best = comparison.best
     return replace(comparison, solvers={**comparison.solvers, best.candidate.restoring: best.solver})
 

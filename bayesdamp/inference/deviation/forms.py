@@ -25,7 +25,7 @@ from bayesdamp.inference.deviation.candidate import (
     start_values,
 )
 from bayesdamp.inference.deviation.linear import condense, score_normals, with_priors
-from bayesdamp.inference.deviation.model_comparison import REACH, CandidateResult, ModelComparison
+from bayesdamp.inference.deviation.model_comparison import REACH, ROUNDS, CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.slices import exponent_starts, power_solver
 from bayesdamp.machine import at_once
 from bayesdamp.physics.damping import PAPER_TERMS, TERMS, TINY, others
@@ -157,11 +157,19 @@ def _evaluate_rivals(
     motion = (*best.solver.names[places], *START)
     known = {n: v for n, v in best.fit.parameters.known.items() if n in motion} | scales
 
+    # If the best law holds exactly, a more accurate motion of a rival would not change the answer.
+    deviates = best.log_evidence > best.exact_posterior.log_evidence
+
     def evaluate(damping: tuple[str, ...]) -> CandidateResult | None:
         c = MotionCandidate(damping, restoring)
         parameters = parameters_of(c, solver, data, reference, comparison.priors, known)
         fit = search_near(solver, data, parameters, sums[damping], starts or start_values(c, parameters))
-        return None if fit is None else comparison.evaluate(c, solver, fit)
+        if fit is None:
+            return None
+        result = comparison.evaluate(c, solver, fit)
+        for _ in range(ROUNDS if deviates else 0):
+            result = comparison.corrected(result, np.inf)
+        return result
 
     assert solver.kernel  # compiled before several threads ask for it
     return [r for r in at_once(evaluate, sums) if r is not None]

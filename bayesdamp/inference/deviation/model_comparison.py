@@ -82,6 +82,10 @@ REACH = 20.0
 this many nats below the best prediction. The prediction is from the fit of the sum of all terms
 (`ModelComparison.expected_evidences`). Of 385 candidates on 22 simulated records this left out 135, none of which was
 closer than 18 nats."""
+NEAR = 20.0
+"""For a record of very many cycles, motions are computed by averaging over cycles. The motion of a candidate (a sum of
+damping terms under a restoring law) is then corrected by the full equation of motion if the candidate's log evidence is
+at most this many nats below the best (conventional)."""
 FAR_BEHIND = f"its log evidence is expected to be more than {REACH:g} nats below the best"
 """Reason, stored in `ModelComparison.refused`, for a candidate that is not fitted because its predicted log evidence is
 too small (see `REACH`)."""
@@ -355,6 +359,22 @@ class ModelComparison:
         """
         mode = linearise_at_mode(solver, self.data, fit, self.variance) if self.approximate else None
         return self.evaluate_about(candidate, solver, fit, mode, self.exact_variance(fit))
+
+    def corrected(self, r: CandidateResult, near: float = NEAR) -> CandidateResult:
+        """Return a result again, with its averaged motion corrected by the full equation of motion at its own mode.
+
+        Averaged motions are used for a record that is reduced to amplitudes and phases of blocks of cycles. With the
+        correction of another candidate, the right law may seem far behind. Return `r` itself if motions are not
+        averaged, if its log evidence is more than `near` nats below the best, or if the correction or its fit fails.
+        """
+        if self.data.averaged is None or self.best.log_evidence - r.log_evidence > near:
+            return r
+        assert isinstance(r.solver, AveragedSolver)
+        solver = r.solver.with_defect(r.values, r.fit.active, *r.deviations)
+        fit = None if solver is None else refit(solver, self.data, r.fit)
+        if solver is None or fit is None:
+            return r
+        return self.evaluate(r.candidate, solver, fit)
 
     def evaluate_about(
         self,

@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from bayesdamp.inference.deviation.averaged import BLOCKS, MOST_SHIFT
 from bayesdamp.inference.deviation.candidate import MotionCandidate
@@ -223,3 +224,22 @@ def test_a_record_whose_averaged_motion_is_not_close_is_fitted_by_the_equation_o
     assert viscous_alone(signal).data.averaged is None
     monkeypatch.setattr("bayesdamp.inference.deviation.compare.MOST_CYCLES", 400.0)
     assert not viscous_alone(signal).averaging.close
+
+
+def test_another_form_of_damping_is_fitted_with_its_own_motion() -> None:
+    """The damping is c₁v + c₂x²v. Without the correction of its own averaged motion, the right form is 5 nats behind
+    viscous + quadratic damping."""
+    t = np.linspace(0.0, 436.0, 3490)
+
+    def rates(_: float, state: np.ndarray) -> list[float]:
+        x, v = state
+        return [v, -((2 * np.pi) ** 2) * x - 4 * np.pi * (0.001 + 0.00267 * x * x) * v]
+
+    motion = solve_ivp(rates, (0.0, t[-1]), [1.0, 0.0], "DOP853", t, rtol=1e-9, atol=1e-12)
+    y = motion.y[0] + 0.003 * np.random.default_rng(3).standard_normal(t.size)
+    comparison = compare_signal(Signal(t, y, unit="m"), restoring=["linear"])
+    assert comparison.data.averaged is not None
+    ahead = {
+        "+".join(r.candidate.damping): r.log_evidence - comparison.best.log_evidence for r in comparison.forms
+    }
+    assert ahead["viscous+displacement"] > 5.0
