@@ -8,7 +8,7 @@ from math import log
 import numpy as np
 import scipy  # loads its modules when they are used
 
-from bayesdamp.formatting import digits, percentage, with_interval
+from bayesdamp.formatting import digits, listing, percentage, with_interval
 from bayesdamp.inference.deviation.draws import law_part, quantity
 from bayesdamp.inference.deviation.findings import SENSOR
 from bayesdamp.inference.deviation.specimen import RunComparison, SpecimenComparison, compare_runs
@@ -31,6 +31,11 @@ of the records' values, or times their median standard error if that is larger (
 RATIO_DRAWS = 20_000
 """Number of draws of a specimen's damping ratio; the ends of the 95 % interval are then accurate to 2 % of its
 width."""
+LEAST_COMMON = 0.5
+"""Records of a specimen have a common verdict only if the models that were fitted to all of them have at least this
+probability together (conventional). Otherwise a record excludes the damping of the others."""
+TINIEST = 1e-60
+"""Smallest standard error in `pool_records`, in the unit of the number; it only avoids divisions by 0."""
 Curve = Mapping[str, np.ndarray]
 """Type of a damping curve: arrays by name, such as `amplitude` and `ratio`, which have one element for each point."""
 
@@ -66,7 +71,8 @@ def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
     values, sds
         Values of the records and their standard errors, (n,) each, in the unit of the number.
     """
-    values, sds = np.asarray(values, float), np.maximum(np.asarray(sds, float), 1e-12 * np.abs(values).max())
+    values, sds = np.asarray(values, float), np.asarray(sds, float)
+    sds = np.maximum(sds, max(1e-12 * np.abs(values).max(), TINIEST))
     if values.size == 1:
         v, s = float(values[0]), float(sds[0])
         return PooledMean(v, s, 0.0, 0.0, 0.0, v - NORMAL_95 * s, v + NORMAL_95 * s)
@@ -126,8 +132,9 @@ def specimen(
     """Return the verdict on a specimen (one object that was recorded several times) from the answers on its records.
 
     All records have the same damping, times a factor for each record, whose spread is inferred. The verdict has the
-    grade `NOT_WEIGHED` if no model was fitted to all records, no coefficients if a record contradicts its law, and no
-    natural frequency if those of the records differ (`thresholds.FREQUENCIES_DIFFER`).
+    grade `NOT_WEIGHED` if the models that were fitted to all records are improbable (`LEAST_COMMON`), no coefficients
+    if a record contradicts its law, and no natural frequency if those of the records differ
+    (`thresholds.FREQUENCIES_DIFFER`).
 
     Parameters
     ----------
@@ -160,12 +167,19 @@ def specimen(
     if not records:
         raise ValueError("a specimen needs at least one record with a verdict")
     comparison = compare_runs([r.comparison for r in records], priors, seed=seed)
-    if not comparison.repeats:
-        reason = "No damping model was fitted to all records."
-        kind = records[0].verdict.quantity
+    own = [r.verdict for r in records]
+    if sum(comparison.probability[m] for m in comparison.repeats) < LEAST_COMMON:
+        groups: dict[str, list[str]] = {}
+        for v in own:
+            groups.setdefault(max(v.probabilities, key=v.probabilities.__getitem__), []).append(v.record)
+        each = "; ".join(f"{named(damping)} in {listing(names)}" for damping, names in groups.items())
+        reason = (
+            f"The records do not have one damping in common. The most probable damping of each by itself: {each}. "
+            "Compare them separately, or leave out those that differ."
+        )
+        kind = own[0].quantity
         return Verdict(name, Grade.NOT_WEIGHED, False, "", NAN, quantity=kind, sentence=reason)
     damping, restoring, others = specimen_probabilities(comparison)
-    own = [r.verdict for r in records]
     ranges = [(float(r.curve["amplitude"].min()), float(r.curve["amplitude"].max())) for r in records]
     amplitudes = choose_amplitudes(ranges) if amplitudes is None else amplitudes
     reaching = [[i for i, (low, high) in enumerate(ranges) if low <= a <= high] for a in amplitudes]

@@ -248,17 +248,23 @@ def test_a_specimen_has_the_worst_grade_and_the_largest_deviation_of_its_records
 def test_a_deviation_that_all_records_share_changes_the_damping_ratio_of_the_specimen() -> None:
     """By hand: records that lose e^0.2 times the energy of their law have e^0.2 times its ratio. Control: e^0."""
 
-    def value(over: float) -> float:
-        deviation = {"over": np.full(AMPLITUDE.size, over), "over_sd": np.full(AMPLITUDE.size, 0.01)}
+    def value(over: float, sd: float = 0.01) -> float:
+        deviation = {"over": np.full(AMPLITUDE.size, over), "over_sd": np.full(AMPLITUDE.size, sd)}
         each = [answered(name, 0.01, {V: 0.0}, sd=1e-5) for name in ("a", "b", "c")]
         each = [replace(r, curve={**r.curve, **deviation}) for r in each]
         return specimen("rig", each).damping_ratio[1].value
 
     assert value(0.2) / value(0.0) == pytest.approx(np.exp(0.2), rel=0.01)
+    assert value(0.0, 0.0) == pytest.approx(value(0.0), rel=0.01)  # the law holds exactly in all records
 
 
 def test_records_without_a_common_model_have_no_common_verdict() -> None:
-    verdict = specimen("rig", [answered("a", 0.01, {V: 0.0}), answered("b", 0.01, {Q: 0.0})])
-    assert (verdict.grade, verdict.damping, verdict.decided) == (Grade.NOT_WEIGHED, "", False)
-    assert verdict.sentence == "No damping model was fitted to all records."
+    """The models of the second specimen's records were fitted to all of them, but one record all but excludes each."""
+    viscous, quadratic = answered("a", 0.01, {V: 0.0}), answered("b", 0.01, {Q: 0.0})
+    both = answered("c", 0.01, {V: 0.0, C: -200.0}), answered("d", 0.01, {Q: 0.0, C: -200.0})
+    for records in ((viscous, quadratic), both):
+        verdict = specimen("rig", records)
+        assert (verdict.grade, verdict.damping, verdict.decided) == (Grade.NOT_WEIGHED, "", False)
+        names = [r.verdict.record for r in records]
+        assert f"viscous in {names[0]}; quadratic (drag) in {names[1]}." in verdict.sentence
     assert pool_coefficients([verdict, verdict]) == []
