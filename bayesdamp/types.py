@@ -592,6 +592,7 @@ UNITS = {
     for unit in (
         Unit("rad", "rad", 1.0, None, ("radian", "radians", "radiant")),
         Unit("mrad", "rad", 1e-3, None, ("milliradian", "milliradians")),
+        Unit("urad", "rad", 1e-6, None, ("µrad", "μrad", "microradian", "microradians")),
         Unit("deg", "rad", math.pi / 180, None, DEGREES),
         Unit("rpm", "rad", math.pi / 30, "velocity", ("1/min",)),
         Unit("dps", "rad", math.pi / 180, "velocity"),
@@ -605,6 +606,7 @@ UNITS = {
         Unit("mg", "m", 9.80665e-3, "acceleration"),
         Unit("V", "V", 1.0, None, ("volt", "volts")),
         Unit("mV", "V", 1e-3, None, ("millivolt", "millivolts")),
+        Unit("uV", "V", 1e-6, None, ("µV", "μV", "microvolt", "microvolts")),
         Unit("px", "px", 1.0, None, ("pixel", "pixels")),
         Unit("counts", "counts", 1.0, None, ("count", "adc", "lsb", "a.u.", "au", "arb. units", "arb.u.")),
     )

@@ -8,9 +8,9 @@ from bayesdamp.types import UNITS, quantity_unit
 
 def test_factors_of_units_are_those_of_their_definitions():
     bases = {
-        "rad": {"deg": 57.29577951308232, "mrad": 1000.0, "rpm": 9.549296585513721},
+        "rad": {"deg": 57.29577951308232, "mrad": 1000.0, "urad": 1e6, "rpm": 9.549296585513721},
         "m": {"mm": 1000.0, "in": 39.37007874015748, "ft": 3.280839895013123, "g": 0.10197162129779283},
-        "V": {"mV": 1000.0}, "px": {"px": 1.0},
+        "V": {"mV": 1000.0, "uV": 1e6}, "px": {"px": 1.0},
     }  # fmt: skip
     for base, scales in bases.items():
         assert {name: UNITS[name].scale for name in scales} == pytest.approx(scales, rel=1e-12)

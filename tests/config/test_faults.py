@@ -58,7 +58,7 @@ FAULTS = {
     # a file
     "no file": (rig(old='"rig.csv"', new='"rg.csv"'), "signal[rig].file: 'rg.csv' does not exist; paths are relative to"),
     "forces of a sensor's unit": (rig('unit = "mV"\nsystem = { restoring = "linear", inertia = 2.0 }\n'), "signal[rig].unit: is 'mV', a unit in which inertia has no meaning; remove inertia, or use rad or m"),
-    "unit": (rig('unit = "degrees"\n'), "signal[rig].unit: unknown unit 'degrees'; it must be one of rad, mrad, deg"),
+    "unit": (rig('unit = "degrees"\n'), "signal[rig].unit: unknown unit 'degrees'; it must be one of rad, mrad, urad, deg"),
     # [[sweep]]
     "sweep key": (sweep("noise", "[1]"), "sweep[1].key: is 'noise', which is not a key of a signal; it must be like"),
     "sweep nothing": (sweep("start", "[1]"), "sweep[1].key: is 'start', which no signal has"),

@@ -15,8 +15,8 @@ LEAST_AVERAGED = 1500
 """Neighbouring samples are averaged in blocks before the fit. At least this many block means remain, and at least
 `PER_CYCLE` means in a period (conventional)."""
 PER_CYCLE = 12
-"""Smallest number of block means in a period when neighbouring samples are averaged in blocks before the fit
-(conventional)."""
+"""Smallest number of block means in a period when neighbouring samples are averaged in blocks before the fit. With
+fewer samples in a period, the amplitude is measured by a fitted sinusoid (conventional)."""
 MIN_SEPARATION = 0.6
 """The search for a new mode is not started at a frequency that differs from that of a mode already in the fit by less
 than this, in units of 1 / (duration of the record). An exception is the strongest line of the residuals."""
@@ -159,7 +159,9 @@ def damped_modes(t: np.ndarray, y: np.ndarray) -> Iterator[Modes]:
         order = np.argsort(-np.maximum(size, ends))
         misfit = float(rest @ rest)
         variance = misfit / max(t.size - columns.shape[1] - points.size, 1)
-        # Standard errors from the Jacobian of all parameters, linear and nonlinear.
+        # Standard errors from the Jacobian of all parameters, linear and nonlinear. Frequencies and decay rates were
+        # fitted to the samples of the search only.
+        variance *= max(t.size / MOST_SEARCHED, 1.0)
         both = np.column_stack([columns, _slopes(t, columns, c)])
         spread = np.sqrt(variance * np.maximum(np.diag(np.linalg.pinv(both.T @ both)), 0.0))
         errors = spread[columns.shape[1] + 1 :: 2]
@@ -469,13 +471,25 @@ def transient_duration(two: Modes, longest: float) -> float:
 def _ranges(t: np.ndarray, y: np.ndarray, period: float) -> np.ndarray:
     """Return the range (maximum − minimum) of the values in each period, in time order, as a measure of the amplitude.
 
-    Periods with three or fewer samples, or with a gap (`HOLE_IN_PERIOD`), are left out. t, period: in s. The result is
+    Periods with three or fewer samples, or with a gap (`HOLE_IN_PERIOD`), are left out. With fewer than `PER_CYCLE`
+    samples in a period, which miss the extremes, the range is that of a fitted sinusoid. t, period: in s. The result is
     in the unit of y.
     """
     edges = np.searchsorted(t, np.arange(t[0], t[-1], period))
-    widest = max(HOLE_IN_PERIOD * period, 2.5 * float(np.median(np.diff(t))))
+    spacing = float(np.median(np.diff(t)))
+    widest = max(HOLE_IN_PERIOD * period, 2.5 * spacing)
+
+    def size(a: int, b: int) -> float:
+        if period > PER_CYCLE * spacing:
+            return float(np.ptp(y[a:b]))
+        turn = 2 * np.pi / period * t[a:b]
+        c = np.linalg.lstsq(
+            np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)]), y[a:b], rcond=None
+        )[0]
+        return float(2 * np.hypot(c[1], c[2]))
+
     long = [(a, b) for a, b in pairwise(edges) if b - a > 3]
-    return np.array([np.ptp(y[a:b]) for a, b in long if np.diff(t[max(a - 1, 0) : b + 1]).max() <= widest])
+    return np.array([size(a, b) for a, b in long if np.diff(t[max(a - 1, 0) : b + 1]).max() <= widest])
 
 
 def relative_rise(ranges: np.ndarray, noise: float, together: int = SUCCESSIVE_PERIODS) -> float:

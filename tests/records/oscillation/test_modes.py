@@ -54,6 +54,14 @@ def test_one_oscillation_is_not_several(parts: tuple[tuple[float, float, float],
     assert find_other_motion(*sum_of(*parts), PERIOD) is None
 
 
+def test_few_samples_in_a_period_are_not_beats() -> None:
+    """The largest sample of a period rises and falls if the period has 4.1 samples; the amplitude only falls."""
+    t, rate = np.arange(0, 600, 1 / 4.1), 2 * np.pi * 0.0007
+    amplitude = np.exp(-rate * t) / np.sqrt(1 + 1.5 * (1 - np.exp(-2 * rate * t)))
+    y = amplitude * np.cos(2 * np.pi * t) + 0.002 * np.random.default_rng(1).standard_normal(t.size)
+    assert find_other_motion(t, y, 1.0) is None
+
+
 @pytest.mark.parametrize("noise", [0.001, 0.05])
 @pytest.mark.parametrize(("law", "angle", "damping"), [("pendulum", 1.4, "zeta"), ("duffing", 0.3, "mu_q")])
 def test_a_nonlinear_oscillator_is_not_several_even_if_no_law_fits(
