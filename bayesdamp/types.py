@@ -608,6 +608,7 @@ UNITS = {
         Unit("mV", "V", 1e-3, None, ("millivolt", "millivolts")),
         Unit("uV", "V", 1e-6, None, ("µV", "μV", "microvolt", "microvolts")),
         Unit("px", "px", 1.0, None, ("pixel", "pixels")),
+        Unit("ustrain", "ustrain", 1.0, None, ("um/m", "µm/m", "μm/m", "µε", "με", "microstrain")),
         Unit("counts", "counts", 1.0, None, ("count", "adc", "lsb", "a.u.", "au", "arb. units", "arb.u.")),
     )
 }

@@ -77,7 +77,7 @@ class OscillationMeasure:
         Standard deviation within the period in which it is largest, in the column's unit.
     oscillates
         Whether one frequency has at least the fraction `LEAST_SHARE` of the variance, over at least `MIN_CYCLES`
-        periods.
+        periods, and the values both rise and fall again by more than their rounding, unlike a slow temperature.
     fills_periods
         Whether the oscillation fills at least `MIN_CYCLES` periods, which a single spike does not.
     decays
@@ -121,7 +121,9 @@ def measure_oscillation(y: np.ndarray) -> OscillationMeasure:
     sizes = y[: y.size // width * width].reshape(-1, width).std(axis=1)
     size = float(sizes.max()) * scale
     last = float(np.median(sizes[-max(sizes.size // 5, 1) :])) * scale
-    growth = 0.0
+    growth, steps = 0.0, np.abs(np.diff(y))
+    turn = min(np.max(np.maximum.accumulate(y) - y), np.max(y - np.minimum.accumulate(y)))
+    turns = bool(turn > 1.5 * steps[steps > 0].min())
     if sizes.size >= 2 * SMOOTHING_PERIODS and sizes.max() > 0:
         smooth = np.convolve(sizes, np.full(SMOOTHING_PERIODS, 1 / SMOOTHING_PERIODS), "valid")
         falling = smooth[int(np.argmax(smooth)) :]
@@ -129,7 +131,7 @@ def measure_oscillation(y: np.ndarray) -> OscillationMeasure:
     return OscillationMeasure(
         period,
         size,
-        oscillates=share >= LEAST_SHARE and y.size / period >= MIN_CYCLES,
+        oscillates=share >= LEAST_SHARE and y.size / period >= MIN_CYCLES and turns,
         fills_periods=float(np.sum(sizes**2) ** 2 / np.sum(sizes**4)) >= MIN_CYCLES,
         decays=last < MAX_FINAL_SIZE * size,
         grows_again=growth > MAX_REGROWTH,

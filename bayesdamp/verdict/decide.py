@@ -187,11 +187,13 @@ def decide(
 def _with_intervals(law_free: LawFreeDamping, unit: str) -> tuple[tuple[DampingRatio, ...], FrequencyAt]:
     """Return damping ratios, and the frequency at the last of their amplitudes, with 95 % intervals.
 
-    They are measured without assuming a law (`law_free`). unit: unit of the amplitudes.
+    They are measured without assuming a law (`law_free`). Equal rows, for amplitudes beyond the same end of the
+    measurement, are one. unit: unit of the amplitudes.
     """
     columns = np.column_stack((law_free.amplitude, law_free.ratio, law_free.ratio_sd)).tolist()
     ratios = tuple(
-        DampingRatio(a, unit, r, sd, 0.0, r - NORMAL_95 * sd, r + NORMAL_95 * sd) for a, r, sd in columns
+        DampingRatio(a, unit, r, sd, 0.0, r - NORMAL_95 * sd, r + NORMAL_95 * sd)
+        for a, r, sd in dict.fromkeys(map(tuple, columns))
     )
     value, half = float(law_free.frequency[-1]), NORMAL_95 * float(law_free.frequency_sd[-1])
     return ratios, FrequencyAt(ratios[-1].amplitude, unit, value, value - half, value + half)

@@ -80,7 +80,7 @@ TWIN = 0.3
 twin's fraction of the energy is at least this, a sum without the twin is named only with reservation (conventional)."""
 TERM_SURE = 0.95
 """If a verdict does not decide on a damping, its sentence says that the damping surely contains a term if all dampings
-with this term together have at least this probability."""
+with this term together have at least this probability among the compared models."""
 EXPONENT_NAMED = 0.3
 """The sentence on a power law of the damping force names the damping with this exponent (Coulomb 0, viscous 1,
 quadratic 2) only if half the exponent's 95 % interval is at most this."""

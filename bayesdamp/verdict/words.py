@@ -91,7 +91,7 @@ def _answer(v: Verdict) -> str:
     shown.sort(key=lambda item: -item[1])
     dampings = " or ".join(f"{named(name)} ({probability(p)})" for name, p in shown)
     sure = [words_of(s.term) for s in v.energy if s.probability >= thresholds.TERM_SURE]
-    certain = f"; it surely contains {' and '.join(sure)} damping" if sure else ""
+    certain = f"; among the compared models it surely contains {' and '.join(sure)} damping" if sure else ""
     return f"{answer}; damping {dampings}{certain}{power}{_law_quality(v)}."
 
 
@@ -441,7 +441,8 @@ def remarks(
         weighted.append((drift, text))
     fall = 1 - findings.amplitudes[1] / findings.amplitudes[0]
     ratio = findings.ratios[len(findings.ratios) // 2] if findings.ratios else None
-    if ratio is not None and ratio.low > 0:  # more accurate than two amplitudes, which noise changes
+    # A law that holds gives the fall more accurately than two amplitudes, which noise changes.
+    if ratio is not None and ratio.low > 0 and not v.law_free:
         fall = 1 - exp(-2 * pi * ratio.value * findings.cycles)
     if fall < 1 - thresholds.HARDLY_FALLS:
         by = f"falls by only {percentage(fall)} %" if fall > 0 else "does not fall"

@@ -36,6 +36,7 @@ CLEAR: dict[str, tuple[dict[str, np.ndarray], str, str]] = {
     "axes of a phone": ({"t": T, "ax (g)": 0.1 * OTHER, "ay (g)": Y, "absolute (g)": abs(Y)}, "t", "ay (g)"),
     "axes without units": ({"t": T, "z": 0.1 * Y, "y": Y, "x": 0.03 * OTHER}, "t", "y"),
     "a drift": ({"t": T, "x": Y, "y": 3 * np.exp(-0.2 * T) + 0.5 * np.cos(0.8 * T)}, "t", "x"),
+    "warm": ({"t": T, "z (m/s2)": Y, "T (C)": np.round(25 - 0.03 * T + 0.01 * NOISE, 2)}, "t", "z (m/s2)"),
     "an energy": ({"t": T, "kinetic energy": V**2, "x": Y}, "t", "x"),
     "residuals of a fit": (
         {"t": T, "x": Y, "r": 0.2 * np.exp(-0.07 * T) * (np.cos(6 * T) - np.cos(6.8 * T))}, "t", "x",

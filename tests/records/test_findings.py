@@ -10,6 +10,7 @@ from bayesdamp.config import Recording
 from bayesdamp.pipeline.records import read_free_decay
 from bayesdamp.records.read import read_record
 from bayesdamp.records.record import Kind, findings, unit_or_guess
+from bayesdamp.types import InputError
 from tests.records.tables import T, Y, write_table
 
 NOISE = 0.01 * np.random.default_rng(1).standard_normal(T.size)
@@ -74,6 +75,11 @@ def test_values_too_large_for_rad_are_read_in_deg_or_counts_with_a_warning(
     record = bayesdamp.read(path)
     assert record.unit == unit
     assert ("no unit given" in str(record.signal().provenance.warnings)) is (unit != "rad")
+
+
+def test_the_error_of_an_unknown_unit_names_counts(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"or counts for a sensor of unknown scale \(unit=\)"):
+        bayesdamp.read(write_table(tmp_path / "a.csv", "t,force (kN)", T, Y))
 
 
 def test_a_rate_unlike_that_of_the_file_is_a_warning_in_python_and_in_a_study(tmp_path: Path) -> None:

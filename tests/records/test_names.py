@@ -29,6 +29,7 @@ VALUES = {
     ("cm", "acceleration"): "a (cm/s²)", ("g", "acceleration"): "acc (g)", ("V", "angle"): "U [V] | U/V",
     ("cm", "angle"): "Position (cm)", ("in", "angle"): "x / in", ("mV", "velocity"): "Velocity [mV]",
     ("counts", "angle"): "y (a.u.) | adc", ("px", "angle"): "x (px)", ("um", "angle"): "disp_um",
+    ("ustrain", "angle"): "strain (um/m) | gauge 1 [µm/m] | ε (µε)",
     None: "angle | phi | x_m_1 | m | angle (deg) (rad) | Angle(s) | x_in | theta_v | m (kg) | left foot | mm | left in"
           " | dx/dt | m/s | a (g/s)",
 }  # fmt: skip

@@ -130,7 +130,7 @@ SURE = {"viscous": thresholds.TERM_SURE, "coulomb": 0.6, "quadratic": 0.0}
         ),
         (
             {"damping": BOTH, "damping_if_exact": BOTH, "term": SURE}, {"term": {**SURE, "viscous": 0.9}},
-            "; it surely contains viscous damping",
+            "; among the compared models it surely contains viscous damping",
         ),
         ({"unexplained": thresholds.REMARK}, {"unexplained": thresholds.REMARK - TINY}, "explained neither by"),
         ({"midline": -0.0123}, {"midline": 0.5 * thresholds.MIDLINE}, "The midline drifts by 1.2 % of the first"),
@@ -239,6 +239,12 @@ def test_energy_is_not_stated_where_the_damping_is_measured_without_a_law() -> N
     assert verdict.coefficients
 
 
+def test_amplitudes_beyond_one_end_of_the_measurement_are_one_row() -> None:
+    rows = [(0.2, 0.0101, 0.0099, 0.0103)] * 2 + [(0.03, 0.0103, 0.0098, 0.0108)]
+    verdict = verdict_of(deviation=Quantity(0.4, 0.3, 0.5), law_free=measured(rows, 0.7118))
+    assert [r.amplitude for r in verdict.damping_ratio] == [0.2, 0.03]
+
+
 @pytest.mark.parametrize("middle", [(0.0150, 0.0103, 0.0197), (0.0106, 0.0105, 0.0107)])
 def test_a_law_is_named_if_intervals_meet_or_differ_by_less_than_5_percent(middle: tuple) -> None:
     verdict = verdict_of(law_free=law_free(middle))
@@ -272,6 +278,10 @@ def test_the_fall_of_the_amplitude_follows_from_the_damping_ratio() -> None:
         determined = Ratio(0.3, 0.0005, 0.00047, 0.00053, 1e-5, 1e-5)
         remarks = verdict_of(amplitudes=amplitudes, cycles=5.0, ratios=(determined,)).remarks
         assert remarks[0].startswith("The amplitude falls by only 1.6 %, so damping models")
+    far = Quantity(0.4, 0.3, 0.5)  # the law does not hold, so its ratio does not count
+    for free, is_remarked in ((None, True), (law_free(), False)):
+        verdict = verdict_of(cycles=5.0, ratios=(determined,), deviation=far, law_free=free)
+        assert any("falls by only" in remark for remark in verdict.remarks) is is_remarked
     vague = Ratio(0.3, 0.0005, -0.001, 0.002, 1e-3, 1e-5)
     remarks = verdict_of(amplitudes=(0.3, 0.31), cycles=5.0, ratios=(vague,)).remarks
     assert remarks[0].startswith("The amplitude does not fall, so damping models")

@@ -200,8 +200,8 @@ DEVIATES = Interval(0.05, 0.0, 0.1)
         # At most three dampings, the most probable first, also if it is another form; two certain terms.
         (
             replace(OPEN, rivals=FORMS, energy=SHARES),
-            "; damping power-law (|v|^p) (0.45) or viscous (0.30) or Coulomb (dry friction) (0.20); it surely "
-            "contains viscous and Coulomb (dry friction) damping",
+            "; damping power-law (|v|^p) (0.45) or viscous (0.30) or Coulomb (dry friction) (0.20); among "
+            "the compared models it surely contains viscous and Coulomb (dry friction) damping",
         ),
         (
             replace(OPEN, probability=0.04, rivals=FORMS),

@@ -187,7 +187,8 @@ def clean(
             signal = replace(signal, y=y - offset)
             measured = features(signal)
     except Refusal as error:
-        raise InputError(str(error), name) from None
+        part = f"the part from {t[0]:.4g} to {t[-1]:.4g} s is not a free decay that can be used"
+        raise InputError(f"{part}: {error}", name) from None
     if is_clipped(signal.y, measured.samples_per_cycle):
         extreme = np.isin(signal.y, (signal.y.min(), signal.y.max()))
         free = t[min(int(np.flatnonzero(extreme)[-1]) + 1, t.size - 1)]

@@ -6,7 +6,7 @@ import numpy as np
 
 from bayesdamp.records.oscillation.features import Features, true_runs
 from bayesdamp.records.oscillation.modes import relative_rise
-from bayesdamp.records.oscillation.noise import coarse_period
+from bayesdamp.records.oscillation.noise import coarse_period, roughness
 from bayesdamp.types import Signal
 
 MIN_RISE = 0.02
@@ -36,9 +36,11 @@ fraction of each peak. It does if a half cycle has at least eleven samples."""
 MAX_LAST_PEAK = 0.8
 """In a rectified record (the absolute value or the square of an oscillation), the last peak must be below this fraction
 of the first. Otherwise the record may be pulses or a counter, which do not decay."""
-MAX_UNDERSHOOT = 0.1
-"""A rectified record has only one sign, except for noise: its largest value of the opposite sign must be at most this
-fraction of the largest peak."""
+MAX_UNDERSHOOT, MAX_OFFSET, NOISE_SDS = 0.1, 0.05, 5
+"""A rectified record has only one sign, except for noise and the sensor's zero offset: its largest value of the
+opposite sign must be at most the fraction `MAX_UNDERSHOOT` of the largest peak. It must also be at most the fraction
+`MAX_OFFSET` of this peak plus `NOISE_SDS` standard deviations of the noise. A step response that a high-pass filter
+returns to zero has one sign at first, but then it crosses zero smoothly."""
 MIN_MEDIAN = 0.3
 """In a rectified record, the median of the values in a half cycle must be above this fraction of its peak. It is 0.71
 of the peak for |sin|, 0.5 for sin², and 0 for pulses."""
@@ -139,8 +141,10 @@ def is_rectified(y: np.ndarray) -> bool:
     y = y if abs(y.max()) >= abs(y.min()) else -y
     if y.min() < -MAX_UNDERSHOOT * y.max():
         return False
-    half_cycle, _ = coarse_period(np.arange(y.size, dtype=float), y)  # the period of |y|
+    half_cycle, _ = coarse_period(index := np.arange(y.size, dtype=float), y)  # the period of |y|
     if y.size < MIN_HALF_CYCLES * half_cycle or half_cycle < 2:
+        return False
+    if y.min() < -MAX_OFFSET * y.max() - NOISE_SDS * roughness(index, y, half_cycle):
         return False
     halves = [y[begin:end] for begin, end in pairwise(np.arange(0.0, y.size, half_cycle).astype(int))]
     peaks = np.array([half.max() for half in halves])

@@ -516,7 +516,7 @@ def features(signal: Signal) -> Features:
     if share < LEAST_SHARE:
         raise Refusal("no oscillation stands out of the noise")
     if turns.times.size < 3:
-        raise Refusal("no oscillation is found: fewer than three turning points stand out of the noise")
+        raise Refusal("fewer than three turning points between its ends are regular and above the noise")
     middle = midpoints(turns.values)
     sizes = _sizes(turns)
     # The final period and noise.

@@ -1,5 +1,7 @@
 """Clocks and windows of records made by hand, for which all of it is known."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -197,3 +199,17 @@ def test_a_tone_burst_is_refused():
         driven = np.where(t < 20, 1 - np.exp(-rate * t), (1 - np.exp(-rate * 20)) * fall)
         for envelope in (driven, np.where(t < 20, 0.0, fall)):
             clean(record(t, envelope * tone + 0.003 * noise), name="x")
+
+
+def test_the_refusal_of_too_few_turning_points_gives_the_part():
+    """A slide with friction turns three times within 0.3 s after its release, then it sticks."""
+    swing = (1 - np.cos(np.pi * np.arange(14) / 14)) / 2
+    ends = [3.43, 0.155, 2.605, 0.89, 1.46]
+    y = np.concatenate(
+        [np.full(60, 3.43), *(a + (b - a) * swing for a, b in pairwise(ends)), np.full(150, 1.46)]
+    )
+    y += 0.005 * np.random.default_rng(1).standard_normal(y.size)
+    with pytest.raises(
+        InputError, match=r"the part from 0\.3\d* to 0\.5\d* s .* fewer than three turning points"
+    ):
+        clean(record(np.arange(y.size) / 200, y), name="x")
