@@ -279,6 +279,12 @@ def choose_columns(
             )
         return chosen
     blocks = [block for block in blocks if block.candidates] or [block for block in blocks if block.values]
+    timed_blocks = [
+        b for b in blocks if b.time is not None or b.rate is not None or any(c.rate for c in b.columns)
+    ]
+    if others := [b.columns[0].group for b in blocks if timed_blocks and b not in timed_blocks]:
+        note = f"Without times, and therefore left out: {', '.join(map(repr, others[:6]))}."
+        blocks = [replace(b, why=(*b.why, note)) for b in timed_blocks]
     if not blocks:
         if len(columns) == 1:
             raise InputError("its only column contains the times; export the recorded quantity too")
