@@ -254,7 +254,7 @@ def choose_columns(
     InputError
         If a column or run does not exist, the selected column is not in the selected runs, the choice is not clear, or
         there are neither times nor a rate. Columns of accelerations that contain gravity are left out of an automatic
-        choice; the error is also raised if no other column remains.
+        choice; the error is also raised if no other column remains, or if they oscillate most.
     """
     columns = content.columns
     wanted = [column for value in values for column in find_columns(columns, value)]
@@ -281,6 +281,12 @@ def choose_columns(
             )
         return chosen
     blocks = [block for block in blocks if block.candidates] or [block for block in blocks if block.values]
+    timed_blocks = [
+        b for b in blocks if b.time is not None or b.rate is not None or any(c.rate for c in b.columns)
+    ]
+    if others := [b.columns[0].group for b in blocks if timed_blocks and b not in timed_blocks]:
+        note = f"Without times, and therefore left out: {', '.join(map(repr, others[:6]))}."
+        blocks = [replace(b, why=(*b.why, note)) for b in timed_blocks]
     if not blocks:
         if len(columns) == 1:
             raise InputError("its only column contains the times; export the recorded quantity too")
@@ -294,14 +300,13 @@ def choose_columns(
             "recorded quantity"
         )
     chosen = _choose_in_all(content, blocks)
-    left = [
-        r
-        for r in chosen
-        if unit_of_column(r.value)[1] != "acceleration" or not _contains_gravity(r.value) or _is_fast(r)
-    ]
-    if left:
-        return [_with_clock(record, content) for record in left]
-    column = chosen[0].value
+    accelerations = [r for r in chosen if unit_of_column(r.value)[1] == "acceleration"]
+    heavy = [r for r in accelerations if _contains_gravity(r.value) and not _is_fast(r)]
+    # An axis without gravity is not the record if its oscillation is smaller: it may be the crosstalk of the other.
+    largest = max(accelerations, key=lambda r: measure_oscillation(r.value.values).size, default=chosen[0])
+    if largest not in heavy or len(heavy) == len(accelerations) < len(chosen):
+        return [_with_clock(record, content) for record in chosen if record not in heavy]
+    column = largest.value
     raise InputError(
         f"{selector(columns, column)!r} contains gravity (mean {np.nanmean(column.values):.4g}): on a pendulum such an "
         "axis oscillates at twice the frequency; give the axis along the swing, or this one if the body moves up and "
@@ -567,9 +572,9 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
             base: min(_ORDER[c.quantity] for c in left if c.base == base) for base in {c.base for c in left}
         }
         left = [c for c in left if _ORDER[c.quantity] == lowest[c.base]]
+        left = [c for c in left if not _DERIVED.search(split_run(c.column)[0])] or left
         if len(left) <= _MAX_COMPARED:
             left = _independent(left)
-        left = [c for c in left if not _DERIVED.search(split_run(c.column)[0])] or left
         left = [c for c in left if c.oscillation.decays] or left
     if not content.channels:
         sizes = [c.oscillation.size for c in left]
@@ -582,8 +587,8 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
     chosen = [c.column for c in left]
     if len(chosen) > 1:
         out = ", ".join([repr(selector(content.columns, c)) for c in values if c not in chosen][:6])
-        return chosen, f"Columns that do not oscillate and decay are left out: {out}." if out else ""
-    why = f"of the {len(values)} columns that change, it is the one that oscillates and decays."
+        return chosen, f"Left out, because smaller, derived or not decaying: {out}." if out else ""
+    why = f"of the {len(values)} columns that change, it oscillates and decays most clearly."
     return chosen, f"Using column {selector(content.columns, chosen[0])!r}: {why}"
 
 

@@ -277,8 +277,8 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
         what, option = _ASSUMED[unit]
         doubts.append(Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit",)))
     if not given and unit == "rad" and raw.unit and raw.unit not in UNITS:
-        choice = "give its unit (mm, deg ...), or counts for a sensor of unknown scale"
-        sentence = f"its unit, {raw.unit!r}, is not a unit of displacement; {choice}"
+        choice = "give a unit such as deg, rad/s or mm, or counts for a sensor of unknown scale"
+        sentence = f"its unit, {raw.unit!r}, is not known; {choice}"
         doubts.append(Finding(Kind.UNIT, sentence, "--unit counts", arguments=("unit",)))
     # Decreasing times are reported later, by the cleaning.
     if raw.t is not None and raw.t[-1] > raw.t[0] and bool(np.all(np.diff(raw.t) >= 0)):

@@ -1,6 +1,7 @@
 """Which columns are read as a record: tables made by hand with one right choice, and tables that must be refused."""
 
 import re
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -153,6 +154,16 @@ def test_a_vertical_acceleration_with_gravity_must_be_named(tmp_path: Path) -> N
     # Negative control: not gravity, or faster than any pendulum.
     for other, mean, t in ((name, 5.0, T), ("angle", 9.81, T), (name, 9.81, T / 100)):
         assert read_record(write(tmp_path / "b.csv", {"t (s)": t, other: mean + 10 * Y})).channel == other
+
+
+def test_crosstalk_of_an_acceleration_with_gravity_is_not_the_record(tmp_path: Path) -> None:
+    """Control: without gravity, the large axis is the record."""
+    for share, mean in ((0.02, 9.81), (0.5, 9.81), (0.02, 0.0)):
+        x, z = 10 * share * Y + 0.1 * NOISE, 10 * Y + mean
+        columns = {"t (s)": T, "x (m/s²)": x, "z (m/s²)": z, "total (m/s²)": np.hypot(x, z)}
+        path = write(tmp_path / "a.csv", columns)
+        with pytest.raises(InputError, match=r"'z .*' contains gravity") if mean else nullcontext():
+            assert read_record(path).channel == "z (m/s²)"
 
 
 def test_a_channel_with_one_spike_is_not_preferred(tmp_path: Path) -> None:

@@ -4,13 +4,14 @@ import pytest
 
 import bayesdamp
 from bayesdamp.records.cleaning.clean import clean
-from bayesdamp.records.files.contents import seconds_in, unit_and_quantity
+from bayesdamp.records.files.contents import Column, seconds_in, unit_and_quantity, unit_of_column
 from bayesdamp.records.read import read_record
 from bayesdamp.records.readers.text import parse_table
+from bayesdamp.types import InputError
 from tests.records.tables import T, Y, write_table
 
 TIMES = {
-    1.0: "Time_Elapsed(s) | Zeit [s] | Time (s) Run #1 | seconds | TimeSec | time (sec.)",
+    1.0: "Time_Elapsed(s) | Zeit [s] | Time (s) Run #1 | seconds | TimeSec | time (sec.) | Group/t / s",
     1e-3: "time (ms) | Zeit ms | time_ms | t(ms) | millis | t / ms | t/ms",
     1e-6: "TimeUS | elapsed_us | log.TimeUS | time_us | timestamp [µs]",
     1e-9: "timestampNs", 1e-12: "time (ps)", 60.0: "t in min | Time min",
@@ -33,10 +34,19 @@ VALUES = {
     None: "angle | phi | x_m_1 | m | angle (deg) (rad) | Angle(s) | x_in | theta_v | m (kg) | left foot | mm | left in"
           " | dx/dt | m/s | a (g/s)",
 }  # fmt: skip
+COLUMNS = {
+    ("m", "acceleration"): "a in m s^-2 | a / m s⁻² Run 2 | a in m / s^2", ("m", "velocity"): "v / m s^-1",
+    ("1/s", "velocity"): "Winkelgeschwindigkeit in 1/s | Drehrate in 1/s", ("s⁻¹", "velocity"): "ω in s⁻¹ | ω/s⁻¹",
+    ("", "velocity"): "Winkelgeschwindigkeit | theta_dot | Vitesse angulaire | omega", ("N", ""): "F in N",
+    ("", "acceleration"): "Beschleunigung | accélération | theta_ddot",
+    ("deg", "velocity"): "phi / deg s^-1 | omega in Grad pro Sekunde | gyro (degrees per second)",
+    ("", ""): "run in air | angle / run 2 | Sensor 1 in Box 3 | Group/left | dot | swing in x | \\theta_{r}",
+}  # fmt: skip
 
 
 def test_units_in_names() -> None:
-    for table, read in ((TIMES, seconds_in), (VALUES, unit_and_quantity)):
+    columns = COLUMNS, lambda name: unit_of_column(Column(name, T))
+    for table, read in ((TIMES, seconds_in), (VALUES, unit_and_quantity), columns):
         units = {name: unit for unit, names in table.items() for name in names.split(" | ")}
         assert {name: read(name) for name in units} == units
 
@@ -64,6 +74,14 @@ def test_a_given_unit_or_quantity_replaces_that_of_the_name(
     path = write_table(tmp_path / "x.csv", "t [ms],a (mm/s²),U [V],angularVelocity,accuracy", 1e3 * T, *y)
     record = bayesdamp.read(path, value=column, unit=given_unit, quantity=given_quantity)
     assert (record.unit, record.quantity) == (unit, quantity)
+
+
+def test_an_unknown_unit_is_refused(tmp_path) -> None:
+    for head in ("t in s,Drehrate in 1/s", "t,ω\ns,1/s", "t (s),x (1/s)"):
+        path = write_table(tmp_path / "x.csv", head, T, Y)
+        with pytest.raises(InputError, match="its unit, '1/s', is not known; give a unit such as deg, rad/s"):
+            bayesdamp.read(path).signal()
+        assert bayesdamp.read(path, unit="rad").signal().quantity == "velocity"
 
 
 ROWS = [f"{0.5 * i:.3f},{i % 7 - 3.0:.3f}" for i in range(40)]

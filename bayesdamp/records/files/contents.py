@@ -211,12 +211,24 @@ _TWO_LETTER_UNITS = ("mm", "cm", "um", "mV", "ms", "us")
 """Units of two letters that count as units after a blank in a column's name, because they are not words."""
 _QUANTITIES = {
     **dict.fromkeys(("velocity", "velocities", "vel", "speed", "gyro", "gyroscope"), "velocity"),
+    **dict.fromkeys(("omega", "ω", "vitesse", "drehrate", "drehzahl"), "velocity"),
     **dict.fromkeys(("acceleration", "accelerations", "accel", "acc", "accelerometer"), "acceleration"),
 }
+"""Words of a column's name that state the quantity, in lower case."""
+_AXIS = "(?:theta|phi|psi|alpha|angle|[xyzθϑφϕα])"
+_STATING = re.compile(rf"(accélération|.*beschleunigung|{_AXIS}ddot)|(.*geschwindigkeit|{_AXIS}dot)")
+"""Pattern of further such words for an acceleration (group 1) or a velocity: German compounds (`Drehgeschwindigkeit`)
+and derivatives (`thetadot`, also written `theta_dot`)."""
 _PER = (
-    ("acceleration", re.compile(r"(/s2|/s/s|/\(s2\)|s-2|/sec2)$")),
-    ("velocity", re.compile(r"(/s|s-1|/sec)$")),
+    ("acceleration", re.compile(r"(/s2|/s/s|/\(s2\)|s-2|/sec2|persecond(2|squared|persecond))$")),
+    ("velocity", re.compile(r"(/s|s-1|/sec|persecond|prosekunde)$")),
 )
+_OTHER_UNIT = re.compile(
+    r"(?:^[^/\s]+/(?!\S*\s)|\s/\s*|\sin\s+)((?:\S+\s)?\S*(?:(?:/\s*|per |pro )(?:s|sec|second|Sekunde|min|h)(?:\^?2|²)?"
+    r"|\bs\^?[-−⁻][12¹²])|[mk]?(?:N|Pa|Hz|bar)|Nm|[dkn]m|°C|gon)\s*$"
+)
+"""Pattern of a unit that is not in brackets, after "/" or " in ": one per time (`1/s`, `dm s^-1`), or one of a few
+others. Other words there, as in `run in air`, are not units."""
 _RUN = r"(?:run|trial|take|test|rep|repeat|repetition|lauf|versuch|messung|durchgang|essai|prova|ensayo)"
 _RUN_BEHIND = re.compile(
     rf"^(.+?)[\s,;:_-]*[(\[]?(?<![A-Za-z]){_RUN}\s*[#_:.-]?\s*(\d+)[)\]]?\s*$", re.IGNORECASE
@@ -230,7 +242,7 @@ _SECONDS_ALONE = re.compile(r"^(elapsed[\s_]*)?seconds([\s_]*elapsed)?$", re.IGN
 _INDEX = re.compile(
     r"^(unnamed: 0|index|idx|sample|samples|no|nr|n|i|row|frame|frames|count|counter|#|id)$", re.I
 )
-_BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]{1,12})\s*[)\]}]\s*$")
+_BRACKETS = re.compile(r"(?:[(\[]|(?<!_)\{)\s*([^()\[\]{}]{1,12})\s*[)\]}]\s*$")
 MOST_NAMES, LIST_WIDTH = 12, 110
 """Largest number of names in a list in a message, and largest number of characters of this list; the message says how
 many more there are (conventional)."""
@@ -268,7 +280,7 @@ _MATLAB_STEP = "Ts"
 
 def _normalise_unit(text: str) -> str:
     """Return the text of a unit in a form for comparison: `m/s²`, `m / s^2` and `M/S2` all become `m/s2`."""
-    return re.sub(r"[\s*^·.{}]", "", text.lower().replace("²", "2").replace("⁻", "-").replace("¹", "1"))
+    return re.sub(r"[\s*^·.{}]", "", text.lower().translate(str.maketrans("²⁻−¹", "2--1")))
 
 
 _WRITTEN = {_normalise_unit(text): unit for unit in UNITS.values() for text in (unit.name, *unit.written)}
@@ -290,7 +302,7 @@ def _unit_candidates(name: str) -> list[str]:
     inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
     if inside:
         return ["".join(groups).strip() for groups in inside]
-    behind = re.search(r"(?:^[^/\s]+/|\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
+    behind = _OTHER_UNIT.search(name) or re.search(r"(?:^[^/\s]+/|\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
     if behind:
         return [] if behind[0][0] == "_" and behind[1] in _AMBIGUOUS_UNITS else [behind[1].strip("()[]{}")]
     last = re.search(r"(?:^|\s)([^\W\d_]+)\s*$", name)
@@ -342,13 +354,13 @@ def hertz_written(unit: str) -> float | None:
 def may_be_unit(cell: str, name: str) -> bool:
     """Return whether a cell may be the unit of a column: the cell in the line below the column's name.
 
-    It may be if it is empty, "-", or a known unit. A unit such as `d`, which may also mean a depth, counts as a unit of
-    time only if the name means times.
+    It may be if it is empty, "-", a known unit, or a unit per time, such as `1/s`. A unit such as `d`, which may also
+    mean a depth, counts as a unit of time only if the name means times.
     """
     text = cell.strip("()[] ")
     if _normalise_time_unit(text) in SECONDS:
         return _normalise_time_unit(text) not in _ONLY_OF_TIMES or bool(TIMES.search(name))
-    return text in ("", "-") or unit_written(text) is not None
+    return text in ("", "-") or unit_written(text) is not None or bool(_quantity_per_time(text))
 
 
 def unit_and_quantity(name: str) -> tuple[str, str] | None:
@@ -366,9 +378,16 @@ def unit_and_quantity(name: str) -> tuple[str, str] | None:
 
 def _quantity_of(name: str) -> str | None:
     """Return "velocity" or "acceleration" if words of a name state exactly one of them; else None."""
-    words = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower())
+    name = re.sub(r"_(?=d?dot)", "", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower())
+    words = re.findall(r"[^\W\d_]+", name)
     quantities = {_QUANTITIES[word] for word in words if word in _QUANTITIES}
+    quantities |= {"acceleration" if m[1] else "velocity" for m in map(_STATING.fullmatch, words) if m}
     return quantities.pop() if len(quantities) == 1 else None
+
+
+def _quantity_per_time(unit: str) -> str:
+    """Return "velocity" or "acceleration" for a unit per time (`1/s`, `dm/s²`), also if it is not known; else ""."""
+    return next((quantity for quantity, per in _PER if per.search(_normalise_unit(unit))), "")
 
 
 def unit_written(text: str) -> tuple[str, str] | None:
@@ -451,14 +470,15 @@ def unit_of_column(column: Column) -> tuple[str, str]:
     if column.unit:
         written = unit_written(column.unit.strip("()[]"))
         if written is None:
-            return (column.unit if len(column.unit) < 20 else ""), named
+            return (column.unit if len(column.unit) < 20 else ""), named or _quantity_per_time(column.unit)
         unit, quantity = written
         return unit, (quantity if UNITS[unit].quantity or quantity != "angle" else named or quantity)
     known = unit_and_quantity(name)
     if known is not None:
         return known
-    behind = _BRACKETS.search(name)
-    return (behind[1].strip() if behind and not behind[1].strip().isdigit() else ""), named
+    behind = _BRACKETS.search(name) or _OTHER_UNIT.search(name)
+    unknown = behind[1].strip() if behind and not behind[1].strip().isdigit() else ""
+    return unknown, named or _quantity_per_time(unknown)
 
 
 def names_time(column: Column) -> bool:
@@ -580,11 +600,11 @@ def select_runs(text: str, labels: Sequence[str]) -> list[str]:
 def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
     """Return the facts (named numbers and texts) in the lines above a table, as texts by name.
 
-    Lines with facts have one of these forms: `key: value`; `key = value`; `key,value,unit`; `key,value,value` with the
-    same value for each channel; or a line of names followed by a line of as many values.
+    Lines with facts have one of these forms: `key: value`; `key = value`; `key,value,unit`; `key,value unit`;
+    `key,value,value` with the same value for each channel; or a line of names followed by a line of as many values.
     """
     facts: dict[str, Fact] = {}
-    before: list[str] = []
+    before, unit = list[str](), r"(\s+[A-Za-z/]+)?"
     for line in lines:
         line = line.strip().lstrip("#%;/ ").strip().rstrip(",;\t")
         cells = [cell.strip().strip('"') for cell in re.split(r"[,;\t]", line)]
@@ -599,7 +619,9 @@ def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
             facts[cells[0]] = max(cells[1:]).rpartition(":")[2]
         elif pair and not (len(cells) > 2 and numbers > 1):
             facts[pair[1].strip('"')] = pair[2].strip('"')
-        elif 2 <= len(cells) <= 3 and numbers == 1 and _NUMBER.fullmatch(cells[1]):
+        elif (
+            named and len(cells) in (2, 3) and numbers < 2 and re.fullmatch(_NUMBER.pattern + unit, cells[1])
+        ):
             facts[cells[0]] = " ".join(cells[1:])
         before = cells
     return trim_facts(facts)

@@ -262,14 +262,15 @@ def _choose_separator(lines: list[str]) -> tuple[str, str, int] | None:
     Up to about 120 filled lines of the second half of the text are examined. A separator and decimal mark fit best if
     they have the largest product of two fractions: of the lines, those with the most frequent number of columns; of the
     filled cells in these lines, those that are numbers. If products are equal (to 0.01), the one with more columns is
-    chosen, and then the first of `;` tab `,` blank (with "," before ".").
+    chosen, and then the first of `;` tab `,` blank (with "," before "."; with the separator `,`, "." is before "," of
+    quoted cells).
     """
     filled = [line for line in lines if line.strip()]
     if not filled:
         return None
     sample = filled[len(filled) // 2 :][:: max(1, len(filled) // 120)]
     options: list[tuple[tuple[float, int], tuple[str, str, int]]] = []
-    for separator, decimal in (";,", ";.", "\t,", "\t.", ",.", " ,", " ."):
+    for separator, decimal in (";,", ";.", "\t,", "\t.", ",.", ",,", " ,", " ."):
         rows = [split_cells(line, separator) for line in sample]
         columns = Counter(map(len, rows)).most_common(1)[0][0]
         rows = [row for row in rows if len(row) == columns]

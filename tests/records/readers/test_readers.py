@@ -14,7 +14,7 @@ from bayesdamp.records.read import read_contents, read_record, read_records
 from bayesdamp.records.record import RawRecord
 from bayesdamp.types import InputError
 from tests.records.readers.written import FORMATS, RATE, Z, cassy, excel, matlab_73, parquet, tdms, uff
-from tests.records.tables import T, Y
+from tests.records.tables import T, Y, write_lines
 
 TOLERANCES = {"WAV": 0.5, "Excel": 1e-16, "UFF uneven": 1e-9, "UFF ascii": 1e-9, "UFF named as text": 1e-9}
 
@@ -199,6 +199,12 @@ def test_optional_parts_of_an_lvm_file_may_be_missing(tmp_path: Path, axes: str)
         assert_times(record, None)
         np.testing.assert_array_equal(record.y, Y)
         assert (record.unit, record.t[0]) == ("mm", 0.0 if axes == "One" else 0.5)
+
+
+def test_quoted_cells_may_have_decimal_and_separating_commas(tmp_path: Path) -> None:
+    rows = [f'"{t:.2f}","{y:.5f}"'.replace(".", ",") for t, y in zip(T, Y)]
+    path = write_lines(tmp_path / "a.csv", ['"Zeit (s)","Winkel (rad)"', *rows])
+    np.testing.assert_allclose(read_record(path).y, Y, atol=1e-5)
 
 
 def test_a_row_with_another_number_of_cells_gives_a_warning(tmp_path: Path) -> None:

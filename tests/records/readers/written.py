@@ -94,6 +94,9 @@ def excel(path: Path) -> None:
         for row in (["Time (s)", "Angle (deg)"], *zip(T.tolist(), y.tolist())):
             sheet.append(row)
     book.create_sheet("Remarks").append(["nothing here"])
+    evaluation = book.create_sheet("Evaluation")  # without times
+    for row in (["n", "A (deg)"], *([i, 0.9**i] for i in range(12))):
+        evaluation.append(row)
     book.save(path)
 
 
