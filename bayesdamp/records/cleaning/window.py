@@ -67,6 +67,10 @@ AVERAGED_SWINGS, MAX_NOISE_RISE = 6, 0.1
 """To measure narrow-band noise, the ranges (maximum minus minimum) of `AVERAGED_SWINGS` successive half cycles are
 averaged. If this average rises again after it has fallen, the rise is attributed to noise only if it is below
 `MAX_NOISE_RISE` times the largest average (`_largest_rise`)."""
+LEAST_DRIVEN, LEAST_KINK, LEAST_FALL = 12, 8.0, 0.01
+"""An oscillation that a drive keeps constant before it is released: at least `LEAST_DRIVEN` half cycles, until the
+amplitude falls by the fraction `LEAST_FALL`. As many half cycles later, it has fallen `LEAST_KINK` times as much as
+among them (conventional)."""
 SECOND_SIZE = 0.05
 """A motion that is not the free decay of one oscillator (`OtherMotion`) is used without a search for a free decay if
 its `size` is at least this: for two oscillations, the ratio of the second amplitude to the first; for a growing one,
@@ -231,7 +235,16 @@ def free_decay(
     if seek_start:
         floor = 2 * decays.noise + step
         before = float(decays.best_turns.times[head - 1]) if head else -np.inf
-        first = _find_start(series, Swings(t, y, decay, floor), why, before, notes)
+        driven = _count_driven(np.abs(np.diff(decay.values)), decays.noise)
+        decay = decay.cut(driven, decay.times.size)
+        if driven:
+            first = int(np.searchsorted(t, decay.times[0]))
+            notes.append(
+                f"The start ({t[first]:.6g} s, sample {first} from 0) is where the amplitude begins to fall; until "
+                "then it is constant, as in a driven oscillation."
+            )
+        else:
+            first = _find_start(series, Swings(t, y, decay, floor), why, before, notes)
     if seek_stop:
         last, why_stop = _find_stop(series, decay, decays.floor)
         if why_stop:
@@ -417,6 +430,24 @@ def _count_disturbed(t: np.ndarray, y: np.ndarray, decays: _Decays, step: float)
             return i, why
         why = reason or next_reason
     return 0, None
+
+
+def _count_driven(sizes: np.ndarray, noise: float) -> int:
+    """Return how many half cycles at the start of a decay have a constant amplitude, as of a driven oscillation.
+
+    From the next one on the amplitude must fall `LEAST_KINK` times as much as among them; under Coulomb damping it
+    falls twice as much. The result is 0 if there are fewer than `LEAST_DRIVEN` such half cycles. sizes: ranges of the
+    half cycles, (n,). noise: sd of the noise of a sample, in the same unit.
+    """
+    smooth = scipy.ndimage.uniform_filter1d(sizes, AVERAGED_SWINGS, mode="nearest")
+    level = np.cumsum(sizes) / np.arange(1, sizes.size + 1)
+    below = smooth < level - np.maximum(4 * noise / AVERAGED_SWINGS**0.5, LEAST_FALL * level)
+    falls = np.flatnonzero(below[LEAST_DRIVEN:]) + LEAST_DRIVEN
+    if below[:LEAST_DRIVEN].any() or not falls.size:
+        return 0
+    flat, after = np.array_split(sizes[: falls[0]], 2), sizes[falls[0] : 2 * falls[0]]
+    before = abs(float(flat[0].mean() - flat[1].mean())) + 6 * noise / falls[0] ** 0.5
+    return int(falls[0]) if flat[1].mean() - after.mean() > LEAST_KINK * before else 0
 
 
 def _find_start(series: Series, swings: Swings, why: Reason | None, before: float, notes: list[str]) -> int:

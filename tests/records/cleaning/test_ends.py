@@ -42,6 +42,17 @@ def test_a_decay_after_a_given_start_ends_before_the_next_hit() -> None:
         clean(raw, name="x", start=0.4)
 
 
+def test_a_decay_begins_where_a_drive_of_constant_amplitude_ends() -> None:
+    """20 s of drive, then a viscous decay. Controls: decays of viscous and of Coulomb damping from the start."""
+    t = np.arange(0, 180, 1 / 20)
+    noise = 0.005 * np.random.default_rng(4).standard_normal(t.size)
+    since = np.maximum(t - 20.0, 0.0)
+    for amplitude, start in ((np.exp(-0.02 * since), 20.0), (np.exp(-0.02 * t), 0.0), (1 - t / 200, 0.0)):
+        signal = clean(RawRecord(t, amplitude * np.cos(10 * t) + noise), name="x")
+        assert signal.provenance.start == pytest.approx(start, abs=1.0)
+        assert any("until then it is constant" in note for note in signal.provenance.notes) == (start > 0)
+
+
 def test_a_decay_ends_where_a_hand_stops_it() -> None:
     """At 20 s the damping ratio increases from 0.01 to 0.5."""
     t = np.arange(0, 26, 1 / 50)
