@@ -57,9 +57,10 @@ def _answer(v: Verdict) -> str:
         power = f"; the damping force {power_in_words(v.exponent, v.damping)}"
     if not v.damping:
         return f"{answer}."
+    nearest = named(max(v.probabilities, key=v.probabilities.__getitem__))
     if v.contradicted:
         return (
-            f"{answer}, measured without a law of damping: the law that fits best, {named(v.damping)}, contradicts "
+            f"{answer}, measured without a law of damping: the law that fits best, {nearest}, contradicts "
             "this, so none is named."
         )
     if v.grade is Grade.DEVIATES:
@@ -74,7 +75,7 @@ def _answer(v: Verdict) -> str:
             misfits.append((i.low / thresholds.RESTORING_DEVIATES, text))
         _, misfit = max(misfits)
         measured = ", measured without a law of damping" if v.law_free else ""
-        return f"{answer}{measured}; the nearest law of damping is {named(v.damping)}, {misfit}{power}."
+        return f"{answer}{measured}; the nearest law of damping is {nearest}, {misfit}{power}."
     if v.decided:
         terms = [s for s in v.energy if s.term in v.damping.split("+")]
         shares = ", ".join(
