@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -166,6 +167,10 @@ class RecordColumns:
     choice: str = ""
 
 
+MOSTLY, ROUNDED = 0.9, 1e-3
+"""A column is the amplitude of a demodulated oscillation if it differs from √(x² + y²) of two other columns by less
+than the fraction `ROUNDED` of its maximum, and if the fraction `MOSTLY` of each of its halves is above or below its
+median, as in a decay (conventional)."""
 FASTEST_PENDULUM = 5.0
 """Frequency in Hz above which an acceleration with gravity is not that along a pendulum: such an axis oscillates at
 twice the pendulum's frequency, and the pendulum would be shorter than 4 cm."""
@@ -299,6 +304,13 @@ def choose_columns(
             f"its columns contain only times or sample numbers (they are {list_names(columns)}); give a file with a "
             "recorded quantity"
         )
+    for block in blocks:
+        if amplitude := _lock_in_amplitude(block.candidates):
+            raise InputError(
+                f"{selector(columns, amplitude)!r} is the amplitude of an oscillation, and two other columns are its "
+                "parts, as a lock-in amplifier records them: give this column, as an envelope",
+                arguments=["value", "quantity"],
+            )
     chosen = _choose_in_all(content, blocks)
     accelerations = [r for r in chosen if unit_of_column(r.value)[1] == "acceleration"]
     heavy = [r for r in accelerations if _contains_gravity(r.value) and not _is_fast(r)]
@@ -313,6 +325,20 @@ def choose_columns(
         "down",
         arguments=["value"],
     )
+
+
+def _lock_in_amplitude(columns: Sequence[Column]) -> Column | None:
+    """Return the column that is the falling amplitude √(x² + y²) of two others; None if there is none."""
+    for r in columns:
+        half = r.values.size // 2
+        middle = np.nanmedian(r.values)
+        if np.nanmean(r.values[:half] > middle) < MOSTLY or np.nanmean(r.values[half:] < middle) < MOSTLY:
+            continue
+        others = [c for c in columns if c is not r and c.values.size == r.values.size]
+        for x, y in combinations(others, 2):
+            if np.nanmax(np.abs(np.hypot(x.values, y.values) - r.values)) < ROUNDED * np.nanmax(r.values):
+                return r
+    return None
 
 
 def _is_fast(record: RecordColumns) -> bool:

@@ -156,6 +156,16 @@ def test_a_vertical_acceleration_with_gravity_must_be_named(tmp_path: Path) -> N
         assert read_record(write(tmp_path / "b.csv", {"t (s)": t, other: mean + 10 * Y})).channel == other
 
 
+def test_parts_of_a_lock_in_amplifier_are_not_a_motion(tmp_path: Path) -> None:
+    """Control: a body on a string, whose distance from the origin does not fall."""
+    for size in (np.exp(-0.1 * T), np.ones_like(T)):
+        x, y = size * np.cos(5 * T), size * np.sin(5 * T)
+        path = write(tmp_path / "a.csv", {"t (s)": T, "x (V)": x, "y (V)": y, "r (V)": np.hypot(x, y)})
+        wrong = pytest.raises(InputError, match=r"'r \(V\)' is the amplitude .* \(--angle, --quantity\)")
+        with wrong if size[-1] < 1 else nullcontext():
+            read_records(path)
+
+
 def test_crosstalk_of_an_acceleration_with_gravity_is_not_the_record(tmp_path: Path) -> None:
     """Control: without gravity, the large axis is the record."""
     for share, mean in ((0.02, 9.81), (0.5, 9.81), (0.02, 0.0)):
