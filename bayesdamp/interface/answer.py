@@ -274,7 +274,15 @@ def answer(
     first = signal.provenance.start
     averaging = comparison.averaging
     unused = other_decays(signal.provenance.decays, first, first + float(signal.t[-1] - signal.t[0]))
-    own = [remark_on(signal), _noise_remark(comparison.noise), _phase_remark(comparison.data, first), unused]
+    # Nats of log likelihood that the best law lacks. Search for two close modes only if they can be this far ahead.
+    lacking = 0.5 * signal.t.size * (findings.unexplained / max(findings.noise, 1e-300)) ** 2
+    unexplained = findings.unexplained * comparison.data.recorded_amplitude if lacking > NATS_AHEAD else 0.0
+    own = [
+        remark_on(signal, unexplained),
+        _noise_remark(comparison.noise),
+        _phase_remark(comparison.data, first),
+        unused,
+    ]
     remarks = [*notes, *filter(None, own)]
     clear = {r.candidate.damping for r in comparison.results}
     clear |= {c.damping for c, why in comparison.refused.items() if why == FAR_BEHIND}
@@ -300,9 +308,6 @@ def answer(
         law_free=measured_ratios,
     )
     no_law_fits = verdict.law_free and findings.unexplained >= thresholds.REMARK
-    # Nats of log likelihood that the best law lacks. Search for two close modes only if they can be this far ahead.
-    lacking = 0.5 * signal.t.size * (findings.unexplained / max(findings.noise, 1e-300)) ** 2
-    unexplained = findings.unexplained * comparison.data.recorded_amplitude if lacking > NATS_AHEAD else 0.0
     other = no_free_decay(signal, no_law_fits, unexplained) if no_law_fits or unexplained else None
     if other is not None:
         return Answer(AnswerContent(other.to_dict()))

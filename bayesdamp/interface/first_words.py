@@ -108,7 +108,8 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False, unexplained: float 
     searched for other motions, such as a second oscillation or growth. It may be a free decay if none is found, or if
     the motion that is found has a `size` below `thresholds.OTHER_MOTION`. The size is, for example, the amplitude of a
     second oscillation relative to the first, or the factor of growth minus 1 (see `OtherMotion`). The limit is
-    `thresholds.SMALL_OTHER_MOTION` if no law fits and two oscillations explain the record to its noise.
+    `thresholds.SMALL_OTHER_MOTION` if two oscillations explain the record to its noise, and no law fits or they are of
+    close frequencies and explain much more than the best law.
 
     Parameters
     ----------
@@ -125,7 +126,7 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False, unexplained: float 
     other = _other_motion(signal, no_law_fits, unexplained)
     if other is None:
         return None
-    small = no_law_fits and other.complete
+    small = other.complete and (no_law_fits or (unexplained > 0 and other.kind == "beats"))
     if other.size < (thresholds.SMALL_OTHER_MOTION if small else thresholds.OTHER_MOTION):
         return None
     own = other.modes
@@ -160,13 +161,14 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False, unexplained: float 
     return replace(verdict, sentence=sentence(verdict))
 
 
-def remark_on(signal: Signal) -> str:
+def remark_on(signal: Signal, unexplained: float = 0.0) -> str:
     """Return a remark on the frequency and the relative size of a second oscillation; empty if there is none.
 
     The size is the amplitude relative to that of the first oscillation. It is not compared with a limit. Call this
     function only if `no_free_decay` returned None: the second oscillation is then too small to change the verdict.
+    `unexplained`: as in `no_free_decay`.
     """
-    other = _other_motion(signal, False)
+    other = _other_motion(signal, False, unexplained)
     if other is None or len(other.modes.frequencies) < 2:
         return ""
     at = f"{digits(other.modes.frequencies[1])} Hz"
