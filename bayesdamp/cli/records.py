@@ -116,9 +116,8 @@ def with_reading_options(command: Callable[..., int]) -> Callable[..., int]:
     """
     *own, _ = signature(command, eval_str=True).parameters.values()
     added = signature(ReadingOptions, eval_str=True).parameters.values()
-    first = [parameter for parameter in own if parameter.default is Parameter.empty]
-    rest = [parameter for parameter in own if parameter.default is not Parameter.empty]
-    command.__signature__ = Signature([*first, *added, *rest])  # type: ignore[attr-defined]
+    required_first = sorted([*added, *own], key=lambda parameter: parameter.default is not Parameter.empty)
+    command.__signature__ = Signature(required_first)  # type: ignore[attr-defined]
     return command
 
 
@@ -180,19 +179,12 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
     InputError
         If the file cannot be read, or does not contain what the options select.
     """
-    raws = read_records(
-        path,
-        time=options.time,
-        value=options.angle,
-        rate=options.rate,
-        runs=options.runs,
-        channels=options.channels or (),
-        time_unit=options.time_unit,
-    )
-    records, given = [], options.unit is not None
+    given = {name: getattr(options, name) for name in ("time", "rate", "runs", "time_unit")}
+    raws = read_records(path, value=options.angle, channels=options.channels or (), **given)
+    records = []
     for raw in raws:
         unit, quantity = unit_or_guess(raw, options.unit, options.quantity)
-        doubts = findings(raw, unit, quantity, given)
+        doubts = findings(raw, unit, quantity, options.unit is not None)
         records.append(FileRecord(path, raw, unit, quantity, doubts, several=len(raws) > 1))
     return [with_free_decay(record, options) for record in records] if cleaned else records
 
@@ -340,6 +332,7 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
     have no specimen.
     """
     signals = []
+    reading = {name: getattr(options, name) for name in ("clock", "start", "stop", "time_unit")}
     for record in records:
         time, angle = record.raw.columns
         specimen = ""
@@ -354,10 +347,7 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
                 "rate": options.rate,
                 "unit": record.unit,
                 "quantity": record.quantity,
-                "clock": options.clock,
-                "start": options.start,
-                "stop": options.stop,
-                "time_unit": options.time_unit,
+                **reading,
                 "label": distinguishing_label(record, records),
                 "specimen": specimen,
             }

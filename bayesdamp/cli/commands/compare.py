@@ -124,8 +124,11 @@ def compare(
         if envelopes:
             given = {"restoring": restoring, "exact": exact, "runs": reading["runs"]}
             given |= {"channel": reading["channels"], "time-unit": reading["time_unit"]}
-            given |= {"deviation": deviation != "auto", "noise": noise != "auto"}
-            given |= {"sensor": sensor is not None}
+            given |= {
+                "deviation": deviation != "auto",
+                "noise": noise != "auto",
+                "sensor": sensor is not None,
+            }
             for name, value in given.items():
                 if value:
                     raise InputError(f"--{name}: does not apply to envelope records; remove it")
@@ -158,17 +161,9 @@ def compare(
             raise InputError(f"--repeats: only one record is usable, but several are needed; {failed[0]}")
         # A single record is computed by the threads of this process; more processes would not make it faster.
         alone = len(signals) <= (MOST_ENVELOPES_HERE if envelopes else 1) and not exact and scheduler is None
-        study = comparison_study(
-            signals,
-            restoring=restoring or (),
-            damping=sums,
-            noise=noise,
-            seed=seed,
-            repeats=repeats,
-            plugins=plugins,
-            deviation=deviation,
-            sensor=SENSOR if sensor is None else sensor,
-        )
+        asked = {"restoring": restoring or (), "damping": sums, "noise": noise, "deviation": deviation}
+        asked |= {"seed": seed, "repeats": repeats, "sensor": SENSOR if sensor is None else sensor}
+        study = comparison_study(signals, plugins=plugins, **asked)
         check_folder(out, study.name)
         for record, spec in zip(chosen.records, study.signals, strict=not envelopes):
             if record.signal is not None and isinstance(spec.source, Recording):
@@ -188,10 +183,8 @@ def compare(
             typer.echo(f"{before}; this run is written to {folder}", err=True)
         depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
         running = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
-        running["pool"] = pool
-        running["checked"] = bool(chosen.records) and all(
-            record.signal is not None for record in chosen.records
-        )
+        has_signal = [record.signal is not None for record in chosen.records]
+        running |= {"pool": pool, "checked": bool(has_signal) and all(has_signal)}
         chosen = r.SelectedRecords([], [], [], [])  # frees the memory of the records
         return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **running)
 
