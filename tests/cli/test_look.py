@@ -185,8 +185,7 @@ def levels(path: Path, head: str) -> Path:
 
 def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:
     """An envelope has a unit in dB, or --quantity envelope. Control: without both a hint is printed."""
-    level = levels(tmp_path / "a.csv", "Power (dBm)")
-    printed = output_of_look(level, capsys)
+    printed = output_of_look(levels(tmp_path / "a.csv", "Power (dBm)"), capsys)
     assert "an envelope in dBm: 600 readings from 0 to 29.95 s" in printed
     assert "The decay starts at 2" in printed
     assert "the level falls by 2" in printed
