@@ -114,11 +114,8 @@ def compare(
         if envelopes:
             given = {"restoring": restoring, "exact": exact, "runs": reading["runs"]}
             given |= {"channel": reading["channels"], "time-unit": reading["time_unit"]}
-            given |= {
-                "deviation": deviation != "auto",
-                "noise": noise != "auto",
-                "sensor": sensor is not None,
-            }
+            given |= {"deviation": deviation != "auto", "noise": noise != "auto"}
+            given |= {"sensor": sensor is not None}
             for name, value in given.items():
                 if value:
                     raise InputError(f"--{name}: does not apply to envelope records; remove it")
