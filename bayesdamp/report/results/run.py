@@ -360,7 +360,8 @@ def models_by_rank(run: RunFolder, signal: str, repeat: int) -> list[str]:
     is compared under several restoring laws.
     """
     ranked = rank_models(run, signal, repeat)
-    models = {r["model"] for r in run._rows if r["signal"] == signal}
+    rows = (*run.estimates, *run.posteriors, *run.evidence, *run.fits)
+    models = {r["model"] for r in rows if r["signal"] == signal}
     models |= {task_result.parts.candidate for task_result in run.task_results("mode", signal, repeat)}
     first = [row["model"] for row in ranked.rows] if ranked else []
     return list(dict.fromkeys([*first, *(m for m in run.models if m in models), *sorted(models)]))
