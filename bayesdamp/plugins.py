@@ -210,15 +210,11 @@ def use_modules(modules: Sequence[PluginModule]) -> None:
         for module in modules:
             _USED.append(module)
             loaded = _run(module)
-            plugins = [
-                *getattr(loaded, "PLUGINS", ()),
-                *([loaded.PLUGIN] if hasattr(loaded, "PLUGIN") else []),
-            ]
+            single = [loaded.PLUGIN] if hasattr(loaded, "PLUGIN") else []
+            plugins = [*getattr(loaded, "PLUGINS", ()), *single]
             if not plugins:
-                raise InputError(
-                    "contains neither PLUGIN nor PLUGINS; end it with PLUGIN = MyTerm()",
-                    f"plug-in {module.file}",
-                )
+                what = "contains neither PLUGIN nor PLUGINS; end it with PLUGIN = MyTerm()"
+                raise InputError(what, f"plug-in {module.file}")
             for plugin in plugins:
                 _register(plugin, module)
     except BaseException:

@@ -50,10 +50,7 @@ COMMANDS = {
         "Write a simulated record to try the program on: a CSV of times in s and angles in rad.",
         "bayesdamp simulate --damping viscous=0.1,coulomb=0.05 --restoring pendulum --out play.csv",
     ),
-    "report": (
-        "Write the report of a run again; nothing is computed.",
-        "bayesdamp report reports/rig",
-    ),
+    "report": ("Write the report of a run again; nothing is computed.", "bayesdamp report reports/rig"),
     "claims": (
         "Test a published paper's claims about eleven damping estimators, and report which of them hold.",
         "bayesdamp claims --paper reports/paper --noise reports/noise",

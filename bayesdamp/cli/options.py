@@ -1,6 +1,7 @@
 """Define the options that several commands share: for reading files, for the run, and for the output."""
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,11 +10,8 @@ import typer
 from bayesdamp.formatting import show
 from bayesdamp.types import InputError
 
-READING, COMPARED, RUNNING, OUTPUT = "Reading the file", "What is compared", "The run", "Output"
-"""Headings of the groups of options in the help."""
 
-
-def option(group: str, text: str, *names: str, **more: Any) -> Any:
+def _option(group: str, text: str, *names: str, **more: Any) -> Any:
     """Define an option of a command for Typer.
 
     Parameters
@@ -30,36 +28,36 @@ def option(group: str, text: str, *names: str, **more: Any) -> Any:
     return typer.Option(*names, help=text, rich_help_panel=group, **more)
 
 
+reading, compared, running, output = (
+    partial(_option, group) for group in ("Reading the file", "What is compared", "The run", "Output")
+)
+"""Functions that define an option (see `_option`), one for each heading in the help."""
+
+
 StudyFile = Annotated[Path, typer.Argument(metavar="FILE", help="A study file (TOML).")]
 Plugins = Annotated[
     list[Path] | None,
-    option(
-        COMPARED,
-        "A Python file with your own damping terms, readers or other plug-ins; may be repeated.",
-        "--plugin",
+    compared(
+        "A Python file with your own damping terms, readers or other plug-ins; may be repeated.", "--plugin"
     ),
 ]
 Out = Annotated[
-    Path | None,
-    option(RUNNING, "The folder for the results; by default reports/NAME, with the study's name."),
+    Path | None, running("The folder for the results; by default reports/NAME, with the study's name.")
 ]
-Workers = Annotated[int | None, option(RUNNING, "Number of processes; by default one for each core.", min=1)]
-Scheduler = Annotated[
-    str | None, option(RUNNING, "Address of a Dask scheduler whose workers share the work.")
-]
+Workers = Annotated[int | None, running("Number of processes; by default one for each core.", min=1)]
+Scheduler = Annotated[str | None, running("Address of a Dask scheduler whose workers share the work.")]
 Fresh = Annotated[
-    bool, option(RUNNING, "Compute everything again, and do not use stored results of this run.", "--fresh")
+    bool, running("Compute everything again, and do not use stored results of this run.", "--fresh")
 ]
 Quick = Annotated[
     bool,
-    option(
-        RUNNING,
+    running(
         "Compute only the answer from linearised motions, without sampling the posterior; takes seconds.",
         "--quick",
     ),
 ]
-Quiet = Annotated[bool, option(OUTPUT, "Print only the answer and errors.", "--quiet", "-q")]
-AsJson = Annotated[bool, option(OUTPUT, "Print the verdicts as JSON, as in verdict.json.", "--json")]
+Quiet = Annotated[bool, output("Print only the answer and errors.", "--quiet", "-q")]
+AsJson = Annotated[bool, output("Print the verdicts as JSON, as in verdict.json.", "--json")]
 
 
 def parse_time(text: float | str, name: str) -> float | str:

@@ -11,7 +11,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from bayesdamp.cli.options import READING, option, parse_time
+from bayesdamp.cli.options import parse_time, reading
 from bayesdamp.formatting import show
 from bayesdamp.interface.signal import Signal, cut
 from bayesdamp.pipeline.progress import map_with_bar
@@ -32,6 +32,8 @@ _VALID = {
     "clock": ("auto", "as_logged", "uniform"),
 }
 """Valid values of the options for reading files, by option."""
+_limit = partial(reading, parser=str, metavar="<str>")
+"""Function that defines an option for the start or the end of the free decay, a number or "auto"."""
 
 
 @dataclass(frozen=True)
@@ -43,52 +45,42 @@ class ReadingOptions:
     when a file is read.
     """
 
-    angle: Annotated[
-        str | None, option(READING, "Column of the recorded quantity, by name or number from 1.")
-    ] = None
-    time: Annotated[str | None, option(READING, "Column of the times, by name or number.")] = None
+    angle: Annotated[str | None, reading("Column of the recorded quantity, by name or number from 1.")] = None
+    time: Annotated[str | None, reading("Column of the times, by name or number.")] = None
     time_unit: Annotated[
-        str | None,
-        option(READING, "Unit of the times: s, ms, us, ns, ps, min, h or d; by default from the file."),
+        str | None, reading("Unit of the times: s, ms, us, ns, ps, min, h or d; by default from the file.")
     ] = None
-    rate: Annotated[float | None, option(READING, "Sampling rate in Hz, for a file without times.")] = None
+    rate: Annotated[float | None, reading("Sampling rate in Hz, for a file without times.")] = None
     unit: Annotated[
         str | None,
-        option(
-            READING,
+        reading(
             "Unit of the displacement: rad, deg, m, mm, V and others (the error for an unknown unit lists them), or "
             "g, rpm, dps. By default from the file; otherwise rad, or deg or counts if the values are too large for "
-            "rad.",
+            "rad."
         ),
     ] = None
     quantity: Annotated[
         str | None,
-        option(
-            READING,
+        reading(
             "angle (any displacement), velocity or acceleration; for compare and look also envelope (amplitude, power "
-            "or level alone). By default from the file; otherwise angle.",
+            "or level alone). By default from the file; otherwise angle."
         ),
     ] = None
     clock: Annotated[
         str,
-        option(
-            READING,
+        reading(
             "Times of the samples: as_logged (the time stamps), uniform (equal steps, fitted to the time stamps), or "
-            "auto (uniform if stamps are rounded or come in bursts, else as_logged).",
+            "auto (uniform if stamps are rounded or come in bursts, else as_logged)."
         ),
     ] = "auto"
-    start: Annotated[
-        Any, option(READING, "Start of the free decay in s, or auto.", parser=str, metavar="<str>")
-    ] = "auto"
-    stop: Annotated[
-        Any, option(READING, "End of the free decay in s, or auto.", parser=str, metavar="<str>")
-    ] = "auto"
+    start: Annotated[Any, _limit("Start of the free decay in s, or auto.")] = "auto"
+    stop: Annotated[Any, _limit("End of the free decay in s, or auto.")] = "auto"
     runs: Annotated[
-        str | None, option(READING, "Runs to use of a file with several runs, such as 1,3-5; by default all.")
+        str | None, reading("Runs to use of a file with several runs, such as 1,3-5; by default all.")
     ] = None
     channels: Annotated[
         list[str] | None,
-        option(READING, "A channel to use of a file with several channels; may be repeated.", "--channel"),
+        reading("A channel to use of a file with several channels; may be repeated.", "--channel"),
     ] = None
 
     def __post_init__(self) -> None:
@@ -116,9 +108,8 @@ def with_reading_options(command: Callable[..., int]) -> Callable[..., int]:
     """
     *own, _ = signature(command, eval_str=True).parameters.values()
     added = signature(ReadingOptions, eval_str=True).parameters.values()
-    first = [parameter for parameter in own if parameter.default is Parameter.empty]
-    rest = [parameter for parameter in own if parameter.default is not Parameter.empty]
-    command.__signature__ = Signature([*first, *added, *rest])  # type: ignore[attr-defined]
+    required_first = sorted([*added, *own], key=lambda parameter: parameter.default is not Parameter.empty)
+    command.__signature__ = Signature(required_first)  # type: ignore[attr-defined]
     return command
 
 
@@ -180,19 +171,12 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
     InputError
         If the file cannot be read, or does not contain what the options select.
     """
-    raws = read_records(
-        path,
-        time=options.time,
-        value=options.angle,
-        rate=options.rate,
-        runs=options.runs,
-        channels=options.channels or (),
-        time_unit=options.time_unit,
-    )
-    records, given = [], options.unit is not None
+    given = {name: getattr(options, name) for name in ("time", "rate", "runs", "time_unit")}
+    raws = read_records(path, value=options.angle, channels=options.channels or (), **given)
+    records = []
     for raw in raws:
         unit, quantity = unit_or_guess(raw, options.unit, options.quantity)
-        doubts = findings(raw, unit, quantity, given)
+        doubts = findings(raw, unit, quantity, options.unit is not None)
         records.append(FileRecord(path, raw, unit, quantity, doubts, several=len(raws) > 1))
     return [with_free_decay(record, options) for record in records] if cleaned else records
 
@@ -340,6 +324,7 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
     have no specimen.
     """
     signals = []
+    given = {name: getattr(options, name) for name in ("clock", "start", "stop", "time_unit")}
     for record in records:
         time, angle = record.raw.columns
         specimen = ""
@@ -354,10 +339,7 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
                 "rate": options.rate,
                 "unit": record.unit,
                 "quantity": record.quantity,
-                "clock": options.clock,
-                "start": options.start,
-                "stop": options.stop,
-                "time_unit": options.time_unit,
+                **given,
                 "label": distinguishing_label(record, records),
                 "specimen": specimen,
             }

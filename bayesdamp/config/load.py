@@ -360,10 +360,8 @@ def _read_published(path: Path) -> tuple[dict[str, str], ...]:
     """
     try:
         reader = csv.DictReader(io.StringIO(read_plain(path, "a CSV file"), newline=""))
-        missing, rows = (
-            set(_PUBLISHED) - set(reader.fieldnames or ()),
-            [row for row in reader if any(row.values())],
-        )
+        missing = set(_PUBLISHED) - set(reader.fieldnames or ())
+        rows = [row for row in reader if any(row.values())]
     except (InputError, csv.Error) as error:
         raise StudyError("published", f"is {show(path.name)}, which cannot be read ({error})") from None
     if missing:

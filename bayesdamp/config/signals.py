@@ -358,15 +358,9 @@ def resolve_signal(
         name: None if models is None else canonical_models(models, join_keys(key, name))
         for name, models in (("compare", entry.compare), ("estimate", entry.estimate))
     }
+    specimen, alternatives = entry.specimen or "", tuple(s for s in others if s.restoring in laws)
     return SignalSpec(
-        entry.name,
-        system,
-        source,
-        inertia,
-        **own,
-        laws=laws,
-        alternatives=tuple(s for s in others if s.restoring in laws),
-        specimen=entry.specimen or "",
+        entry.name, system, source, inertia, **own, laws=laws, alternatives=alternatives, specimen=specimen
     )
 
 

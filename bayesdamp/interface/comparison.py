@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -372,25 +372,10 @@ def compare(
             if is_given and len(bases) > 1:
                 mixed = f"the records are in {' and '.join(bases)}"
                 raise InputError(f"compare: {option}: {mixed}; remove it, or give records in one unit")
+        compared = partial(compare_models, deviation=deviation, noise=noise, damping=sums, restoring=laws)
+        answered = partial(answer, unit=UNITS[units[0]], sensor=sensor, sample=sample, seed=seed)
         answers = tuple(
-            answer(
-                s,
-                compare_models(
-                    s,
-                    deviation=deviation,
-                    noise=noise,
-                    damping=sums,
-                    restoring=laws,
-                    known=values,
-                    priors=given,
-                ),
-                amplitudes,
-                unit=UNITS[units[0]],
-                sensor=sensor,
-                sample=sample,
-                seed=seed,
-                repeated=len(every) > 1,
-            )
+            answered(s, compared(s, known=values, priors=given), amplitudes, repeated=len(every) > 1)
             for s in motions
         )
         good = [a.of_specimen() for a in answers if a.arrays]

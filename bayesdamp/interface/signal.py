@@ -465,16 +465,9 @@ def read(
     """
     path = Path(path)
     unit, quantity = unit_by_name(unit, quantity)
-    raw = tuple(
-        read_records(
-            path,
-            time=time,
-            value=value,
-            rate=rate,
-            runs=None if runs is None else str(runs),
-            channels=tuple(channels),
-            time_unit=time_unit,
-        )
+    wanted = None if runs is None else str(runs)
+    raw = read_records(
+        path, time=time, value=value, rate=rate, runs=wanted, channels=tuple(channels), time_unit=time_unit
     )
     units = {unit_or_guess(record, unit, quantity): record.channel for record in raw}
     if len(units) > 1:

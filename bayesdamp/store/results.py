@@ -56,14 +56,8 @@ FOLDERS = ("cells", "figures", "posterior")
 """Names of the folders in the folder of a run; `cells` contains the results of tasks."""
 LOCK = ".lock"
 FILES = (
-    LOCK,
-    "damping_curves.csv",
-    "population.csv",
-    "report.html",
-    "run.json",
-    "verdict.json",
-    "verdicts.csv",
-)
+    LOCK, "damping_curves.csv", "population.csv", "report.html", "run.json", "verdict.json", "verdicts.csv",
+)  # fmt: skip
 """Names of the files in the folder of a run, besides `TABLES` and `CALIBRATION_TABLES`. A running process locks the
 file `LOCK`."""
 HEAD_MEMBER = "cell.json"

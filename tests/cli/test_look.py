@@ -169,11 +169,8 @@ def test_a_file_without_a_free_decay_is_refused(tmp_path, capsys) -> None:
 
 def test_a_study_selects_a_run_and_a_channel(tmp_path) -> None:
     file = str(runs(tmp_path / "rig.csv"))
-    for keys in (
-        {"run": 3, "channel": "Angle, left (deg)"},
-        {"run": "3", "channel": "angle, LEFT"},
-        {"run": 3},
-    ):
+    selected = {"run": 3, "channel": "Angle, left (deg)"}, {"run": "3", "channel": "angle, LEFT"}, {"run": 3}
+    for keys in selected:
         (signal,) = comparison_study([{"file": file, **keys}]).signals
         np.testing.assert_allclose(read_raw(signal.source).y, 30 * Y, atol=1e-6)
 
@@ -188,14 +185,10 @@ def levels(path: Path, head: str) -> Path:
 
 def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:
     """An envelope has a unit in dB, or --quantity envelope. Control: without both a hint is printed."""
-    level = levels(tmp_path / "a.csv", "Power (dBm)")
-    printed = output_of_look(level, capsys)
-    for text in (
-        "an envelope in dBm: 600 readings from 0 to 29.95 s",
-        "The decay starts at 2",
-        "the level falls by 2",
-    ):
-        assert text in printed
+    printed = output_of_look(levels(tmp_path / "a.csv", "Power (dBm)"), capsys)
+    assert "an envelope in dBm: 600 readings from 0 to 29.95 s" in printed
+    assert "The decay starts at 2" in printed
+    assert "the level falls by 2" in printed
     assert "--frequency HZ" in printed
     linear = levels(tmp_path / "b.csv", "magnitude")
     printed = output_of_look(linear, capsys, "--quantity", "envelope", "--start", "5")

@@ -93,8 +93,7 @@ MEANINGS: dict[str, tuple[str, Callable[[Study], Any], Any]] = {
 def test_a_study_has_the_meaning_of_its_text(
     tmp_path: Path, text: str, look: Callable[[Study], Any], expected: Any
 ) -> None:
-    study = load_study(write(tmp_path, text))
-    assert look(study) == expected
+    assert look(load_study(write(tmp_path, text))) == expected
 
 
 @pytest.mark.parametrize("name", ["quickstart", "paper"])

@@ -72,8 +72,7 @@ def test_commands_and_options_in_the_pages_exist() -> None:
 
 
 def test_citation_and_changelog_have_the_current_version() -> None:
-    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    assert f"\nversion: {bd.__version__}\n" in text
+    assert f"\nversion: {bd.__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"## {bd.__version__}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 
 

@@ -80,8 +80,7 @@ def test_unknown_restoring_parameters_and_start_are_recovered(name):
 def test_velocities_and_accelerations_are_recovered(name):
     quantity = "acceleration" if name in ("least_squares", "envelope") else "velocity"
     record = pendulum({"mu_c": 0.03}, quantity=quantity, samples=2000, free=("theta0", "omega0"))
-    refined = recovered(name, record, {"mu_c": 0.03}, 5.0)[1]
-    assert error(refined.values["theta0"], 0.3) < 0.01
+    assert error(recovered(name, record, {"mu_c": 0.03}, 5.0)[1].values["theta0"], 0.3) < 0.01
 
 
 @EACH

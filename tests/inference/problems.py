@@ -24,18 +24,10 @@ revision e785313b and the other two at 36d9dc5d; its last revision is c123bb62."
 NAMES = ("viscous_coulomb", "coulomb_correlated", "touching_zero")
 
 FEATURES = Features(
-    rest=0.05,
-    amplitude=0.3,
-    final_amplitude=0.1,
-    frequency=4.47,
-    period=1.405,
-    cycles=7.0,
-    samples_per_cycle=40.0,
-    roughness=0.01,
-    turning_times=np.empty(0),
-    turning_values=np.empty(0),
+    rest=0.05, amplitude=0.3, final_amplitude=0.1, frequency=4.47, period=1.405, cycles=7.0,
+    samples_per_cycle=40.0, roughness=0.01, turning_times=np.empty(0), turning_values=np.empty(0),
     turning_amplitudes=np.empty(0),
-)
+)  # fmt: skip
 """Features for default priors."""
 
 

@@ -60,8 +60,7 @@ def test_a_wrong_damping_model_alone_is_not_the_answer() -> None:
 
 
 def test_a_record_without_an_oscillation_has_a_verdict() -> None:
-    noise = np.random.default_rng(2).standard_normal(400)
-    signal = Signal(np.arange(400) * 0.01, noise, name="silence")
+    signal = Signal(np.arange(400) * 0.01, np.random.default_rng(2).standard_normal(400), name="silence")
     verdict = answer(signal, compare_models(signal)).verdict
     assert (verdict.grade, verdict.decided, verdict.damping) == (Grade.NOT_WEIGHED, False, "")
     assert verdict.record == "silence"

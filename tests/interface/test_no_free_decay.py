@@ -41,10 +41,8 @@ def test_beats_are_described_by_two_oscillations() -> None:
     assert not verdict.decided
     assert verdict.modes[0].low < 0.01 < verdict.modes[0].high  # 95 %, seed fixed
     third = verdict_on(*parts, (0.03, 1.5, 0.01))
-    assert [any("do not explain the record" in r for r in v.remarks) for v in (verdict, third)] == [
-        False,
-        True,
-    ]
+    unexplained = [any("do not explain the record" in r for r in v.remarks) for v in (verdict, third)]
+    assert unexplained == [False, True]
     t, y = sum_of(*parts, noise=0.003)
     faster = answer(Signal(t / 5, y), compare_models(Signal(t / 5, y)), sample=False).verdict
     assert [m.high for m in faster.modes] == pytest.approx([m.high for m in verdict.modes], rel=1e-3)

@@ -47,8 +47,7 @@ def test_the_prior_of_two_terms_has_one_scale() -> None:
     )
     others = sum(priors[n].log_density(x) for n, x in draws.items() if n not in terms)
     assert len(terms) == 2
-    expected = np.log(shared.mean(axis=-1)) + others
-    assert post.log_prior == pytest.approx(expected)
+    assert post.log_prior == pytest.approx(np.log(shared.mean(axis=-1)) + others)
 
 
 def test_predicted_records_have_the_noise_of_the_record() -> None:

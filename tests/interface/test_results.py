@@ -61,8 +61,7 @@ def test_each_result_is_saved_and_loaded(results: dict[str, Any], verdict: Verdi
 
 def test_one_of_several_verdicts_is_loaded_by_its_record(verdict: Verdict, tmp_path: Path) -> None:
     path = tmp_path / "verdict.json"
-    other = {**verdict.to_dict(), "record": "ship"}
-    write_json(path, [verdict.to_dict(), other])
+    write_json(path, [verdict.to_dict(), {**verdict.to_dict(), "record": "ship"}])
     assert Verdict.load(path, "ship").record == "ship"
     with pytest.raises(InputError, match="rig, ship; record= must name one of them"):
         bd.load(path)

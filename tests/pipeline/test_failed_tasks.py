@@ -38,8 +38,7 @@ def test_tasks_that_depend_on_a_failed_record_name_it_and_are_computed_later(tmp
     assert len(dependent) >= 4
     for name in dependent:
         assert store.read(name).outcome == "not computed: signal/bad/0 failed: ArithmeticError: made to fail"
-    rows = read_table(out / "estimates.csv")
-    assert {r["outcome"] for r in rows if r["signal"] == "good"} == {"ok"}
+    assert {r["outcome"] for r in read_table(out / "estimates.csv") if r["signal"] == "good"} == {"ok"}
     assert "made to fail" in (out / "report.html").read_text(encoding="utf-8")
     assert run_study(study, out, workers=1) == 0
     assert {store.read(n).outcome for n in store.names()} == {"ok"}

@@ -88,10 +88,8 @@ def test_draws_have_the_damping_ratios_of_the_answer(run):
     for model, agrees in (("viscous", True), ("quadratic", False)):
         ratios = store.read(f"posterior/noisy/0/{model}/nuts").meta["ratios"]
         assert [r["amplitude"] for r in ratios] == [r["amplitude"] for r in answer]
-        shifts = [
-            abs(own["value"] - r["value"]) / (r["high"] - r["low"])
-            for own, r in zip(ratios, answer, strict=True)
-        ]
+        pairs = zip(ratios, answer, strict=True)
+        shifts = [abs(own["value"] - r["value"]) / (r["high"] - r["low"]) for own, r in pairs]
         assert (max(shifts) < 0.5 / 3.92) == agrees
 
 

@@ -224,8 +224,7 @@ class RunMaker:
             "bench": {"notes": ["Cut."], "unit": "deg", "quantity": "angle", "simulated": False, **cut},
             "sim": {"notes": ["Simulated."], "unit": "rad", "quantity": "angle", "simulated": True},
         }
-        free = {"free": {"noise_sd": None}}
-        system = {"restoring": LAW, "known": {"stiffness": 20.0}, **free}
+        system = {"restoring": LAW, "known": {"stiffness": 20.0}, "free": {"noise_sd": None}}
         study = {
             "signals": [{"name": name, "system": system} for name in self.signals],
             "estimators": {"use": list(METHODS), "stages": ["initial", "refined"]},

@@ -113,8 +113,7 @@ def test_text_of_the_user_is_escaped(maker):
 
 
 def test_many_signals_are_collapsed_and_only_their_best_models_are_drawn(maker_of):
-    names = [f"sim-{i}" for i in range(6)]
-    folder = maker_of(signals=names, models=("viscous", "coulomb")).make()
+    folder = maker_of(signals=[f"sim-{i}" for i in range(6)], models=("viscous", "coulomb")).make()
     html = render(folder).read_text()
     assert html.count("<summary>sim-5</summary>") >= 3
     assert "show only the most probable model of each" in html

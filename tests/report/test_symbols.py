@@ -33,8 +33,7 @@ def test_a_user_s_term_without_a_symbol_is_written_with_the_name_of_its_paramete
 
 def test_indices_are_subscripts_and_html_of_the_user_is_escaped():
     """In every part of a table."""
-    table = Table(["<i>θs"], [TableLine(["<b>μc"])], caption="<u>F_damp", notes=["<s>"])
-    shown = table.__html__()
+    shown = Table(["<i>θs"], [TableLine(["<b>μc"])], caption="<u>F_damp", notes=["<s>"]).__html__()
     for text in ("&lt;i&gt;θ<sub>s</sub>", "&lt;b&gt;μ<sub>c</sub>", "&lt;u&gt;F<sub>damp</sub>"):
         assert text in shown
     assert not [mark for mark in ("<i>", "<b>", "<u>", "<s>") if mark in shown]

@@ -138,12 +138,8 @@ def test_only_a_regular_file_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
     (tmp_path / "folder").mkdir()
     os.mkfifo(tmp_path / "pipe")
-    for name, what in {
-        "link": "a link",
-        "dangling": "a link",
-        "folder": "a folder",
-        "pipe": "a device",
-    }.items():
+    kinds = {"link": "a link", "dangling": "a link", "folder": "a folder", "pipe": "a device"}
+    for name, what in kinds.items():
         with pytest.raises(InputError, match=f"{name}: is {what} and is not replaced"):
             write_bytes(tmp_path / name, b"new")
     write_bytes(tmp_path / "file", b"new")

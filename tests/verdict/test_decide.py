@@ -184,11 +184,8 @@ def test_terms_of_a_sum_are_listed_by_their_share_of_the_energy() -> None:
 def test_a_damping_is_not_decided_while_its_twin_is_possible() -> None:
     """Viscous and structural damping lose the same energy at every amplitude. Control: structural was not compared."""
     with_twin = {"viscous": 1.0, "coulomb": 0.03, "quadratic": 0.01, "structural": 0.02}
-    for term, share, decided in [
-        (with_twin, 0.45, False),
-        (with_twin, 0.05, True),
-        (FINDINGS["term"], 0.45, True),
-    ]:
+    cases = (with_twin, 0.45, False), (with_twin, 0.05, True), (FINDINGS["term"], 0.45, True)
+    for term, share, decided in cases:
         verdict = verdict_of(term=term, bound={"coulomb": 0.05, "quadratic": 0.02, "structural": share})
         assert verdict.decided is decided
         remarks = [r for r in verdict.remarks if "cannot distinguish viscous damping from structural" in r]

@@ -85,8 +85,7 @@ def test_records_of_one_specimen_share_the_size_of_their_deviations() -> None:
     prior = grid_of(LEAST_KNOTS).log_prior
     size = int(np.argmin(prior))
     only_this_size = np.where(np.arange(prior.size) == size, -prior[size], -300.0)
-    level = np.full(prior.size, 1.0)
-    each = [answered(n, 0.01, {V: only_this_size, Q: level}) for n in "abcd"]
+    each = [answered(n, 0.01, {V: only_this_size, Q: np.ones(prior.size)}) for n in "abcd"]
     each = [replace(a, comparison=replace(a.comparison, log_evidence={V: 0.0, Q: 1.0})) for a in each]
     ahead = -3 * prior[size] - 4
     assert ahead > 10

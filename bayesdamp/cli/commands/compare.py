@@ -10,7 +10,6 @@ import typer
 
 from bayesdamp.cli import options as o, records as r
 from bayesdamp.cli.files import check_folder, check_names
-from bayesdamp.cli.options import COMPARED, READING, RUNNING
 from bayesdamp.config import Recording, Study
 from bayesdamp.config.load import RecordOptions, comparison_study
 from bayesdamp.interface.first_words import first_words, no_free_decay
@@ -36,38 +35,32 @@ def compare(
     records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Files of measured decays.")],
     frequency: Annotated[
         float | None,
-        o.option(
-            READING, "Frequency of the oscillation in Hz, for an envelope; by default from the file's header."
-        ),
+        o.reading("Frequency of the oscillation in Hz, for an envelope; by default from the file's header."),
     ] = None,
     restoring: Annotated[
         list[str] | None,
-        o.option(
-            COMPARED,
+        o.compared(
             "A restoring law to compare: linear, pendulum, duffing or horizontal_pendulum; may be repeated; by "
-            "default all.",
+            "default all."
         ),
     ] = None,
     damping: Annotated[
         list[str] | None,
-        o.option(
-            COMPARED,
+        o.compared(
             "Damping sums to compare, such as stribeck,viscous+cubic; may be repeated. By default the seven "
-            "sums of viscous, Coulomb and quadratic damping, and other forms that may be more probable.",
+            "sums of viscous, Coulomb and quadratic damping, and other forms that may be more probable."
         ),
     ] = None,
     noise: Annotated[
         str,
-        o.option(
-            COMPARED,
-            "The noise model: gaussian, student_t, correlated or quantised, or auto to choose one for each record.",
+        o.compared(
+            "The noise model: gaussian, student_t, correlated or quantised, or auto to choose one for each record."
         ),
     ] = "auto",
     repeats: Annotated[
-        bool,
-        o.option(COMPARED, "The records are of one specimen: give their common answer too.", "--repeats"),
+        bool, o.compared("The records are of one specimen: give their common answer too.", "--repeats")
     ] = False,
-    seed: Annotated[int, o.option(COMPARED, "Seed of all random numbers.", min=0)] = 0,
+    seed: Annotated[int, o.compared("Seed of all random numbers.", min=0)] = 0,
     out: o.Out = None,
     workers: o.Workers = None,
     scheduler: o.Scheduler = None,
@@ -76,8 +69,7 @@ def compare(
     quick: o.Quick = False,
     exact: Annotated[
         bool,
-        o.option(
-            RUNNING,
+        o.running(
             "Also check the answer by MCMC chains (NUTS) and bridge sampling, which takes minutes. Both assume that "
             "the laws hold exactly; with --deviation law, they allow deviations from the laws.",
             "--exact",
@@ -85,17 +77,15 @@ def compare(
     ] = False,
     deviation: Annotated[
         str,
-        o.option(
-            COMPARED,
-            "Whether the damping and restoring laws may hold only approximately (auto, law) or hold exactly (none).",
+        o.compared(
+            "Whether the damping and restoring laws may hold only approximately (auto, law) or hold exactly (none)."
         ),
     ] = "auto",
     sensor: Annotated[
         float | None,
-        o.option(
-            COMPARED,
+        o.compared(
             "Relative linearity error of the sensor (standard deviation), added in quadrature to the uncertainty of "
-            f"every damping ratio; by default {SENSOR}, which is 0.2 %. Not for envelopes, nor with --deviation none.",
+            f"every damping ratio; by default {SENSOR}, which is 0.2 %. Not for envelopes, nor with --deviation none."
         ),
     ] = None,
     quiet: o.Quiet = False,
@@ -158,17 +148,9 @@ def compare(
             raise InputError(f"--repeats: only one record is usable, but several are needed; {failed[0]}")
         # A single record is computed by the threads of this process; more processes would not make it faster.
         alone = len(signals) <= (MOST_ENVELOPES_HERE if envelopes else 1) and not exact and scheduler is None
-        study = comparison_study(
-            signals,
-            restoring=restoring or (),
-            damping=sums,
-            noise=noise,
-            seed=seed,
-            repeats=repeats,
-            plugins=plugins,
-            deviation=deviation,
-            sensor=SENSOR if sensor is None else sensor,
-        )
+        asked = {"restoring": restoring or (), "damping": sums, "noise": noise, "deviation": deviation}
+        asked |= {"seed": seed, "repeats": repeats, "sensor": SENSOR if sensor is None else sensor}
+        study = comparison_study(signals, plugins=plugins, **asked)
         check_folder(out, study.name)
         for record, spec in zip(chosen.records, study.signals, strict=not envelopes):
             if record.signal is not None and isinstance(spec.source, Recording):
@@ -188,10 +170,8 @@ def compare(
             typer.echo(f"{before}; this run is written to {folder}", err=True)
         depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
         running = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
-        running["pool"] = pool
-        running["checked"] = bool(chosen.records) and all(
-            record.signal is not None for record in chosen.records
-        )
+        has_signal = [record.signal is not None for record in chosen.records]
+        running |= {"pool": pool, "checked": bool(has_signal) and all(has_signal)}
         chosen = r.SelectedRecords([], [], [], [])  # frees the memory of the records
         return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **running)
 

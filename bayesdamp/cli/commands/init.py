@@ -33,10 +33,7 @@ _TABLES: dict[str, tuple[type[StudySection], str]] = {
     ),
     "models": (ModelsTable, "Which damping laws are compared."),
     "posterior": (PosteriorTable, "How the posterior is sampled."),
-    "evidence": (
-        EvidenceTable,
-        "How damping models are compared, and when nested sampling is used as well.",
-    ),
+    "evidence": (EvidenceTable, "How damping models are compared, and when nested sampling is used as well."),
 }
 """Tables of a study file that are written after its signals, by name: the class that defines the keys of the table, and
 a comment for the file."""

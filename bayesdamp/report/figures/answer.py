@@ -75,11 +75,7 @@ def answer(arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: 
 
 
 def draw_answer(
-    axes: Sequence[Axes | None],
-    arrays: Mapping[str, np.ndarray],
-    unit: str,
-    damping: str,
-    recorded: str,
+    axes: Sequence[Axes | None], arrays: Mapping[str, np.ndarray], unit: str, damping: str, recorded: str
 ) -> None:
     """Draw the panels of `answer` on the given axes: record, damping ratio, residual, energy lost in a cycle.
 

@@ -178,14 +178,9 @@ def _zoom(
     else:
         ax.plot(*thin_line(t[inside], y[inside]), color=FAINT, lw=2.2, label="record")
     for i, fit in enumerate(fits):
-        ax.plot(
-            *thin_line(t[inside], fit.fit[inside]),
-            color=colour(fit.model),
-            ls=DASHES[i % len(DASHES)],
-            lw=1.4 if i == 0 else 1.0,
-            zorder=3 - 0.01 * i,
-            label=words.model(fit.model),
-        )
+        look = {"color": colour(fit.model), "ls": DASHES[i % len(DASHES)], "lw": 1.4 if i == 0 else 1.0}
+        line = thin_line(t[inside], fit.fit[inside])
+        ax.plot(*line, **look, zorder=3 - 0.01 * i, label=words.model(fit.model))
     ax.set_xlabel("time / s")
     ax.margins(x=0)
 

@@ -121,12 +121,7 @@ class AnswerSection(SignalSection):
                 sentences, parts = list(energy_sentences(v)), _views(run, answer)
             sentences += noise_sentence(v)
         return fill(
-            "answer.html",
-            claim=claim,
-            sentences=sentences,
-            remarks=remarks,
-            checks=checks,
-            parts=parts,
+            "answer.html", claim=claim, sentences=sentences, remarks=remarks, checks=checks, parts=parts
         )
 
 

@@ -24,13 +24,8 @@ class StudySection(Section):
         sentences: list[str] = []
         dampings = list(dict.fromkeys(candidate_parts(m)[0] for m in run.models))
         if dampings:
-            count = len(dampings)
-            what = (
-                "The study names one damping model"
-                if count == 1
-                else f"The study names {count} damping models"
-            )
-            sentences.append(f"{what}: {fmt.listing(map(words.model, dampings))}.")
+            number = f"{len(dampings)} damping models" if len(dampings) > 1 else "one damping model"
+            sentences.append(f"The study names {number}: {fmt.listing(map(words.model, dampings))}.")
         terms, laws = run.info.get("damping") or {}, run.info.get("restoring") or {}
         forces = [f"{a['force']} ({words.model(term)})" for term, a in terms.items() if a.get("force")]
         rests = [f"{formula} ({words.law(law)})" for law, formula in laws.items() if formula]

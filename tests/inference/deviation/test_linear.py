@@ -121,6 +121,5 @@ def test_evidence_is_accurate_for_very_little_noise(deviating: float, apart: flo
             both = normals(model, grid.only(np.array([i])), sd**2, N)
             assert both.log[0] == pytest.approx(posterior.log_each[i], abs=0.02)
             assert both.means[0, :2] == pytest.approx(posterior.means[i, :2], abs=1e-3)
-            solved = mpmath.lu_solve(covariance, record)
-            mean = [float(z) for z in scores.T * solved]
+            mean = [float(z) for z in scores.T * mpmath.lu_solve(covariance, record)]
             assert both.means[0, :2] == pytest.approx(mean, abs=1e-4)

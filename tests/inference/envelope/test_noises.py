@@ -19,8 +19,7 @@ def test_means_of_readings_are_corrected_for_the_curvature_of_the_decay():
     x = quadratic_decay(t).reshape(n, each).mean(axis=1)
     times = t.reshape(n, each).mean(axis=1)
     start = times[0]
-    rng = np.random.default_rng(1)
-    scatter = 1e-4 * rng.standard_normal(n)
+    scatter = 1e-4 * np.random.default_rng(1).standard_normal(n)
     b = Blocks(times - start, x + scatter, 10.0, float(x[0] - x[-1]) / 10.0, None, each)
     result = infer_noises(b)[0]
     truth = quadratic_decay(times) + scatter
@@ -31,8 +30,7 @@ def test_means_of_readings_are_corrected_for_the_curvature_of_the_decay():
 def test_the_means_of_a_straight_decay_are_not_changed():
     t, noise = np.linspace(0.0, 10.0, 60), 0.01 * np.random.default_rng(2).standard_normal(60)
     x = 1.0 - 0.3 * t + noise
-    b = Blocks(t, x, 10.0, 0.3, None, 20)
-    assert infer_noises(b)[0].x == pytest.approx(x, abs=1e-4)
+    assert infer_noises(Blocks(t, x, 10.0, 0.3, None, 20))[0].x == pytest.approx(x, abs=1e-4)
 
 
 def test_means_of_readings_at_rest_are_not_corrected():

@@ -57,12 +57,10 @@ def test_the_likelihood_of_a_part_of_the_record_counts_only_its_samples():
 
 REFERENCE = Reference(0.3, 4.47)
 STATED: dict[str, Prior] = {
+    **dict.fromkeys(("spring_angle", "rest_angle", "theta0"), Normal(mean=FEATURES.rest, sd=0.6)),
     "stiffness": LogNormal(median=4.47**2, sigma=0.5),
     "gravity": Normal(mean=0.0, sd=0.5 * 4.47**2),
     "cubic": Normal(mean=0.0, sd=0.5 * 4.47**2 / 0.3**2),
-    "spring_angle": Normal(mean=FEATURES.rest, sd=0.6),
-    "rest_angle": Normal(mean=FEATURES.rest, sd=0.6),
-    "theta0": Normal(mean=FEATURES.rest, sd=0.6),
     "omega0": Normal(mean=0.0, sd=2 * 0.3 * 4.47),
     "noise_sd": LogNormal(median=FEATURES.roughness, sigma=1.0),
     "noise_dof": LogNormal(median=6.0, sigma=0.8),

@@ -95,12 +95,8 @@ def test_noise_of_short_records_is_that_without_their_spikes():
 
 def test_a_record_with_few_turning_points_is_measured_or_refused() -> None:
     """Coulomb friction in closed form, in much noise; with another possible period no turning point is regular."""
-    for friction, duration, noise in (
-        (0.15, 3.0, 0.05),
-        (0.2, 8.0, 0.05),
-        (0.15, 3.0, 0.1),
-        (0.1, 5.0, 0.01),
-    ):
+    cases = (0.15, 3.0, 0.05), (0.2, 8.0, 0.05), (0.15, 3.0, 0.1), (0.1, 5.0, 0.01)
+    for friction, duration, noise in cases:
         t = np.arange(0, duration, 0.02)
         swing = np.minimum(np.floor(2 * t), np.ceil((1 / friction - 1) / 2))
         size = 1 - 2 * friction * swing

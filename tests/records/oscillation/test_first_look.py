@@ -58,8 +58,6 @@ def test_the_sentence_distinguishes_the_laws() -> None:
         sentence = first_words(record(law, 1e-3)).sentence
         assert all(part in sentence for part in (change, "Hz", "Q about"))
     words = first_words(record("viscous", 1e-3))
-    for ratios, change in (
-        ((0.03, 0.02, 0.03), "is smallest at the middle"),
-        ((0.02, 0.03, 0.02), "is largest at"),
-    ):
+    middle = {(0.03, 0.02, 0.03): "is smallest at the middle", (0.02, 0.03, 0.02): "is largest at"}
+    for ratios, change in middle.items():
         assert change in change_in_words(replace(words, ratio=np.array(ratios)))

@@ -41,11 +41,8 @@ VERDICT: dict[str, Any] = {
     "damping_ratio": [RATIO_AT | {"low": 0.99 * RATIO, "high": 1.01 * RATIO}],
 }  # fmt: skip
 POSTERIOR = {"sampler": "nuts", "parameter": "mu_c", "q2.5": 0.0299, "q97.5": 0.0301, "outcome": "ok"}
-EXCLUDING = {
-    "decided": False,
-    "damping": "quadratic",
-    "rivals": [{"damping": "coulomb", "probability": 0.001}],
-}
+IMPROBABLE = {"damping": "coulomb", "probability": 0.001}
+EXCLUDING = {"decided": False, "damping": "quadratic", "rivals": [IMPROBABLE]}
 OUTSIDE = {"damping_ratio": [RATIO_AT | {"low": 1.1 * RATIO, "high": 1.12 * RATIO}]}
 
 
