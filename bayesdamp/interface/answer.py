@@ -275,7 +275,7 @@ def answer(
     averaging = comparison.averaging
     unused = other_decays(signal.provenance.decays, first, first + float(signal.t[-1] - signal.t[0]))
     # Nats of log likelihood that the best law lacks. Search for two close modes only if they can be this far ahead.
-    lacking = 0.5 * signal.t.size * (findings.unexplained / max(findings.noise, 1e-300)) ** 2
+    lacking = 0.5 * signal.t.size * (findings.unexplained / max(findings.noise, 1e-12)) ** 2
     unexplained = findings.unexplained * comparison.data.recorded_amplitude if lacking > NATS_AHEAD else 0.0
     own = [
         remark_on(signal, unexplained),

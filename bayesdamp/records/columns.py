@@ -289,7 +289,9 @@ def choose_columns(
     timed_blocks = [
         b for b in blocks if b.time is not None or b.rate is not None or any(c.rate for c in b.columns)
     ]
-    if others := [b.columns[0].group for b in blocks if timed_blocks and b not in timed_blocks]:
+    if others := [
+        b.columns[0].group or b.columns[0].name for b in blocks if timed_blocks and b not in timed_blocks
+    ]:
         note = f"Without times, and therefore left out: {', '.join(map(repr, others[:6]))}."
         blocks = [replace(b, why=(*b.why, note)) for b in timed_blocks]
     if not blocks:
@@ -307,8 +309,8 @@ def choose_columns(
     for block in blocks:
         if amplitude := _lock_in_amplitude(block.candidates):
             raise InputError(
-                f"{selector(columns, amplitude)!r} is the amplitude of an oscillation, and two other columns are its "
-                "parts, as a lock-in amplifier records them: give this column, as an envelope",
+                f"{selector(columns, amplitude)!r} is √(x² + y²) of two other columns and falls, as the amplitude in a "
+                "lock-in amplifier does: give it as an envelope, or give one of the others if they are motions",
                 arguments=["value", "quantity"],
             )
     chosen = _choose_in_all(content, blocks)
@@ -330,15 +332,21 @@ def choose_columns(
 def _lock_in_amplitude(columns: Sequence[Column]) -> Column | None:
     """Return the column that is the falling amplitude √(x² + y²) of two others; None if there is none."""
     for r in columns:
-        half = r.values.size // 2
-        middle = np.nanmedian(r.values)
+        half, middle = r.values.size // 2, np.nanmedian(r.values)
         if np.nanmean(r.values[:half] > middle) < MOSTLY or np.nanmean(r.values[half:] < middle) < MOSTLY:
             continue
-        others = [c for c in columns if c is not r and c.values.size == r.values.size]
-        for x, y in combinations(others, 2):
-            if np.nanmax(np.abs(np.hypot(x.values, y.values) - r.values)) < ROUNDED * np.nanmax(r.values):
-                return r
+        # Some of the rows suffice. A copy of r is not one of its parts.
+        rows = slice(None, None, max(r.values.size // 200, 1))
+        others = [c.values[rows] for c in columns if c.values.size == r.values.size]
+        parts = [x for x in others if not _is_rounded(x, r.values[rows])]
+        if any(_is_rounded(np.hypot(x, y), r.values[rows]) for x, y in combinations(parts, 2)):
+            return r
     return None
+
+
+def _is_rounded(values: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether values are equal to others but for rounding (`ROUNDED`); False if some are not finite."""
+    return bool(np.all(np.abs(values - other) < ROUNDED * np.max(np.abs(other))))
 
 
 def _is_fast(record: RecordColumns) -> bool:

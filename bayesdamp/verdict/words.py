@@ -57,10 +57,9 @@ def _answer(v: Verdict) -> str:
         power = f"; the damping force {power_in_words(v.exponent, v.damping)}"
     if not v.damping:
         return f"{answer}."
-    nearest = named(max(v.probabilities, key=v.probabilities.__getitem__))
     if v.contradicted:
         return (
-            f"{answer}, measured without a law of damping: the law that fits best, {nearest}, contradicts "
+            f"{answer}, measured without a law of damping: the law that fits best, {named(v.damping)}, contradicts "
             "this, so none is named."
         )
     if v.grade is Grade.DEVIATES:
@@ -75,7 +74,7 @@ def _answer(v: Verdict) -> str:
             misfits.append((i.low / thresholds.RESTORING_DEVIATES, text))
         _, misfit = max(misfits)
         measured = ", measured without a law of damping" if v.law_free else ""
-        return f"{answer}{measured}; the nearest law of damping is {nearest}, {misfit}{power}."
+        return f"{answer}{measured}; the nearest law of damping is {named(v.damping)}, {misfit}{power}."
     if v.decided:
         terms = [s for s in v.energy if s.term in v.damping.split("+")]
         shares = ", ".join(
@@ -148,8 +147,8 @@ def frequency_remark(v: Verdict, by_law: Interval) -> str:
 def spring_remark(v: Verdict, deviation: Interval) -> str:
     """Return the remark that the frequency deviates from that of the best restoring law by the fraction `deviation`."""
     return (
-        f"The frequency deviates from the restoring law, {_in_words(v.restoring)}, by {_percentages(deviation)}. A "
-        "second oscillation in the record may look like a nonlinear spring: compare again with the linear law alone."
+        f"The frequency deviates from the restoring law, {_in_words(v.restoring)}, by {_percentages(deviation)}. Check "
+        "unit and scale, and compare all restoring laws; a second oscillation may also look like a nonlinear spring."
     )
 
 

@@ -161,7 +161,7 @@ def test_parts_of_a_lock_in_amplifier_are_not_a_motion(tmp_path: Path) -> None:
     for size in (np.exp(-0.1 * T), np.ones_like(T)):
         x, y = size * np.cos(5 * T), size * np.sin(5 * T)
         path = write(tmp_path / "a.csv", {"t (s)": T, "x (V)": x, "y (V)": y, "r (V)": np.hypot(x, y)})
-        wrong = pytest.raises(InputError, match=r"'r \(V\)' is the amplitude .* \(--angle, --quantity\)")
+        wrong = pytest.raises(InputError, match=r"'r \(V\)' is √.* and falls, .* \(--angle, --quantity\)")
         with wrong if size[-1] < 1 else nullcontext():
             read_records(path)
 

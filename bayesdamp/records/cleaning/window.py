@@ -240,8 +240,8 @@ def free_decay(
         if driven:
             first = int(np.searchsorted(t, decay.times[0]))
             notes.append(
-                f"The start ({t[first]:.6g} s, sample {first} from 0) is where the amplitude begins to fall; until "
-                "then it is constant, as in a driven oscillation."
+                f"The start ({t[first]:.6g} s, sample {first} from 0) is where the amplitude has begun to fall; "
+                "until then it is nearly constant, as in a driven oscillation. To use that part too, give the start."
             )
         else:
             first = _find_start(series, Swings(t, y, decay, floor), why, before, notes)

@@ -221,7 +221,7 @@ _STATING = re.compile(rf"(accélération|.*beschleunigung|{_AXIS}ddot)|(.*geschw
 and derivatives (`thetadot`, also written `theta_dot`)."""
 _PER = (
     ("acceleration", re.compile(r"(/s2|/s/s|/\(s2\)|s-2|/sec2|persecond(2|squared|persecond))$")),
-    ("velocity", re.compile(r"(/s|s-1|/sec|persecond|prosekunde)$")),
+    ("velocity", re.compile(r"(/s|s-1|/sec|pers|persec|persecond|prosekunde)$")),
 )
 _OTHER_UNIT = re.compile(
     r"(?:^[^/\s]+/(?!\S*\s)|\s/\s*|\sin\s+)((?:\S+\s)?\S*(?:(?:/\s*|per |pro )(?:s|sec|second|Sekunde|min|h)(?:\^?2|²)?"

@@ -393,7 +393,7 @@ def _other_by_modes(
             early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
             levels = falls < MAX_SUSTAINED_FALL and abs(early / late - 1) < MAX_SUSTAINED_FALL
         together = min(duration, 1 / max(fastest - slowest, 1e-300))  # time in s with comparable amplitudes
-        nats = 0.5 * t.size * ((unexplained / max(rough, 1e-300)) ** 2 + 1 - misfit**2)
+        nats = 0.5 * t.size * ((unexplained / max(rough, 1e-12 * float(np.std(y)))) ** 2 + 1 - misfit**2)
         ahead = nats > NATS_AHEAD and fastest < RATES_ALIKE * slowest
         complete = complete and ((g - f) * together > LEAST_BEATS or ahead)
         if (

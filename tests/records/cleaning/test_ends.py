@@ -50,7 +50,9 @@ def test_a_decay_begins_where_a_drive_of_constant_amplitude_ends() -> None:
     for amplitude, start in ((np.exp(-0.02 * since), 20.0), (np.exp(-0.02 * t), 0.0), (1 - t / 200, 0.0)):
         signal = clean(RawRecord(t, amplitude * np.cos(10 * t) + noise), name="x")
         assert signal.provenance.start == pytest.approx(start, abs=1.0)
-        assert any("until then it is constant" in note for note in signal.provenance.notes) == (start > 0)
+        assert any("until then it is nearly constant" in note for note in signal.provenance.notes) == (
+            start > 0
+        )
 
 
 def test_a_decay_ends_where_a_hand_stops_it() -> None:
