@@ -228,7 +228,7 @@ class Fit(Result, Storable):
         Columns: amplitude, unit (of the amplitude), value (median; a fraction), low and high (ends of the 95 %
         interval), sd_noise (part of the standard deviation that is due to noise) and sd_law (the other part, due to the
         deviation of the damping from its law and the linearity error of the sensor). The interval covers both. All
-        numbers but the amplitude are NaN if no motion has this amplitude.
+        numbers but the amplitude are NaN if the fitted oscillator cannot have this amplitude.
 
         Parameters
         ----------
@@ -241,7 +241,7 @@ class Fit(Result, Storable):
         InputError
             If an amplitude is above 1.3 times the first, or below 1/1.3 of the last amplitude of the record.
         Refusal
-            If there is no fit, or if the model assumes exact laws; then use `sample(fit).derived`.
+            If there is no fit; or if the model assumes exact laws, for which `sample(fit).derived` has the ratios.
         """
         return tabulate_ratios(self, amplitudes)
 

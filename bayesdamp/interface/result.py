@@ -131,7 +131,7 @@ def _read(path: str | Path) -> Any:
         return join(getattr(import_module("bayesdamp"), kind), head["value"], arrays)
     except READ_ERRORS:
         raise InputError(
-            f"{path}: was saved by bayesdamp {version}, and this version cannot read it; compute the result again"
+            f"{path} was saved by bayesdamp {version}, and this version cannot read it; compute the result again"
         ) from None
 
 

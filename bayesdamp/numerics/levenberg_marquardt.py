@@ -49,10 +49,11 @@ Expand = Callable[[np.ndarray], Expansion]
 class Step(NamedTuple):
     """One trial step of a Levenberg–Marquardt search.
 
-    x: start point, (d,). move: end point minus x, (d,); the end point is the result of the `Retract` function, moved
-    into the bounds. at: expansion of the function at x. gain: increase of the function by the step; −inf if its value
-    or its information is not finite at the end point. expected: the increase to first order, gradient times the step
-    before `Retract` and bounds. damping: λ, the damping parameter of the step (see `levenberg_marquardt`).
+    x: start point, (d,). move: end point minus x, (d,); the end point is the result of the `Retract` function (which
+    maps a start point and a step to a point), moved into the bounds. at: expansion of the function at x. gain: increase
+    of the function by the step; −inf if its value or its information is not finite at the end point. expected: the
+    increase to first order, gradient times the step before `Retract` and bounds. damping: λ, the damping parameter of
+    the step (see `levenberg_marquardt`).
     """
 
     x: np.ndarray

@@ -110,10 +110,10 @@ def pool_records(values: np.ndarray, sds: np.ndarray) -> PooledMean:
 class RecordAnswer:
     """The answer on one record: its verdict, its comparison of dampings, and its damping curve.
 
-    curve: arrays `amplitude` (in the base unit), `ratio` (damping ratio, a fraction), `low` and `high` (ends of its
-    95 % interval); the last three are missing if no law is the answer (`verdict.law_free`). If the laws may hold
-    approximately, also `over` and `over_sd`: mean and standard deviation of ln(damping ratio / damping ratio without
-    deviations from the law).
+    curve: arrays `amplitude` (in the base unit), `ratio` (damping ratio, a fraction), `low` and `high` (ends of its 95
+    % interval). `ratio`, `low` and `high` are missing if no law is the answer (`verdict.law_free`). If deviations from
+    the laws are allowed, also `over` and `over_sd`: mean and standard deviation of ln(damping ratio / damping ratio
+    without deviations from the law).
     """
 
     verdict: Verdict

@@ -378,7 +378,7 @@ def deviations_at(
 
     The damping force is multiplied by exp g, and the frequency by 1 + h. Both are interpolated between knots in time,
     at the time when the motion has this amplitude, or the nearest amplitude that it has (`time_fraction`). g also
-    includes the random difference of `CandidateDraws.between_knots`.
+    includes a random difference from the straight line between knots (`CandidateDraws.between_knots`).
     """
     share = time_fraction(d.result, amplitude)
     return at_fraction(d.g, share) + d.between_knots(share, rng), at_fraction(d.h, share)

@@ -49,9 +49,9 @@ class LeastSquaresFit:
     parameters : Parameters
         Inferred and known parameters.
     active : ndarray of bool, shape (m,)
-        Marks which of the solver's m damping terms exert a force.
+        Marks which of the solver's m damping terms belong to this model.
     z : ndarray, shape (d,)
-        The inferred parameters at the fit, each transformed so that its prior is standard normal (scores).
+        The d inferred parameters at the fit, each transformed so that its prior is standard normal (scores).
     residual : ndarray, shape (n,)
         Record minus motion, in the record's unit.
     tangents : ndarray, shape (n, d)

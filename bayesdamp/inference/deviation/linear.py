@@ -261,13 +261,13 @@ class LinearModel:
 
 @dataclass(frozen=True)
 class DampingLikelihood:
-    """The likelihood of the damping's parameters, with all other unknowns integrated out.
+    """The likelihood of the damping's parameters at each grid point, with a record's other unknowns integrated out.
 
     x are the k parameters, transformed so that their priors are standard normal (scores), or linear functions of these
-    (see `transform`), such as the parameters in their units. The log likelihood in nats at each of c grid points is log
-    + slopeᵀ x − xᵀ information x / 2, with arrays of shape (c,), (c, k) and (c, k, k). It contains neither the prior of
-    x nor that of the grid point, because it is for joint fits of several records. A grid point is one combination of
-    sizes (prior sds) and correlation lengths of the deviations from the laws.
+    (see `transform`), such as the parameters in their units. The log likelihood in nats at each of c grid points is
+    `log` + `slope`ᵀ x − xᵀ `information` x / 2, with arrays of shape (c,), (c, k) and (c, k, k). It contains neither
+    the prior of x nor that of the grid point, because it is for joint fits of several records. A grid point is one
+    combination of sizes (prior sds) and correlation lengths of the deviations from the laws.
     """
 
     log: np.ndarray
@@ -794,7 +794,7 @@ class _ScaledPriors:
         return cls(posteriors, inside, log, aim, sizes, left, np.swapaxes(right, 1, 2), extra)
 
     def probable(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pairs of grid point and common prior scale σ that have nearly all posterior probability.
+        """Return the pairs of grid point and prior scale σ (of all coefficients) with nearly all probability.
 
         Two arrays contain the indices of the grid points and of the scales, (m,) each. A grid point is one combination
         of sizes (prior sds) and correlation lengths of the deviations from the laws. Two kinds of pairs are left out:

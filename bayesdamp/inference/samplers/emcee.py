@@ -34,9 +34,9 @@ class Emcee(Sampler):
     it makes the sd of a normal distribution a fifth too small.)
 
     The ensembles, each of at least 4 · `settings.chains` walkers, run until each parameter has 1,100 effective draws
-    and the chains are fifty autocorrelation times long. If this is not reached after `MOST_BLOCKS` blocks of steps, the
-    outcome says so. `settings.draws` has an effect only if `settings.grows` is False: each walker then makes just this
-    number of steps after the warm-up, and the outcome may say the same.
+    and the chains are fifty autocorrelation times long. If these two goals are not reached after `MOST_BLOCKS` blocks
+    of steps, the outcome says so. `settings.draws` has an effect only if `settings.grows` is False: each walker then
+    makes just this number of steps after the warm-up, and the outcome says if the goals are missed.
     """
 
     name = "emcee"

@@ -38,7 +38,7 @@ class Structural(DampingTerm):
         return abs(x - rest) * math.tanh(v / epsilon)
 
     def ratio_per_unit(self, amplitude: float, frequency: float) -> float:
-        """Return the equivalent viscous damping ratio 1/(πω²) of structural damping for κ = 1/s².
+        """Return the equivalent viscous damping ratio per unit of the coefficient κ, 1/(πω²), with κ in 1/s².
 
         The frequency ω is in rad/s; the amplitude has no effect.
         """

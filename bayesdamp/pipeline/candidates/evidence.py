@@ -95,9 +95,9 @@ def list_evidence(record: StudyRecord, model: str) -> list[Evidence]:
 def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
     """Return the stored evidence on a record: for each method, a dictionary from the model to its evidence.
 
-    Nested sampling that only checked the other methods is left out if it gave no number. If there are at least two
-    methods, not counting Laplace's (which has no error estimate), the last entry is `combined`. It has one evidence for
-    each model: from nested sampling if this is reliable, otherwise the weighted mean of these methods
+    Nested sampling that was run only to check the other methods is left out if it gave no number. If there are at least
+    two methods, not counting Laplace's (which has no error estimate), the last entry is `combined`. It has one evidence
+    for each model: from nested sampling if this is reliable, otherwise the weighted mean of all methods but Laplace's
     (`choose_evidence`).
     """
     methods = record.study.evidence.methods

@@ -72,7 +72,8 @@ swing (`Series.reach`)."""
 def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tuple[int, int]]:
     """Find the stretches of swings (half cycles) that may be a free decay.
 
-    The swings of a stretch are in phase and above the noise, and neither their range nor its decay rate jumps.
+    The swings of a stretch follow one another by about half a period and are above the noise, and neither their range
+    nor its decay rate jumps.
 
     Parameters
     ----------

@@ -191,9 +191,9 @@ def refine(
     """Return time (s), value and noise gain of the extremum nearest to each of the times `at` (k,); shape (k, 3).
 
     A sinusoid with slowly changing amplitude, phase and midline is fitted to the samples near each time, without
-    outliers; with fewer than 9 samples it is a simpler sinusoid. The noise gain is the standard deviation of the value
-    for noise of standard deviation 1 in each sample. A row is NaN if there are fewer than five samples or the fit has
-    no such extremum in the window.
+    outliers; with fewer than 9 samples, amplitude, phase and midline are constant. The noise gain is the standard
+    deviation of the value for noise of standard deviation 1 in each sample. A row is NaN if there are fewer than five
+    samples or the fit has no such extremum in the window.
 
     Parameters
     ----------
@@ -271,10 +271,10 @@ def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.
 def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float = 0.0) -> TurningPoints:
     """Return the turning points of a record, in time order; none (k = 0) if nothing turns.
 
-    An extremum counts if the values then return from it by half of their range within about a period. If this gives
-    fewer than `FEW_TURNS` turning points, a quarter is enough. Each is refined by a local fit (`refine`); where this
-    fails, the smoothed value is used, with a gain of 1. An end of the record counts as a turning point if the fitted
-    curve has its extremum there.
+    An extremum counts if the values then move away from it by half of the range that they have in the period around it.
+    If this gives fewer than `FEW_TURNS` turning points, a quarter is enough. Each is refined by a local fit (`refine`);
+    where this fails, the smoothed value is used, with a noise gain of 1. An end of the record counts as a turning point
+    if the fitted curve has its extremum there.
 
     Parameters
     ----------

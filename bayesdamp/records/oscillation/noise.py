@@ -92,11 +92,11 @@ def _window_noise(x: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def roughness(t: np.ndarray, y: np.ndarray, period: float) -> float:
-    """Return the standard deviation of the noise of a sample of y (n,), in the unit of y.
+    """Return the standard deviation of the noise in each single value of y (n,), in the unit of y.
 
-    Smooth oscillations are fitted, without outliers, in windows of a period (at least 14 mean sampling intervals). The
-    result is the median over the windows of the standard deviation of the residuals; 0 if no window has seven samples.
-    t, period: in s.
+    Smooth oscillations are fitted, with outliers left out, in windows of a period (at least 14 mean sampling
+    intervals). The result is the median over the windows of the standard deviation of the residuals; 0 if no window has
+    seven samples. t, period: in s.
     """
     duration = t[-1] - t[0]
     count = max(int(duration / max(period, 14 * duration / (t.size - 1))), 1)

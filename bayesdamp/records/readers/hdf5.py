@@ -34,9 +34,10 @@ class Hdf5Reader(Reader):
     def read(self, path: Path) -> Contents:
         """Return the numeric datasets as columns named by their paths.
 
-        Attributes, single numbers and texts become facts; missing numbers (`_MISSING`) become NaN. Soft and external
-        links are not followed. Raises InputError if there are no such datasets, if a dataset is stored in another file
-        or contains packed numbers, or if all datasets together have more than LARGEST_FILE bytes.
+        Attributes, single numbers and texts become facts about the file. Numbers that an attribute in `_MISSING`
+        declares as missing become NaN. Soft and external links are not followed. Raises InputError if there are no such
+        datasets, if a dataset is stored in another file or contains packed (scaled) integers, or if all datasets
+        together have more than LARGEST_FILE bytes.
         """
         import h5py
 

@@ -162,13 +162,13 @@ class RecordChecks:
         return sorted(checks, key=lambda check: not check.fails)
 
     def _rows(self, table: Iterable[Row], **wanted: object) -> list[Row]:
-        """Return the rows of a table for `model` on this record. `wanted`: required values of further columns."""
+        """Return the rows of a table for `self.model` on this record. `wanted`: required values of further columns."""
         return rows_of(table, signal=self.signal, repeat=self.repeat, model=self.model, **wanted)
 
     def _samplers(self) -> dict[str, list[Row]]:
-        """Return the rows of posteriors.csv for `model`, by sampler.
+        """Return the rows of posteriors.csv for the checked model (`self.model`), by sampler.
 
-        Rows without a finite mean, and those of the answer's own sampler (`ANSWER_SAMPLER`), are left out.
+        Rows without a finite mean, and those of the sampler that computed the answer (`ANSWER_SAMPLER`), are left out.
         """
         by_sampler: dict[str, list[Row]] = {}
         for row in self._rows(self.run.posteriors):

@@ -224,9 +224,9 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
 def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]]:
     """Return the HTML page of a run, and the names of the files of its figures.
 
-    `pool` draws the parts of the sections on single signals in parallel. They are drawn in this process if it is None,
-    or if the user has added plug-ins, which exist only in this process. Raises OtherVersionError if an incompatible
-    version of bayesdamp wrote the run.
+    `pool` draws in parallel those parts of the sections that show a single signal. They are drawn in this process if it
+    is None, or if the user has added plug-ins, which exist only in this process. Raises OtherVersionError if an
+    incompatible version of bayesdamp wrote the run.
     """
     sections = [section for name in SECTIONS.names() if (section := SECTIONS.get(name)).applies(run)]
     sections.sort(key=lambda section: section.order)

@@ -167,7 +167,7 @@ def _views(run: RunFolder, answer: StoredAnswer) -> list[object]:
     caption = (
         "Every compared model, sorted by its evidence, the largest first: its log Bayes factors relative to the best "
         "model, in nats (differences of natural-log evidence), and the root mean square (rms) residual of its fit. The "
-        "first log Bayes factor allows for deviations from the laws wherever they were computed; the second one and "
+        "first log Bayes factor allows for deviations from the laws, where these were computed; the second one and "
         "the fit assume exact laws."
     )
     left_out: dict[str, list[str]] = {}
