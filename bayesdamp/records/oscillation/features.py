@@ -191,9 +191,9 @@ def refine(
     """Return time (s), value and noise gain of the extremum nearest to each of the times `at` (k,); shape (k, 3).
 
     A sinusoid with slowly changing amplitude, phase and midline is fitted to the samples near each time, without
-    outliers; with fewer than 9 samples, amplitude, phase and midline are constant. The noise gain is the standard
-    deviation of the value for noise of standard deviation 1 in each sample. A row is NaN if there are fewer than five
-    samples or the fit has no such extremum in the window.
+    outliers; with fewer than 9 samples, only the midline changes, and below 6 samples nothing. The noise gain is the
+    standard deviation of the value for noise of standard deviation 1 in each sample. A row is NaN if there are fewer
+    than five samples or the fit has no such extremum in the window.
 
     Parameters
     ----------
