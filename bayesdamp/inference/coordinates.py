@@ -250,8 +250,8 @@ class NoiseMap:
     def scores(self, level: np.ndarray) -> np.ndarray:
         """Convert level scores to standard normal scores, (..., d) each.
 
-        Level scores replace the scores of two noise parameters by numbers whose posterior is nearly normal; all other
-        level scores are equal to the scores (see the class). Beyond `LARGEST_LEVEL` the map is continued linearly.
+        Level scores are coordinates in which the posterior is nearly normal. They differ from the scores only for two
+        parameters of the noise (see the class). Beyond `LARGEST_LEVEL` the map is continued linearly.
         """
         if self.table is None:
             return level

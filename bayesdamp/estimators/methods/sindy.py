@@ -365,7 +365,7 @@ def sparse_models(
         """Return the least squares solution with the terms in `mask`, and its relative residual sum of squares.
 
         mask: whether each term is used, (p,). The solution is a model with all p coefficients (0 for unused terms) and
-        a flag that says whether it is usable. The sum of squares is divided by |target|².
+        the flag `sound` (see `SparseModel`). The sum of squares is divided by |target|².
         """
         x = np.zeros(mask.size)
         x[mask] = np.linalg.lstsq(a[:, mask], b, rcond=1e-12)[0]

@@ -794,7 +794,7 @@ class _ScaledPriors:
         return cls(posteriors, inside, log, aim, sizes, left, np.swapaxes(right, 1, 2), extra)
 
     def probable(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pairs of grid point and prior scale σ (of all coefficients) with nearly all probability.
+        """Return the pairs of grid point and common prior scale σ with nearly all posterior probability.
 
         Two arrays contain the indices of the grid points and of the scales, (m,) each. A grid point is one combination
         of sizes (prior sds) and correlation lengths of the deviations from the laws. Two kinds of pairs are left out:

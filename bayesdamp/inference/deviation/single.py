@@ -376,10 +376,10 @@ class Single:
     def log_likelihoods(self, motions: Array) -> Array:
         """Return the log likelihood of each of the record's n values (`Data.y`) under motions, (..., n), in nats.
 
-        The result has the shape of `motions`, and the noise counts as white and Gaussian: under other noise, the values
-        `Data.y` have been changed so that their noise is (see `sample_noise`). The sum over the values is the log
-        likelihood that the evidence uses. If residuals are correlated, the variance of the noise contains a factor κ >
-        1; the normalisation of each value then counts only 1/κ.
+        The result has the shape of `motions`, and the noise counts as white and Gaussian: under other noise, `Data.y`
+        is a motion plus working residuals, with which least squares are correct (see `sample_noise`). The sum over the
+        values is the log likelihood that the evidence uses. If residuals are correlated, the variance of the noise
+        contains a factor κ > 1; the term −log(2π variance)/2 of each value is then divided by κ.
         """
         comparison = self.comparison
         variance, kappa = comparison.variance, comparison.inflation

@@ -97,8 +97,8 @@ def evidence_by_method(record: StudyRecord) -> dict[str, dict[str, Evidence]]:
 
     Nested sampling that was run only to check the other methods is left out if it gave no number. If there are at least
     two methods, not counting Laplace's (which has no error estimate), the last entry is `combined`. It has one evidence
-    for each model: from nested sampling if this is reliable, otherwise the weighted mean of all methods but Laplace's
-    (`choose_evidence`).
+    for each model: from nested sampling if this is reliable, otherwise the weighted mean of the other reliable
+    methods without Laplace's (`choose_evidence`).
     """
     methods = record.study.evidence.methods
     by_method: dict[str, dict[str, Evidence]] = {m: {} for m in methods}

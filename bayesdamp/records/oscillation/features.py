@@ -271,7 +271,7 @@ def _fit_extrema(x: np.ndarray, values: np.ndarray, kind: np.ndarray, width: np.
 def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float = 0.0) -> TurningPoints:
     """Return the turning points of a record, in time order; none (k = 0) if nothing turns.
 
-    An extremum counts if the values then move away from it by half of the range that they have in the period around it.
+    An extremum counts if the values then move away from it by half of their range within about a period.
     If this gives fewer than `FEW_TURNS` turning points, a quarter is enough. Each is refined by a local fit (`refine`);
     where this fails, the smoothed value is used, with a noise gain of 1. An end of the record counts as a turning point
     if the fitted curve has its extremum there.

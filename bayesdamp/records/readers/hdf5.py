@@ -36,7 +36,7 @@ class Hdf5Reader(Reader):
 
         Attributes, single numbers and texts become facts about the file. Numbers that an attribute in `_MISSING`
         declares as missing become NaN. Soft and external links are not followed. Raises InputError if there are no such
-        datasets, if a dataset is stored in another file or contains packed (scaled) integers, or if all datasets
+        datasets, if a dataset is stored in another file or contains packed (scaled) numbers, or if all datasets
         together have more than LARGEST_FILE bytes.
         """
         import h5py

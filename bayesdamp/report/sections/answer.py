@@ -165,10 +165,10 @@ def _views(run: RunFolder, answer: StoredAnswer) -> list[object]:
         f"rms residual, {recorded}": lambda r: "" if r.rms is None else fmt.number(own.scale * r.rms, 3),
     }
     caption = (
-        "Every compared model, sorted by its evidence, the largest first: its log Bayes factors relative to the best "
+        "Every compared model, the most probable first: its log Bayes factors relative to the best "
         "model, in nats (differences of natural-log evidence), and the root mean square (rms) residual of its fit. The "
-        "first log Bayes factor allows for deviations from the laws, where these were computed; the second one and "
-        "the fit assume exact laws."
+        "first log Bayes factor, by which the table is sorted, allows for deviations from the laws (for a model "
+        "without computed deviations it assumes exact laws); the second one and the fit assume exact laws."
     )
     left_out: dict[str, list[str]] = {}
     for r in answer.content.candidates:
