@@ -70,10 +70,11 @@ def test_a_figure_has_its_size_an_escaped_caption_and_a_name_inside_the_folder(t
 def test_a_histogram_has_the_area_one_where_the_draws_are() -> None:
     """That of a coefficient does not reach below zero. Control: that of another parameter does."""
     draws = np.random.default_rng(0).standard_normal((2, 1000))
-    figure = marginals("sticky", {"nuts": {"c_sticky": np.abs(draws), "slope": draws}}, {}, {})
+    figure = marginals("sticky", {"nuts": {"c_sticky": np.abs(draws), "slope": draws}}, {}, {"slope": 0.7})
     steps = [next(p for p in ax.patches if isinstance(p, StepPatch)).get_data() for ax in figure.axes[:2]]
     assert [np.sum(s.values * np.diff(s.edges)) for s in steps] == pytest.approx([1, 1])
     assert steps[0].edges[0] >= 0 > steps[1].edges[0]
+    assert [line.get_xdata() for ax in figure.axes for line in ax.lines] == [[0.7, 0.7]]  # the true value
 
 
 def test_a_panel_of_estimates_says_which_name_is_the_records() -> None:
