@@ -45,7 +45,8 @@ def chain(sampler: str = "nuts", at: float = 0.05, outcome: str = "ok") -> list[
     quantiles = {"mean": at, "median": at, "q2.5": at - 0.002, "q97.5": at + 0.002}
     sizes = {"rhat": 1.002, "ess_bulk": 3000.0, "ess_tail": 2500.0}
     common = {**ROW, "model": "viscous", "sampler": sampler, "parameter": "zeta", "unit": "1/s"}
-    return [{**common, **quantiles, **sizes, "outcome": outcome}]
+    row = {**common, **quantiles, **sizes, "outcome": outcome}
+    return [row, {**row, "parameter": "stiffness", "rhat": 1.0, "ess_tail": 2600.0}]
 
 
 ESTIMATE = {**ROW, "model": "viscous", "stage": "refined", "parameter": "zeta", "truth": 0.05}
