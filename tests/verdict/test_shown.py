@@ -41,11 +41,12 @@ def test_the_noise_is_on_the_terminal_and_in_the_table() -> None:
 
 
 def test_the_sampled_sentence_is_printed_too() -> None:
-    """Once each, so that the terminal has the numbers of the page."""
+    """Once each, so that the terminal has the numbers of the page; also if it corrects the first one."""
     text = printed(*(replace(SURE, sentence=sentence) for sentence in ("The first.", "The sampled.")))
     assert text.count("The first.") == text.count("The sampled.") == 1
     confirmed = text.index("Sampling (sequential Monte Carlo) confirms the result")
     assert confirmed < text.index("The sampled.")
+    assert "Another." in printed(SURE, replace(SURE, damping="coulomb", sentence="Another."))
 
 
 def test_lengths_and_energies_of_a_figure_are_in_the_unit_of_the_record() -> None:
