@@ -175,8 +175,7 @@ def of_overview(v: Any, unit: float) -> dict[str, Stored]:
 def of_population() -> dict[str, Stored]:
     r, names = OF_SPECIMENS, ("mean", "spread")
     sizes = {f"{n} (95 %)": {"": r[n], "low": r[f"{n}_low"], "high": r[f"{n}_high"]} for n in names}
-    following = {"from": r["next_low"], "to": r["next_high"]}
-    return {**sizes, "one more specimen (95 %)": following, "unit": r["unit"]}
+    return {**sizes, "one more specimen (95 %)": {"from": r["next_low"], "to": r["next_high"]}, "unit": "1/s"}
 
 
 OF_SECTION = {
