@@ -71,9 +71,8 @@ def test_look_reports_a_gap_in_the_samples(tmp_path, capsys) -> None:
         y = Y + 0.1 * NOISE
         path = write_table(tmp_path / f"{name}.csv", "t (s),angle (rad)", T[recorded] + 20, y[recorded])
         printed = output_of_look(path, capsys)
-        assert ("No samples for 1.04 s from 23.98 s on; the fit bridges the gap." in printed) is (
-            name == "gap"
-        )
+        shown = "No samples for 1.04 s from 23.98 s on; the fit bridges the gap." in printed
+        assert shown is (name == "gap")
 
 
 def test_times_in_an_unlikely_unit_are_refused_unless_the_unit_is_given(tmp_path) -> None:
