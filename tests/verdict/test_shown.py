@@ -55,7 +55,5 @@ def test_lengths_and_energies_of_a_figure_are_in_the_unit_of_the_record() -> Non
     arrays = {name: np.array([0.5]) for name in (*LENGTH_ARRAYS, *energies, "free/ratio")}
     per = 180 / math.pi
     factors = dict.fromkeys(LENGTH_ARRAYS, per) | dict.fromkeys(energies, per**2) | {"free/ratio": 1.0}
-    converted = picture_in_unit(arrays, UNITS["deg"])
-    assert {n: x.item() for n, x in converted.items()} == pytest.approx(
-        {n: 0.5 * f for n, f in factors.items()}
-    )
+    converted = {n: x.item() for n, x in picture_in_unit(arrays, UNITS["deg"]).items()}
+    assert converted == pytest.approx({n: 0.5 * f for n, f in factors.items()})
