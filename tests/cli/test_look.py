@@ -193,4 +193,5 @@ def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:
     linear = levels(tmp_path / "b.csv", "magnitude")
     printed = output_of_look(linear, capsys, "--quantity", "envelope", "--start", "5")
     assert "The decay starts at 5 s, as specified" in printed
+    assert [len(word) for word in printed.split() if set(word) == {"─"}] == [78 - int(78 * 5 / 29.95)]
     assert "use --quantity envelope" in output_of_look(linear, capsys)
