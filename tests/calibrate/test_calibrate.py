@@ -224,4 +224,8 @@ def test_overconfident_probabilities_are_detected(tmp_path, monkeypatch, capsys,
     assert sum(map(sum, result["confusion"])) == hits["records"] == 240
     assert (result["log_score_expected"] - result["log_score"] < 0.15) is inside
     assert read_rows(out / "recovery.csv").query("outcome != 'ok'")["record"].tolist() == [21]
-    assert ("is inside the 99 % band" in (out / "report.html").read_text(encoding="utf-8")) is inside
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert ("is inside the 99 % band" in page) is inside
+    assert f"95 % interval {100 * hits['share_low']:.1f} to {100 * hits['share_high']:.1f} %" in page
+    for b in result["bins"]:
+        assert "".join(f"<td>{b[n]:.3f}</td>" for n in ("probability", "share", "low", "high")) in page

@@ -35,8 +35,9 @@ def test_posteriors_have_the_truth_and_the_parts_of_their_uncertainty(folder: Pa
 
 def test_a_quick_comparison_samples_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its only figure is that of the answer, which shows the record too."""
-    assert main([*COMPARE.split(), "--quick"]) == 0
+    assert main([*COMPARE.split(), "--quick", "--unit", "deg"]) == 0
     printed = capsys.readouterr().out
+    assert " deg │" in printed
     assert "Viscous damping" in printed
     assert "ampling" not in printed
     assert read_table(folder / "out" / "posteriors.csv") == []

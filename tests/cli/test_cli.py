@@ -125,6 +125,7 @@ def test_check_lists_the_parts_of_a_study_and_writes_nothing(
     out = capsys.readouterr().out
     for word in ("one", "viscous", "least_squares", "nuts", "importance", "posterior", "study.toml: ok"):
         assert word in out
+    assert [word for word in out.split() if word.isdigit()] == ["1", "1", "1", "3", "3", "6", "9", "24"]
     assert {p.name for p in folder.iterdir()} == {"ok.csv", "study.toml"}
 
 

@@ -49,6 +49,7 @@ def test_look_shows_columns_units_clock_and_the_free_decay(tmp_path, capsys) -> 
     assert "No free decay" in flat
     assert "11.5 cycles of 1.047 s" in flat or "11.4 cycles of 1.047 s" in flat
     assert sum(0x2800 < ord(c) < 0x2900 for c in printed) > 100
+    assert re.search(rf"│ 2 .* │ 600 +│ {40 * Y.min():.6g} +│ {40 * Y.max():.6g} +│", printed)
     assert main(["look", str(file), "--runs", "3"]) == 0
     assert "run 3" not in capsys.readouterr().out.replace("Run #3", "")  # a single record needs no label
 
@@ -65,14 +66,13 @@ def test_look_shows_the_columns_if_none_can_be_chosen(tmp_path, capsys) -> None:
 
 
 def test_look_reports_a_gap_in_the_samples(tmp_path, capsys) -> None:
-    """Control: a record without a gap."""
+    """On the record's own time axis. Control: a record without a gap."""
     for name, recorded in (("whole", T >= 0), ("gap", (T < 4) | (T > 5))):
         y = Y + 0.1 * NOISE
-        path = write_table(tmp_path / f"{name}.csv", "t (s),angle (rad)", T[recorded], y[recorded])
+        path = write_table(tmp_path / f"{name}.csv", "t (s),angle (rad)", T[recorded] + 20, y[recorded])
         printed = output_of_look(path, capsys)
-        assert ("No samples for 1.04 s from 3.98 s on; the fit bridges the gap." in printed) is (
-            name == "gap"
-        )
+        shown = "No samples for 1.04 s from 23.98 s on; the fit bridges the gap." in printed
+        assert shown is (name == "gap")
 
 
 def test_times_in_an_unlikely_unit_are_refused_unless_the_unit_is_given(tmp_path) -> None:
@@ -193,4 +193,5 @@ def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:
     linear = levels(tmp_path / "b.csv", "magnitude")
     printed = output_of_look(linear, capsys, "--quantity", "envelope", "--start", "5")
     assert "The decay starts at 5 s, as specified" in printed
+    assert [len(word) for word in printed.split() if set(word) == {"─"}] == [78 - int(78 * 5 / 29.95)]
     assert "use --quantity envelope" in output_of_look(linear, capsys)

@@ -28,6 +28,7 @@ def test_envelopes_in_decibels_are_recognised_and_answered(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["compare", *map(str, files), "--repeats", "--out", str(out)]) == 0
     text = capsys.readouterr().out.splitlines()
+    cells = [line.split() for line in text]
     assert [line.partition(" (")[0] for line in text if " damping (prob" in line] == [
         "r1: Viscous damping",
         "r2: Viscous damping",
@@ -42,6 +43,11 @@ def test_envelopes_in_decibels_are_recognised_and_answered(tmp_path, capsys):
         assert len(item["damping_ratio"]) == 3
         assert item["damping_ratio"][0]["value"] == pytest.approx(0.1 / (np.pi * 1562325.84), rel=0.1)
         assert any("structural" in line for line in item["remarks"])
+        (row,) = (row for row in cells if row[:2] == [item["record"], "viscous"])
+        sizes = [1e-7 * item["quality_factor"]["value"], item["exponent"]["value"]]
+        assert [float(row[i]) for i in (6, 9)] == pytest.approx(sizes, abs=6e-4)
+    rates = [rate["value"] for item in verdicts[:2] for rate in item["decay_rate"]]
+    assert [float(row[4]) for row in cells if row[2:3] == ["dBm"]] == pytest.approx(rates, abs=6e-5)
     assert (verdicts[2]["record"], verdicts[2]["records"]) == ("specimen", 2)
     rows = list(csv.DictReader((out / "verdicts.csv").read_text().splitlines()))
     assert [row["record"] for row in rows] == ["r1", "r2", "specimen"]

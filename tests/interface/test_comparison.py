@@ -221,7 +221,7 @@ def test_a_fit_of_a_record_in_degrees_uses_degrees() -> None:
     assert row["value"] == pytest.approx(b["value"][1], rel=0.02)
     for axes in (*deg.plot(), signal.plot()):
         assert "rad" not in axes.get_ylabel()
-    assert " deg rms" in repr(deg)
+    assert f"residual {np.degrees(np.sqrt(np.mean(deg.residuals**2))):.3g} deg rms" in repr(deg)
     assert " deg" in repr(signal)
 
 

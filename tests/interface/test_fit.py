@@ -90,6 +90,7 @@ def test_intervals_are_normal_in_the_scores() -> None:
     both = bd.fit(record(), bd.Model("viscous+coulomb", "linear", noise="gaussian", known={"epsilon": 0.02}))
     low, high = both.intervals["mu_c"]
     assert 0 <= low < both.values["mu_c"] < high
+    assert "Known: epsilon = 0.02." in repr(both)
 
 
 def test_a_record_without_noise_has_no_fit(tmp_path: Path) -> None:

@@ -61,6 +61,9 @@ def test_draws_are_saved_and_written_as_netcdf(tmp_path: Path) -> None:
     loaded = bd.Posterior.load(posterior().save(tmp_path / "post"))
     assert np.array_equal(loaded.draws, posterior().draws)
     assert repr(loaded) == repr(posterior())
+    name, *sizes, _ = repr(loaded).splitlines()[2].split()
+    row = posterior().summary().loc[name, ["mean", "sd", "q2.5", "q97.5", "ess_bulk", "rhat"]]
+    assert [float(size) for size in sizes] == pytest.approx(row.to_list(), rel=1e-4)
     terms, expected = (post.data["log_likelihood"]["record"].values for post in (loaded, posterior()))
     assert np.array_equal(terms, expected)
     posterior().data.to_netcdf(tmp_path / "post.nc", engine="h5netcdf")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayesdamp.store.files import TABLES, write_json, write_table
+from bayesdamp.store.files import POPULATION, TABLES, write_json, write_table
 from bayesdamp.store.results import ComparedCandidate, Store, TaskResult
 from bayesdamp.types import FeatureValues
 from bayesdamp.verdict.parts import (
@@ -83,6 +83,8 @@ VERDICTS = (
 QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
 CANDIDATES = {"viscous": (-812.34, -1204.6, 0.03127), "viscous+coulomb": (321.7, 298.2, 0.00213)}
 """Log evidence, log evidence under exact laws and rms residual in rad."""
+OF_SPECIMENS = dict(zip(POPULATION, ("viscous", LAW, "zeta", "1/s", 4, 5, 3, 6, 1.4, 0.8, 2.7, 2.2, 9.1)))
+"""A row of population.csv."""
 
 
 def trajectory(kind: str, t: np.ndarray) -> np.ndarray:
@@ -256,6 +258,7 @@ def write_answers(folder: Path) -> None:
         meta = {"verdict": v.to_dict(), "candidates": candidates}
         store.write(TaskResult(f"answer/{v.record}/0", "key", meta, {}))
     save_verdicts(folder, verdicts)
+    write_table(folder / "population.csv", POPULATION, [OF_SPECIMENS])
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from bayesdamp.report import words
-from tests.report.conftest import CANDIDATES, METHODS, OWN, SHARED
+from tests.report.conftest import CANDIDATES, METHODS, OF_SPECIMENS, OWN, SHARED
 from tests.report.pages import Stored
 
 UNIT = {"bench": 180 / math.pi, "sim": 1.0, "sim-2": 1.0}
@@ -170,6 +170,12 @@ def of_overview(v: Any, unit: float) -> dict[str, Stored]:
         "deviation from the law below / %": {"": 100 * max(deviation["high"], 0.001)},
         "unexplained / %": {"": v["unexplained_pct"]},
     }
+
+
+def of_population() -> dict[str, Stored]:
+    r, names = OF_SPECIMENS, ("mean", "spread")
+    sizes = {f"{n} (95 %)": {"": r[n], "low": r[f"{n}_low"], "high": r[f"{n}_high"]} for n in names}
+    return {**sizes, "one more specimen (95 %)": {"from": r["next_low"], "to": r["next_high"]}, "unit": "1/s"}
 
 
 OF_SECTION = {

@@ -45,7 +45,8 @@ def chain(sampler: str = "nuts", at: float = 0.05, outcome: str = "ok") -> list[
     quantiles = {"mean": at, "median": at, "q2.5": at - 0.002, "q97.5": at + 0.002}
     sizes = {"rhat": 1.002, "ess_bulk": 3000.0, "ess_tail": 2500.0}
     common = {**ROW, "model": "viscous", "sampler": sampler, "parameter": "zeta", "unit": "1/s"}
-    return [{**common, **quantiles, **sizes, "outcome": outcome}]
+    row = {**common, **quantiles, **sizes, "outcome": outcome}
+    return [row, {**row, "parameter": "stiffness", "rhat": 1.0, "ess_tail": 2600.0}]
 
 
 ESTIMATE = {**ROW, "model": "viscous", "stage": "refined", "parameter": "zeta", "truth": 0.05}
@@ -164,16 +165,12 @@ def test_the_damping_ratio_of_chains_confirms_or_contradicts() -> None:
     for name in ("NUTS", "emcee"):
         assert f"{name} confirms the damping ratio: 1.000 % (0.900 to 1.100) at 0.2 rad." in passed
     assert not failed
-    assert (
-        "NUTS contradicts the damping ratio: it gives 1.10 % (1.00 to 1.20) at 0.2" in ratios(0.011, 0.001)[1]
-    )
+    assert "contradicts the damping ratio: it gives 1.10 % (1.00 to 1.20) at 0.2" in ratios(0.011, 0.001)[1]
     passed, failed = ratios(0.01, 0.0005)
     assert "gives an interval 0.5 times as wide: 1.000 % (0.950 to 1.050) at 0.2 rad" in passed
     assert not failed
     passed, failed = ratios(0.011, 0.001, 0.7)
-    assert (
-        "emcee sampled viscous damping alone, which has probability 0.70 in the answer, and gives" in passed
-    )
+    assert "emcee sampled viscous damping alone, which has probability 0.70 in the answer, and" in passed
     assert not failed
 
 

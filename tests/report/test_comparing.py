@@ -70,8 +70,10 @@ def test_the_page_compares_errors_under_the_true_model_and_times_with_published_
     published = {"topological": "–", "least squares": "–", "genetic": "2–5 min"}
     assert times == [[method, "2.0 s", "2.0 s", text] for method, text in published.items()]
     assert "Errors against noise" in page
-    figures = {path.name for path in (folder / "figures").iterdir()}
-    assert {"estimates-viscous-base-viscous.svg", "sweep-viscous-noise.svg"} <= figures
+    assert "of the true values, over 2 repeats, against the noise" in page
+    figures = {path.name: path.read_text(encoding="utf-8") for path in (folder / "figures").iterdir()}
+    assert "topological, 2<" in figures["sweep-viscous-noise.svg"]  # the number of repeats
+    assert {"estimates-viscous-base-viscous.svg", "sweep-viscous-noise.svg"} <= set(figures)
 
 
 def test_a_series_contains_records_that_differ_in_one_factor(folder):

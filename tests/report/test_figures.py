@@ -9,7 +9,7 @@ from matplotlib.patches import StepPatch
 
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.report.drawing import RC, Drawings, fix_margins
-from bayesdamp.report.figures.answer import answer
+from bayesdamp.report.figures.answer import answer, overview
 from bayesdamp.report.figures.estimators import estimate_panels
 from bayesdamp.report.figures.posterior import marginals
 from bayesdamp.report.figures.record import draw_raw_record, thin_line
@@ -70,10 +70,20 @@ def test_a_figure_has_its_size_an_escaped_caption_and_a_name_inside_the_folder(t
 def test_a_histogram_has_the_area_one_where_the_draws_are() -> None:
     """That of a coefficient does not reach below zero. Control: that of another parameter does."""
     draws = np.random.default_rng(0).standard_normal((2, 1000))
-    figure = marginals("sticky", {"nuts": {"c_sticky": np.abs(draws), "slope": draws}}, {}, {})
+    figure = marginals("sticky", {"nuts": {"c_sticky": np.abs(draws), "slope": draws}}, {}, {"slope": 0.7})
     steps = [next(p for p in ax.patches if isinstance(p, StepPatch)).get_data() for ax in figure.axes[:2]]
     assert [np.sum(s.values * np.diff(s.edges)) for s in steps] == pytest.approx([1, 1])
     assert steps[0].edges[0] >= 0 > steps[1].edges[0]
+    assert [line.get_xdata() for ax in figure.axes for line in ax.lines] == [[0.7, 0.7]]  # the true value
+
+
+def test_a_damping_ratio_and_its_interval_are_drawn_in_per_cent() -> None:
+    a, ratio = np.array([0.1, 0.2]), np.array([0.01, 0.02])
+    curve = {"amplitude": a, "ratio": ratio, "low": 0.9 * ratio, "high": 1.2 * ratio}
+    of_record = answer({"t": a, "record": a, "work/viscous": a, **curve}, "rad", "viscous", "")
+    for ax in (of_record.axes[1], *overview({"a": list(curve.values())}, "rad").axes):
+        ends = ax.collections[0].get_datalim(ax.transData).intervaly
+        assert [*ax.lines[0].get_ydata(), *ends] == pytest.approx([1, 2, 0.9, 2.4])
 
 
 def test_a_panel_of_estimates_says_which_name_is_the_records() -> None:

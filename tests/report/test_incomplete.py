@@ -38,9 +38,10 @@ def cut_off(folder: Path) -> None:
     path.write_bytes(path.read_bytes()[:1000])
 
 
-def refused(folder: Path) -> None:
+def refused(folder: Path, count: int = 1) -> None:
     outcome = "not applicable: a record without noise"
-    Store(folder).write(TaskResult("mode/sim/0/viscous", "k", {}, {}, outcome))
+    for repeat in range(count):
+        Store(folder).write(TaskResult(f"mode/sim/{repeat}/viscous", "k", {}, {}, outcome))
 
 
 SPOILED: list[tuple[Callable[[Path], None], str]] = [
@@ -53,6 +54,7 @@ SPOILED: list[tuple[Callable[[Path], None], str]] = [
     (cut_off, "No fit of viscous is stored."),
     (refused, "No fit of viscous: not applicable: a record without noise"),
     (refused, "1 task ended without a result"),
+    (lambda folder: refused(folder, 5), "mode/sim/2/viscous and 2 more"),
 ]
 
 

@@ -45,6 +45,8 @@ def compare_page(c: Comparison, folder: Path) -> None:
             at["model"] = model or MODEL.get(cells.get("model", "").lower())
             if section == "answer":
                 stored = expected.of_answer_table(f.verdicts[signal], signal, i, cells)
+            elif section == "overview" and "parameter" in cells:
+                section, stored = "population", expected.of_population()
             elif section == "overview":
                 stored = expected.of_overview(f.verdicts[cells["record"]], UNIT[cells["record"]])
             elif section in expected.OF_SECTION and expected.OF_SECTION[section][0] in headers:
@@ -64,7 +66,8 @@ def compare_page(c: Comparison, folder: Path) -> None:
         rows = {"ratio": len(v["damping_ratio"]), "coefficient": len(v["coefficients"]), "candidate": 2}
         for kind, count in rows.items():
             c.mark(f"{kind}: rows", counts[signal, kind] == count, f"{counts[signal, kind]} of {signal}")
-    c.mark("overview: rows", counts["", "overview"] == len(f.verdicts), str(counts))
+    for kind, count in (("overview", len(f.verdicts)), ("population", 1)):
+        c.mark(f"{kind}: rows", counts["Population of the specimens", kind] == count, str(counts))
     for name, rows in f.tables.items():
         first = set(rows.index[rows.repeat == 0])
         c.mark(f"{name}: rows", first <= f.looked_up[name], f"not shown: {first - f.looked_up[name]}")

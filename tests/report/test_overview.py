@@ -68,10 +68,8 @@ def test_the_caption_says_how_the_damping_ratio_was_measured(folder: Path) -> No
     store.write(replace(result, arrays=arrays))
     page = sections.render(folder).read_text(encoding="utf-8")
     once, twice = "both measured without assuming a damping law", "both averaged over the compared models"
-    assert (page.count(once), page.count(twice)) == (
-        2,
-        4,
-    )  # in the caption and in the text in place of the picture
+    # In the caption and in the text in place of the picture.
+    assert (page.count(once), page.count(twice)) == (2, 4)
 
 
 def test_only_the_first_of_many_records_have_figures(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,6 +58,7 @@ def test_measured_signals_have_no_truth(page):
     """Errors are shown for ζ of the simulated signal under the two models that have it, and not for μ = 0."""
     section = page[page.index('id="estimates"') : page.index('id="posteriors"')]
     assert [part.count("<th>error ") for part in section.split("<h3>sim</h3>")] == [0, 2]
+    assert section.count(": truth ζ = 0.05 1/s. ") == 1
 
 
 def test_figures_are_saved_and_embedded(page, whole_run):

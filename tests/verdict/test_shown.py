@@ -41,11 +41,12 @@ def test_the_noise_is_on_the_terminal_and_in_the_table() -> None:
 
 
 def test_the_sampled_sentence_is_printed_too() -> None:
-    """Once each, so that the terminal has the numbers of the page."""
+    """Once each, so that the terminal has the numbers of the page; also if it corrects the first one."""
     text = printed(*(replace(SURE, sentence=sentence) for sentence in ("The first.", "The sampled.")))
     assert text.count("The first.") == text.count("The sampled.") == 1
     confirmed = text.index("Sampling (sequential Monte Carlo) confirms the result")
     assert confirmed < text.index("The sampled.")
+    assert "Another." in printed(SURE, replace(SURE, damping="coulomb", sentence="Another."))
 
 
 def test_lengths_and_energies_of_a_figure_are_in_the_unit_of_the_record() -> None:
@@ -54,7 +55,5 @@ def test_lengths_and_energies_of_a_figure_are_in_the_unit_of_the_record() -> Non
     arrays = {name: np.array([0.5]) for name in (*LENGTH_ARRAYS, *energies, "free/ratio")}
     per = 180 / math.pi
     factors = dict.fromkeys(LENGTH_ARRAYS, per) | dict.fromkeys(energies, per**2) | {"free/ratio": 1.0}
-    converted = picture_in_unit(arrays, UNITS["deg"])
-    assert {n: x.item() for n, x in converted.items()} == pytest.approx(
-        {n: 0.5 * f for n, f in factors.items()}
-    )
+    converted = {n: x.item() for n, x in picture_in_unit(arrays, UNITS["deg"]).items()}
+    assert converted == pytest.approx({n: 0.5 * f for n, f in factors.items()})
