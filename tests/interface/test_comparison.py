@@ -284,5 +284,5 @@ def test_amplitudes_for_records_in_different_units_are_in_the_first_unit() -> No
     )
     assert np.array(mixed) == pytest.approx(np.array(control), rel=1e-3)
     metres = bd.signal(TIMES, values[1], unit="m", cleaned=False)
-    with pytest.raises(bd.InputError, match="amplitudes: the records are in rad and m; remove it"):
+    with pytest.raises(bd.InputError, match="amplitudes: the records are in rad and m; leave out amplitudes"):
         quick([deg[0], metres], **options)
