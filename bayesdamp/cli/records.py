@@ -171,8 +171,15 @@ def records_in(path: Path, options: ReadingOptions, *, cleaned: bool = True) -> 
     InputError
         If the file cannot be read, or does not contain what the options select.
     """
-    given = {name: getattr(options, name) for name in ("time", "rate", "runs", "time_unit")}
-    raws = read_records(path, value=options.angle, channels=options.channels or (), **given)
+    raws = read_records(
+        path,
+        time=options.time,
+        value=options.angle,
+        rate=options.rate,
+        runs=options.runs,
+        channels=options.channels or (),
+        time_unit=options.time_unit,
+    )
     records = []
     for raw in raws:
         unit, quantity = unit_or_guess(raw, options.unit, options.quantity)
@@ -324,7 +331,6 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
     have no specimen.
     """
     signals = []
-    given = {name: getattr(options, name) for name in ("clock", "start", "stop", "time_unit")}
     for record in records:
         time, angle = record.raw.columns
         specimen = ""
@@ -339,7 +345,10 @@ def study_signals(records: Sequence[FileRecord], options: ReadingOptions) -> lis
                 "rate": options.rate,
                 "unit": record.unit,
                 "quantity": record.quantity,
-                **given,
+                "clock": options.clock,
+                "start": options.start,
+                "stop": options.stop,
+                "time_unit": options.time_unit,
                 "label": distinguishing_label(record, records),
                 "specimen": specimen,
             }

@@ -150,7 +150,13 @@ def simulate_source(
     InputError
         If the motion grows without bound, or the gaps take more than half of the record.
     """
-    settings = source.model_dump(exclude={"damping", "truth", "repeats"})
-    settings["noise_sd"] = truth.get("noise_sd", 0.0)
-    settings |= {parameter: truth.get(parameter) for parameter in ("noise_time", "noise_dof")}
-    return simulate_signal(Oscillator(source.damping, restoring), truth, **settings, name=name, rng=rng)
+    return simulate_signal(
+        Oscillator(source.damping, restoring),
+        truth,
+        **source.model_dump(exclude={"damping", "truth", "repeats"}),
+        noise_sd=truth.get("noise_sd", 0.0),
+        noise_time=truth.get("noise_time"),
+        noise_dof=truth.get("noise_dof"),
+        name=name,
+        rng=rng,
+    )

@@ -68,10 +68,9 @@ def test_a_close_second_oscillation_counts_if_no_law_fits(monkeypatch: pytest.Mo
     the damping is viscous, and a law that explains nearly everything is not replaced by two oscillations."""
     decay, options = (0.3, 1.0, 0.01), {"samples": 1000, "noise": 0.001}
     doublet = (0.09, 1.013, 0.01)  # 0.65 line widths apart
-    steady = (0.009, 1.15, 0.0)
     for second, samples, kind in (
         (BEATING, 1000, MotionKind.BEATS),
-        (steady, 1000, MotionKind.DRIVEN),
+        ((0.009, 1.15, 0.0), 1000, MotionKind.DRIVEN),
         (doublet, 2000, MotionKind.BEATS),
     ):
         verdict = verdict_on(decay, second, samples=samples, noise=0.001)

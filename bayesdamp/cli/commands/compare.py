@@ -148,9 +148,17 @@ def compare(
             raise InputError(f"--repeats: only one record is usable, but several are needed; {failed[0]}")
         # A single record is computed by the threads of this process; more processes would not make it faster.
         alone = len(signals) <= (MOST_ENVELOPES_HERE if envelopes else 1) and not exact and scheduler is None
-        asked = {"restoring": restoring or (), "damping": sums, "noise": noise, "deviation": deviation}
-        asked |= {"seed": seed, "repeats": repeats, "sensor": SENSOR if sensor is None else sensor}
-        study = comparison_study(signals, plugins=plugins, **asked)
+        study = comparison_study(
+            signals,
+            restoring=restoring or (),
+            damping=sums,
+            noise=noise,
+            seed=seed,
+            repeats=repeats,
+            plugins=plugins,
+            deviation=deviation,
+            sensor=SENSOR if sensor is None else sensor,
+        )
         check_folder(out, study.name)
         for record, spec in zip(chosen.records, study.signals, strict=not envelopes):
             if record.signal is not None and isinstance(spec.source, Recording):

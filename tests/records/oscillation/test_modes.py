@@ -35,6 +35,11 @@ def test_frequencies_and_damping_ratios_of_modes_are_right() -> None:
     assert np.all(np.abs(modes.rates - rates) < 5 * modes.errors)
     assert np.all(modes.errors < 0.05 * rates)
     assert modes.first == pytest.approx([0.3, 0.1], rel=0.02)
+    # In a long record, errors are those of the samples of the search.
+    t = np.linspace(0, 40, 24_000)
+    y = np.exp(-0.04 * t) * np.cos(4 * t) + 0.003 * np.random.default_rng(3).standard_normal(t.size)
+    errors = [next(damped_modes(t[::n], y[::n])).errors for n in (1, 4)]
+    assert errors[0] == pytest.approx(errors[1], rel=0.1)
 
 
 def test_a_drive_close_to_the_frequency_is_recognised_if_its_amplitude_is_constant() -> None:
