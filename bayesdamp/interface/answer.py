@@ -12,6 +12,7 @@ import numpy as np
 
 from bayesdamp.config.signals import check_translation
 from bayesdamp.formatting import digits, fixed_decimals
+from bayesdamp.inference.deviation.candidate import START
 from bayesdamp.inference.deviation.compare import compare_signal
 from bayesdamp.inference.deviation.data import Data
 from bayesdamp.inference.deviation.findings import SENSOR, Findings, compute_findings, picture, posterior_of
@@ -23,6 +24,7 @@ from bayesdamp.inference.deviation.single import state_of
 from bayesdamp.inference.deviation.specimen import RatioLikelihood, RunComparison, ratio_likelihood
 from bayesdamp.inference.noise import GAUSSIAN, SampleNoise
 from bayesdamp.interface.first_words import no_free_decay, remark_on
+from bayesdamp.physics.restoring import LAWS
 from bayesdamp.priors import Prior
 from bayesdamp.records.cleaning.window import other_decays
 from bayesdamp.records.oscillation.law_free import LawFree, law_free
@@ -276,7 +278,12 @@ def answer(
     unused = other_decays(signal.provenance.decays, first, first + float(signal.t[-1] - signal.t[0]))
     # Nats of log likelihood that the best law lacks. Search for two close modes only if they can be this far ahead.
     lacking = 0.5 * signal.t.size * (findings.unexplained / max(findings.noise, 1e-12)) ** 2
-    unexplained = findings.unexplained * comparison.data.recorded_amplitude if lacking > NATS_AHEAD else 0.0
+    # Specified values that are slightly wrong also leave much unexplained.
+    first_model = comparison.results[0]
+    names = {*LAWS.get(first_model.candidate.restoring).parameters, *START}
+    specified = sorted(names & first_model.fit.parameters.known.keys())
+    search = lacking > NATS_AHEAD and not specified
+    unexplained = findings.unexplained * comparison.data.recorded_amplitude if search else 0.0
     own = [
         remark_on(signal, unexplained),
         _noise_remark(comparison.noise),
@@ -308,6 +315,10 @@ def answer(
         law_free=measured_ratios,
     )
     no_law_fits = verdict.law_free and findings.unexplained >= thresholds.REMARK
+    if no_law_fits and specified:
+        text = f"No law fits with the specified {', '.join(specified)}; one may fit if it is inferred."
+        verdict = replace(verdict, remarks=(text, *verdict.remarks))
+    no_law_fits = no_law_fits and not specified
     other = no_free_decay(signal, no_law_fits, unexplained) if no_law_fits or unexplained else None
     if other is not None:
         return Answer(AnswerContent(other.to_dict()))

@@ -70,7 +70,7 @@ def _answer(v: Verdict) -> str:
             text = f"from which the damping deviates by {_percentages(i)}"
             misfits.append((i.value / thresholds.DEVIATES, text))
         if (i := v.restoring_deviation) is not None:
-            text = f"while the restoring force deviates from its law by {_percentages(i)}"
+            text = f"while the frequency deviates from that of the law by {_percentages(i)}"
             misfits.append((i.low / thresholds.RESTORING_DEVIATES, text))
         _, misfit = max(misfits)
         measured = ", measured without a law of damping" if v.law_free else ""

@@ -169,7 +169,7 @@ DEVIATES = Interval(0.05, 0.0, 0.1)
         (MISFIT, "is viscous, from which the damping deviates by 30 % (20 to 40)."),
         (
             replace(MISFIT, restoring_deviation=Interval(0.2, 0.1, 0.3)),
-            "while the restoring force deviates from its law by 20 % (10 to 30).",
+            "while the frequency deviates from that of the law by 20 % (10 to 30).",
         ),
         (replace(MISFIT, unexplained_pct=9.0), "which leaves 9 % of the amplitude unexplained."),
         # A steady oscillation has an upper limit of its damping; a negative ratio counts as 0.

@@ -51,11 +51,13 @@ LEAST_BEATS = 1.0
 """If the amplitude never rises, two close frequencies count as two oscillations only if there are more than this many
 beats within the time in which one decays by a factor e more than the other. With fewer beats, they look like one
 oscillator whose frequency changes with its amplitude."""
-NATS_AHEAD, RATES_ALIKE = 50.0, 2.0
+NATS_AHEAD, RATES_ALIKE, SIZES_ALIKE = 50.0, 2.0, 0.9
 """Two close frequencies also count as two oscillations if their fit is ahead of that of the best law of one oscillator
 by at least `NATS_AHEAD` nats of log likelihood, and one of them decays less than `RATES_ALIKE` times as fast as the
-other, as the two modes of a nearly symmetric body do. Of 150 simulated and 20 measured decays of one oscillator none
-fulfilled both."""
+other, as the two modes of a nearly symmetric body do. The smaller one must have less than `SIZES_ALIKE` times the
+amplitude of the other: two equal sinusoids that have not yet cancelled have a constant frequency, and an amplitude like
+that of one oscillator whose damping ratio increases as it decays, such as with an eddy-current brake. Of 150 simulated
+and 20 measured decays of one oscillator none fulfilled all three."""
 MOST_MISFIT = 1.3
 """Two modes explain a record to its noise if the rms residual is below this many standard deviations of the noise."""
 SUCCESSIVE_PERIODS = 2
@@ -394,7 +396,7 @@ def _other_by_modes(
             levels = falls < MAX_SUSTAINED_FALL and abs(early / late - 1) < MAX_SUSTAINED_FALL
         together = min(duration, 1 / max(fastest - slowest, 1e-300))  # time in s with comparable amplitudes
         nats = 0.5 * t.size * ((unexplained / max(rough, 1e-12 * float(np.std(y)))) ** 2 + 1 - misfit**2)
-        ahead = nats > NATS_AHEAD and fastest < RATES_ALIKE * slowest
+        ahead = nats > NATS_AHEAD and fastest < RATES_ALIKE * slowest and size < SIZES_ALIKE
         complete = complete and ((g - f) * together > LEAST_BEATS or ahead)
         if (
             relative_rise(ranges, noise) < MIN_RISE

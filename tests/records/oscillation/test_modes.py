@@ -67,6 +67,13 @@ def test_few_samples_in_a_period_are_not_beats() -> None:
     assert find_other_motion(t, y, 1.0) is None
 
 
+@pytest.mark.parametrize(("second", "several"), [(0.2, True), (0.3, False)])
+def test_two_equal_oscillations_look_like_one_until_they_cancel(second: float, several: bool) -> None:
+    """Their sum cos(ct) cos(ωt) exp(-rt) has the constant frequency of an oscillator behind an eddy-current brake."""
+    t, y = sum_of((0.3, 1.0, 0.01), (second, 1.013, 0.01), noise=0.001)
+    assert (find_other_motion(t, y, PERIOD, unexplained=0.01) is not None) is several
+
+
 @pytest.mark.parametrize("noise", [0.001, 0.05])
 @pytest.mark.parametrize(("law", "angle", "damping"), [("pendulum", 1.4, "zeta"), ("duffing", 0.3, "mu_q")])
 def test_a_nonlinear_oscillator_is_not_several_even_if_no_law_fits(
