@@ -23,14 +23,14 @@ TIMES = {
 VALUES = {
     ("deg", "angle"): "Angle(deg) | Winkel in Grad | phi [°] | Winkel Grad | phi/deg",
     ("rad", "angle"): "theta_rad | x/rad", ("m", "angle"): "Position (m) Run #1", ("mm", "angle"): "x / mm | Weg mm",
-    ("m", "velocity"): "Velocity (m/s) | v/m/s", ("deg", "velocity"): "gyro z [deg/s] | phi_dot/(deg/s)",
+    ("m", "velocity"): "Velocity (m/s) | v/m/s", ("deg", "velocity"): "gyro z [deg/s] | rate_deg/s",
     ("rad", "velocity"): "w / (rad/s) | ω [rad s^-1]", ("rpm", "velocity"): "speed [rpm]",
     ("dps", "velocity"): "gyro_z (dps)",
     ("m", "acceleration"): "Linear Acceleration x (m/s^2) | a [m/s²] | a [m s⁻²]", ("mm", "acceleration"): "a (mm/s/s)",
-    ("cm", "acceleration"): "a (cm/s²)", ("g", "acceleration"): "acc (g)", ("V", "angle"): "U [V] | U/V",
+    ("cm", "acceleration"): "a_cm/s²", ("g", "acceleration"): "acc (g)", ("V", "angle"): "U [V] | U/V",
     ("cm", "angle"): "Position (cm)", ("in", "angle"): "x / in", ("mV", "velocity"): "Velocity [mV]",
     ("counts", "angle"): "y (a.u.) | adc", ("px", "angle"): "x (px)", ("um", "angle"): "disp_um",
-    ("ustrain", "angle"): "strain (um/m) | gauge 1 [µm/m] | ε (µε)",
+    ("ustrain", "angle"): "strain (um/m) | gauge 1 [µm/m] | ε (µε) | strain_um/m",
     None: "angle | phi | x_m_1 | m | angle (deg) (rad) | Angle(s) | x_in | theta_v | m (kg) | left foot | mm | left in"
           " | dx/dt | m/s | a (g/s)",
 }  # fmt: skip

@@ -302,7 +302,8 @@ def _unit_candidates(name: str) -> list[str]:
     inside = re.findall(r"\(((?:[^()]|\([^()]*\))*)\)|\[([^\[\]]*)\]|\{([^{}]*)\}", name)
     if inside:
         return ["".join(groups).strip() for groups in inside]
-    behind = _OTHER_UNIT.search(name) or re.search(r"(?:^[^/\s]+/|\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
+    behind = re.search(r"_([^\s_/]+/[^\s_]+)\s*$", name) or _OTHER_UNIT.search(name)
+    behind = behind or re.search(r"(?:^[^/\s]+/|\s/\s*|\sin\s+|_)([^\s_]+)\s*$", name)
     if behind:
         return [] if behind[0][0] == "_" and behind[1] in _AMBIGUOUS_UNITS else [behind[1].strip("()[]{}")]
     last = re.search(r"(?:^|\s)([^\W\d_]+)\s*$", name)
@@ -604,7 +605,7 @@ def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
     `key,value,value` with the same value for each channel; or a line of names followed by a line of as many values.
     """
     facts: dict[str, Fact] = {}
-    before, unit = list[str](), r"(\s+[A-Za-z/]+)?"
+    before, unit = list[str](), r"(\s+[A-Za-zµμ/]+)?"
     for line in lines:
         line = line.strip().lstrip("#%;/ ").strip().rstrip(",;\t")
         cells = [cell.strip().strip('"') for cell in re.split(r"[,;\t]", line)]

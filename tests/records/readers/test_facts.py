@@ -28,7 +28,7 @@ def one_column(path: Path, head: str) -> Path:
 NAMES = (
     "sampling rate: 50 Hz, range: 2 g", "Rate [Hz]: 50", "samples_per_sec = 50", "data rate: 50 samples/s", "sr = 50",
     "dt_ms: 20", "Sampling period (ms): 20", "Log interval: 20 ms", "XIncrement: 0.02", "Ts = 0.02",
-    "Sample Interval,20e-3,s", "Horizontal.Sample interval (ms): 20", "Sampling freq. (Hz): 50",
+    "Sample Interval,20e-3,s", "dt,20000 µs", "Horizontal.Sample interval (ms): 20", "Sampling freq. (Hz): 50",
     "start_deg, sample_rate, duration\n90, 50, 5", "Sampling Rate,50 Sa/s", "ODR,50 Hz",
 )  # fmt: skip
 
