@@ -468,13 +468,15 @@ def _average_over_frictions(
     `ModelComparison.frictions`, which have different ε, is chosen at random with its posterior probability. The draw's
     ratio at the solver's ε is multiplied by a quotient: the energy that all terms of the chosen fit lose in a cycle,
     divided by that of the fit whose ε is nearest to the solver's. The ratios do not change if no term of the candidate
-    depends on ε (`DampingTerm.switches`), if there are no such fits (ε is known, for example), or if the fit with the
-    nearest ε loses no energy. per_unit: result of `ratios_per_unit` on this orbit.
+    depends on ε (`DampingTerm.switches`), if there are no such fits (ε is known, for example), if the candidate is a
+    rival, whose energy loss depends on ε in another way, or if the fit with the nearest ε loses no energy. per_unit:
+    result of `ratios_per_unit` on this orbit.
     """
     ratios = np.sum(d.coefficients * per_unit, axis=1)
     solver, active, frictions = d.result.solver, d.result.fit.active, comparison.frictions
     switching = any(TERMS.get(t).switches and on for t, on in zip(solver.terms, active, strict=True))
-    if not switching or not frictions:
+    is_rival = any(r.candidate == d.result.candidate for r in comparison.forms)
+    if not switching or not frictions or is_rival:
         return ratios
     whole = comparison.solvers[d.result.candidate.restoring]
 

@@ -4,7 +4,7 @@ A swing is the half cycle from one turning point to the next. A stretch is a ser
 the noise, and without a jump of the amplitude. No damping law is assumed.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Literal
@@ -30,6 +30,9 @@ this fraction within a cycle, unless it already fell so fast before (`JUMP_RATIO
 JUMP_RATIO = 3.0
 """A change of the range (maximum minus minimum) of the half cycles within a cycle counts as a jump only if it is more
 than this many times the largest change in the cycles before. (It must also exceed `MAX_RISE` or `MAX_FALL`.)"""
+TAIL_INFORMATION = 0.5
+"""Of a decay that is cut where its rate changes, the first part is used if it has at least this fraction of the
+information of the part with the most (`best_stretch`)."""
 SWINGS_PER_WINDOW = 4
 """To find a sudden change (break) of the decay rate, the rates in two windows before it and two windows after it are
 compared. This is the number of swings (half cycles) in each window."""
@@ -131,6 +134,21 @@ def information(turns: TurningPoints, stretch: tuple[int, int]) -> float:
     few = min(2, ranges.size)
     fallen = np.log(max(float(ranges[:few].max() / ranges[-few:].min()), 1.0))
     return ranges.size * (0.02 + float(fallen))
+
+
+def best_stretch(turns: TurningPoints, stretches: Sequence[tuple[int, int]]) -> tuple[int, int]:
+    """Return the stretch with the most `information` on the damping.
+
+    If this is the tail of another stretch, which ends where it starts and has at least `TAIL_INFORMATION` times as much
+    information, the other one is returned: its half cycles are larger, so that forces other than damping matter less.
+    """
+    best = max(stretches, key=lambda span: information(turns, span))
+    least, ranges = TAIL_INFORMATION * information(turns, best), np.abs(np.diff(turns.values))
+    for a, b in reversed(stretches):
+        falls_on = b - 1 == best[0] and ranges[b - 1] <= ranges[b - 2]
+        if falls_on and information(turns, (a, b)) >= least:
+            best = a, b
+    return best
 
 
 def _runs_in_phase(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tuple[int, int]]:

@@ -14,6 +14,7 @@ from bayesdamp.records.cleaning.swings import (
     Reason,
     Series,
     Swings,
+    best_stretch,
     find_stretches,
     information,
 )
@@ -105,7 +106,7 @@ class DecayWindow:
 
 @dataclass(frozen=True)
 class _Decays:
-    """The turning points of a record, its stretches of free decay, and the stretch with the most `information`.
+    """The turning points of a record, its stretches of free decay, and the stretch to use (`best_stretch`).
 
     stretches, best: each stretch as index of its first turning point, and 1 + index of its last one. noise: standard
     deviation of the noise of a sample. period: period in s. floor: smallest distance of a turning point from the
@@ -175,7 +176,7 @@ def free_decay(
     seek_stop: bool,
     name: str,
 ) -> DecayWindow:
-    """Return the part of a record that is a free decay; of several, the one with the most `information` on the damping.
+    """Return the part of a record that is a free decay; of several, the best (`best_stretch`).
 
     If the user gives only the start, this part ends before the next hit or release.
 
@@ -311,7 +312,7 @@ def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) 
     floor = max(MIN_STEPS * step, sigmas * noise)
     spans = find_stretches(t, turns, floor)
     if spans:  # measure the noise again within the best stretch, because it may differ from that at rest
-        a, b = max(spans, key=lambda span: information(turns, span))
+        a, b = best_stretch(turns, spans)
         inside = slice(*np.searchsorted(t, (turns.times[a], turns.times[b - 1] + 1e-12)))
         noise = roughness(t[inside], y[inside], period) if t[inside].size >= 10 else noise
         decays = _Decays(turns, spans, (a, b), noise, period, floor)
@@ -319,7 +320,7 @@ def _decays_of_period(t: np.ndarray, y: np.ndarray, step: float, period: float) 
         spans = find_stretches(t, turns, floor)
     if not spans:
         return None
-    best = max(spans, key=lambda span: information(turns, span))
+    best = best_stretch(turns, spans)
     period = 2 * float(np.median(np.diff(turns.times[slice(*best)])))
     return _Decays(turns, spans, best, noise, period, floor)
 

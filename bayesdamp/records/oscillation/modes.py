@@ -41,6 +41,12 @@ amplitude. Further evidence, such as a rising amplitude, must then show that the
 HARMONIC_TOLERANCE = 0.05
 """A second frequency counts as a harmonic of one oscillator if it differs from a multiple of the first frequency by
 less than this fraction."""
+EXACT_HARMONIC, HARMONIC_SIZE = 0.004, 0.04
+"""A second frequency that is a multiple of the first except for less than the fraction `EXACT_HARMONIC`, with an
+amplitude below `HARMONIC_SIZE` times that of the first, is a harmonic of one oscillator even if no law fits. For
+example, the force of structural damping jumps, and so contains the third harmonic."""
+MOST_DAMPED = 0.5
+"""A damped sinusoid is not one of two oscillations if its damping ratio is above this."""
 MIN_RISE = 0.05
 """Two close frequencies count as two oscillations if the amplitude, after it has fallen, rises again by at least this
 fraction of its value after the rise."""
@@ -51,13 +57,14 @@ LEAST_BEATS = 1.0
 """If the amplitude never rises, two close frequencies count as two oscillations only if there are more than this many
 beats within the time in which one decays by a factor e more than the other. With fewer beats, they look like one
 oscillator whose frequency changes with its amplitude."""
-NATS_AHEAD, RATES_ALIKE, SIZES_ALIKE = 50.0, 2.0, 0.9
+NATS_AHEAD, RATES_ALIKE, SIZES_ALIKE, LEAST_WIDTHS = 50.0, 2.0, 0.9, 0.35
 """Two close frequencies also count as two oscillations if their fit is ahead of that of the best law of one oscillator
 by at least `NATS_AHEAD` nats of log likelihood, and one of them decays less than `RATES_ALIKE` times as fast as the
 other, as the two modes of a nearly symmetric body do. The smaller one must have less than `SIZES_ALIKE` times the
 amplitude of the other: two equal sinusoids that have not yet cancelled have a constant frequency, and an amplitude like
-that of one oscillator whose damping ratio increases as it decays, such as with an eddy-current brake. Of 150 simulated
-and 20 measured decays of one oscillator none fulfilled all three."""
+that of one oscillator whose damping ratio increases as it decays, such as with an eddy-current brake. The frequencies
+must differ by at least `LEAST_WIDTHS` of the mean line width (decay rate / π): closer ones look like one oscillator with
+a damper whose force bends. Of 150 simulated and 20 measured decays of one oscillator none fulfilled all four."""
 MOST_MISFIT = 1.3
 """Two modes explain a record to its noise if the rms residual is below this many standard deviations of the noise."""
 SUCCESSIVE_PERIODS = 2
@@ -368,6 +375,8 @@ def _other_by_modes(
     two = next(fits, None)
     if two is None or two.left > (1 - MIN_EXPLAINED) or two.left > 0.5 * single.left:
         return None
+    if two.ratios.max() > MOST_DAMPED:
+        return None
     if not no_law_fits and transient_duration(two, duration / 4):
         return None
     largest = np.maximum(two.first, two.last)
@@ -396,7 +405,8 @@ def _other_by_modes(
             levels = falls < MAX_SUSTAINED_FALL and abs(early / late - 1) < MAX_SUSTAINED_FALL
         together = min(duration, 1 / max(fastest - slowest, 1e-300))  # time in s with comparable amplitudes
         nats = 0.5 * t.size * ((unexplained / max(rough, 1e-12 * float(np.std(y)))) ** 2 + 1 - misfit**2)
-        ahead = nats > NATS_AHEAD and fastest < RATES_ALIKE * slowest and size < SIZES_ALIKE
+        apart = 2 * np.pi * (g - f) > LEAST_WIDTHS * (fastest + slowest)
+        ahead = nats > NATS_AHEAD and fastest < RATES_ALIKE * slowest and size < SIZES_ALIKE and apart
         complete = complete and ((g - f) * together > LEAST_BEATS or ahead)
         if (
             relative_rise(ranges, noise) < MIN_RISE
@@ -408,7 +418,10 @@ def _other_by_modes(
     if not complete and g - f < fastest:  # two damped sinusoids imitate how another decay ends
         return None
     multiple = two.frequencies[1] / two.frequencies[0]
-    if not no_law_fits and multiple > 1 and abs(multiple - round(multiple)) < HARMONIC_TOLERANCE * multiple:
+    off = abs(multiple / max(round(multiple), 1) - 1)
+    if multiple > 1 and (
+        off < EXACT_HARMONIC and size < HARMONIC_SIZE or not no_law_fits and off < HARMONIC_TOLERANCE
+    ):
         return None
     return OtherMotion("driven" if steady else "two modes", two, size, complete, misfit)
 

@@ -8,6 +8,7 @@ import pytest
 
 from bayesdamp.records.cleaning import window as window_module
 from bayesdamp.records.cleaning.clean import recording_step
+from bayesdamp.records.cleaning.swings import best_stretch
 from bayesdamp.records.cleaning.window import DecayWindow, free_decay
 from bayesdamp.records.oscillation.features import TurningPoints
 from bayesdamp.records.oscillation.noise import coarse_periods
@@ -36,6 +37,15 @@ def with_faults(record: Record, rng: np.random.Generator) -> Record:
     )
     quantum = size * rng.choice([0, 3e-3, 1e-2])
     return Record(record.t, np.round(y / quantum) * quantum if quantum else y, record.start, record.stop)
+
+
+@pytest.mark.parametrize(("then", "used"), [(0.3, (0, 13)), (2.0, (12, 25))])
+def test_the_tail_of_a_decay_is_not_used_instead_of_its_start(then: float, used: tuple[int, int]) -> None:
+    """Twelve half cycles are followed by twelve that fall faster, either smaller ones or those of another release."""
+    ranges = np.concatenate([0.9 ** np.arange(12), then * 0.88 ** np.arange(12)])
+    values = np.concatenate([[0.0], np.cumsum(ranges * (-1.0) ** np.arange(24))])
+    turns = TurningPoints(np.arange(25.0), values, np.ones(25))
+    assert best_stretch(turns, [(0, 13), (12, 25)]) == used
 
 
 U = np.random.Generator.uniform

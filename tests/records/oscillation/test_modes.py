@@ -67,11 +67,22 @@ def test_few_samples_in_a_period_are_not_beats() -> None:
     assert find_other_motion(t, y, 1.0) is None
 
 
-@pytest.mark.parametrize(("second", "several"), [(0.2, True), (0.3, False)])
-def test_two_equal_oscillations_look_like_one_until_they_cancel(second: float, several: bool) -> None:
-    """Their sum cos(ct) cos(ωt) exp(-rt) has the constant frequency of an oscillator behind an eddy-current brake."""
-    t, y = sum_of((0.3, 1.0, 0.01), (second, 1.013, 0.01), noise=0.001)
+@pytest.mark.parametrize(
+    ("second", "several"), [((0.2, 1.013), True), ((0.3, 1.013), False), ((0.2, 1.005), False)]
+)
+def test_equal_or_very_close_oscillations_look_like_one(second: tuple[float, float], several: bool) -> None:
+    """The sum of equal ones, cos(ct) cos(ωt) exp(-rt), has a constant frequency, as with an eddy-current brake."""
+    t, y = sum_of((0.3, 1.0, 0.01), (*second, 0.01), noise=0.001)
     assert (find_other_motion(t, y, PERIOD, unexplained=0.01) is not None) is several
+
+
+@pytest.mark.parametrize(
+    ("second", "several"),
+    [((0.006, 2.9), True), ((0.006, 3.0), False), ((0.02, 3.0), True), ((0.2, 2.9, 0.6), False)],
+)
+def test_an_exact_harmonic_or_a_creep_is_no_second_mode(second: tuple[float, ...], several: bool) -> None:
+    t, y = sum_of((0.3, 1.0, 0.01), (*second, 0.003)[:3], noise=1e-4)
+    assert (find_other_motion(t, y, PERIOD, no_law_fits=True) is not None) is several
 
 
 @pytest.mark.parametrize("noise", [0.001, 0.05])
