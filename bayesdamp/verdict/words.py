@@ -7,7 +7,7 @@ from math import exp, isfinite, pi
 from typing import TYPE_CHECKING
 
 from bayesdamp.formatting import digits, percentage, probability, with_error, with_interval
-from bayesdamp.physics.damping import TERMS, words_of
+from bayesdamp.physics.damping import TERMS, twins_of, words_of
 from bayesdamp.verdict import thresholds
 from bayesdamp.verdict.parts import FrequencyAt, Grade, Interval, MotionKind, Oscillation
 from bayesdamp.verdict.types import Verdict
@@ -267,8 +267,11 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
     energies, for example because no damping law is the answer.
     """
     texts, stated = [], [s for s in v.energy if s.high >= 0.005]
+    limits = {b.form: b.share_below for b in v.other_forms}
+    # Terms that lose the same as a stated term at every amplitude, and may cause its loss instead.
+    twins = {s.term: [t for t in twins_of(s.term) if limits.get(t, 0.0) >= thresholds.TWIN] for s in stated}
     for s in stated:
-        name = words_of(s.term)
+        name = " or ".join(words_of(t) for t in (s.term, *twins[s.term]))
         if s.low >= WHOLE_ENERGY:
             texts.append(f"all of it {name}")
         elif s.term == v.damping and s.share >= WHOLE_ENERGY:
@@ -281,7 +284,7 @@ def energy_sentences(v: Verdict) -> tuple[str, ...]:
             texts.append(f"{name} {100 * s.share:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})")
     shares = ", ".join(texts)
     likely = [r for r in v.rivals if r.probability >= thresholds.NAMED]
-    listed = {t for r in likely for t in r.damping.split("+")} | {s.term for s in stated}
+    listed = {t for r in likely for t in r.damping.split("+")}.union(twins, *twins.values())
     absent = ", ".join(
         f"{words_of(b.form)} {percentage(max(b.share_below, 0.01 * LEAST_BOUND))} %"
         for b in v.other_forms

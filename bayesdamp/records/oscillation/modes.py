@@ -63,8 +63,8 @@ by at least `NATS_AHEAD` nats of log likelihood, and one of them decays less tha
 other, as the two modes of a nearly symmetric body do. The smaller one must have less than `SIZES_ALIKE` times the
 amplitude of the other: two equal sinusoids that have not yet cancelled have a constant frequency, and an amplitude like
 that of one oscillator whose damping ratio increases as it decays, such as with an eddy-current brake. The frequencies
-must differ by at least `LEAST_WIDTHS` of the mean line width (decay rate / π): closer ones look like one oscillator with
-a damper whose force bends. Of 150 simulated and 20 measured decays of one oscillator none fulfilled all four."""
+must differ by at least `LEAST_WIDTHS` of the mean line width (decay rate / π): closer ones look like one oscillator
+with a damper whose force bends. Of 150 simulated and 20 measured decays of one oscillator none fulfilled all four."""
 MOST_MISFIT = 1.3
 """Two modes explain a record to its noise if the rms residual is below this many standard deviations of the noise."""
 SUCCESSIVE_PERIODS = 2
@@ -419,9 +419,8 @@ def _other_by_modes(
         return None
     multiple = two.frequencies[1] / two.frequencies[0]
     off = abs(multiple / max(round(multiple), 1) - 1)
-    if multiple > 1 and (
-        off < EXACT_HARMONIC and size < HARMONIC_SIZE or not no_law_fits and off < HARMONIC_TOLERANCE
-    ):
+    exact = off < EXACT_HARMONIC and size < HARMONIC_SIZE
+    if multiple > 1 and (exact or (not no_law_fits and off < HARMONIC_TOLERANCE)):
         return None
     return OtherMotion("driven" if steady else "two modes", two, size, complete, misfit)
 
