@@ -61,6 +61,9 @@ amplitudes. The result is averaged over them; 0 means no walk."""
 NOISE_WEIGHT = 4.0
 """In the estimate of the error variance of the amplitudes, the noise measured within the windows counts as much as this
 many amplitudes (conventional)."""
+POOR_FIT = 9.0
+"""In a short record, the frequency is a polynomial with one coefficient more if the mean squared error of the phases is
+more than this many times what their noise explains (conventional: three standard deviations)."""
 PROBABILITY_NO_WALK = 0.2
 """Prior probability that no random walk is added to the straight line that models a power of the amplitude in time. The
 other variances in `WALKS` share the rest equally. With 0.5 and smaller walks, the intervals at the ends of a record
@@ -517,16 +520,16 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
     """Fit the frequency as a polynomial in the squared amplitude to the phases in the windows.
 
     The phases are modelled as a constant plus the time integral of this polynomial. Polynomials with one, two and three
-    coefficients (fewer in short records) are fitted, and weighted in the result by the Bayesian information criterion.
-    amplitude: amplitude of the displacement in the windows, (k,).
+    coefficients are fitted (fewer in short records, if these fit: `POOR_FIT`), and weighted in the result by the
+    Bayesian information criterion. amplitude: amplitude of the displacement in the windows, (k,).
     """
     t, largest = windows.times, float(amplitude.max())
     a = amplitude / largest
     root = np.linalg.cholesky(windows.covariance)
     independent = ESTIMATES_PER_WINDOW * t.size / STARTS_PER_WINDOW
-    fits = []
+    fits, variance = [], 1.0
     for count in (1, 2, 3):
-        if count > 1 and independent < count + 1:
+        if count > 1 and independent < count + 1 and (variance < POOR_FIT or t.size < count + 2):
             break
         rates = a[:, None] ** (2 * np.arange(count))
         steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(t)[:, None]

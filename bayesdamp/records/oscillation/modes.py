@@ -37,7 +37,8 @@ MIN_GROWTH = 1.05
 """An oscillation counts as growing only if its amplitude grows by more than this factor over the record."""
 CLOSE_FREQUENCIES = 0.2
 """Two frequencies that differ by less than this fraction may belong to one oscillator whose frequency changes with its
-amplitude. Further evidence, such as a rising amplitude, must then show that there are two oscillators."""
+amplitude. So may two that differ by less than the mean of their line widths (decay rate / π). Further evidence, such
+as a rising amplitude, must then show that there are two oscillators."""
 HARMONIC_TOLERANCE = 0.05
 """A second frequency counts as a harmonic of one oscillator if it differs from a multiple of the first frequency by
 less than this fraction."""
@@ -393,7 +394,7 @@ def _other_by_modes(
     noise = float(np.std(y)) * two.left**0.5
     rough = roughness(t, y, 1 / f)
     misfit, complete = noise / max(rough, 1e-300), noise < MOST_MISFIT * rough
-    if g / f - 1 < CLOSE_FREQUENCIES:
+    if g / f - 1 < CLOSE_FREQUENCIES or 2 * np.pi * (g - f) < fastest + slowest:
         ranges = _ranges(t, y, 1 / f)
         # `levels`: in the last third, the amplitude and the slower mode stay constant, well above the noise.
         last = ranges[-(ranges.size // 3) :]

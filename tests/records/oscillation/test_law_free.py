@@ -50,6 +50,18 @@ def test_the_backbone_of_a_pendulum_is_the_elliptic_integral() -> None:
     assert (exact * curves.amplitude)[0] ** 2 / 2 < 0.96 * energy[0]
 
 
+def test_the_frequency_of_a_short_record_changes_with_the_amplitude() -> None:
+    """Five cycles of a pendulum from 2.4 rad. A constant frequency would give half as much again for the ratio."""
+    t = np.linspace(0.0, 8.0, 320)
+    p = {"zeta": 0.044, "stiffness": 36.0, "rest_angle": 0.0, "theta0": 2.4, "omega0": 0.0}
+    motion = trajectory("pendulum", p, t)[:, 0] + 0.01 * np.random.default_rng(1).standard_normal(t.size)
+    curves = curve_of(Signal(t, motion))
+    a = curves.amplitude[5]
+    lost, _ = quad(lambda x: 4 * 0.044 * np.sqrt(72 * (np.cos(x) - np.cos(a))), -a, a)
+    truth = lost / (4 * np.pi * 36 * (1 - np.cos(a)))
+    assert abs(curves.ratio[5] / truth - 1) < min(3 * curves.ratio_sd[5] / truth, 0.2)
+
+
 @pytest.mark.parametrize(
     ("soft", "quantity", "within"),
     [(0.3, "angle", 0.009), (0.3, "velocity", 0.02), (-0.8, "angle", 0.02), (-0.8, "acceleration", 0.03)],
