@@ -93,8 +93,8 @@ class Provenance:
     number (from 1) of the first row of numbers; None if samples do not correspond to lines. unit: unit of the file's
     values, or of the displacement (mm for mm/s): a name in UNITS, not its base unit. start, stop: ends of the used part
     of the record, in s on its time axis; stop is None if the record was not cleaned. offset: constant that was
-    subtracted from all values, in the base unit (as `Signal.y`). decays: all free decays in the record, including the
-    used one.
+    subtracted from all values, in the base unit (as `Signal.y`). drift: slope of the line through zero at `start` that
+    was subtracted too, in this unit per s. decays: all free decays in the record, including the used one.
     """
 
     warnings: tuple[str, ...] = ()
@@ -109,6 +109,7 @@ class Provenance:
     start: float = 0.0
     stop: float | None = None
     offset: float = 0.0
+    drift: float = 0.0
     decays: tuple[FreeDecay, ...] = ()
 
     @property

@@ -296,7 +296,8 @@ def cut(raw: RawRecord, name: str, unit: str, quantity: str, **window: Any) -> S
     raw = decimate(unwrap(raw, unit, quantity))  # done here, because `raw` is also used after `clean`
     decay = clean(raw, name=name, unit=unit, quantity=quantity, **window)
     whole, _ = clock_times(raw, window["clock"], name)
-    return Signal.of(decay, whole_t=whole, whole_y=raw.y * UNITS[unit].factor - decay.provenance.offset)
+    zero = decay.provenance.offset + decay.provenance.drift * (whole - decay.provenance.start)
+    return Signal.of(decay, whole_t=whole, whole_y=raw.y * UNITS[unit].factor - zero)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

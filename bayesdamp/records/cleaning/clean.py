@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import scipy  # loads its modules when they are used
 
+from bayesdamp.formatting import percentage
 from bayesdamp.plugins import nearest
 from bayesdamp.records.cleaning.clock import clock_times, robust_step
 from bayesdamp.records.cleaning.window import free_decay, window_of_other_motion
@@ -23,6 +24,10 @@ from bayesdamp.types import UNITS, InputError, Refusal, Signal
 OFFSET_SIGMAS = 3.0
 """The zero offset of a sensor is significant, and is subtracted, if it exceeds this many of its standard errors
 (conventional)."""
+DRIFT_TURNS, DRIFT_SIGMAS, LEAST_DRIFT, DRIFT_BETTER = 12, 5.0, 0.003, 2.0
+"""A straight drift of a displacement's zero is subtracted if the record has at least `DRIFT_TURNS` turning points, the
+drift is more than `DRIFT_SIGMAS` of its standard errors and `LEAST_DRIFT` of the largest amplitude over the record, and
+the means over cycles deviate from a line in the squared amplitude by `DRIFT_BETTER` times as much (sum of squares)."""
 MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0
 """If the amplitude of an angle is more than `MAX_TURNS` turns (of 360°), a warning says that the values may have
 another unit. If the column's name states the unit, the limit is `MAX_TURNS_NAMED` turns (conventional)."""
@@ -92,16 +97,42 @@ def sensor_offset(signal: Signal, features: Features) -> float:
 
     signal: the record. features: its features, as the function `features` returns them.
     """
-    turns = features.turning_times
-    if signal.quantity == "angle" or turns.size < 5:
+    if signal.quantity == "angle" or features.turning_times.size < 5:
         return 0.0
-    integral = scipy.interpolate.CubicSpline(signal.t, signal.y).antiderivative()(turns)
-    means = (integral[2:] - integral[:-2]) / (turns[2:] - turns[:-2])
-    # The decay makes a mean from maximum to maximum too large, and one from minimum to minimum too small: average both.
-    means = (means[1:] + means[:-1]) / 2
+    means = _cycle_means(signal, features.turning_times)
     offset = float(np.mean(means))
     error = np.hypot(np.std(means) / means.size**0.5, features.roughness / signal.t.size**0.5)
     return offset if abs(offset) > OFFSET_SIGMAS * error else 0.0
+
+
+def _cycle_means(signal: Signal, turns: np.ndarray) -> np.ndarray:
+    """Return means of y over one and a half cycles around every half cycle, (k − 3,), between turning times (k,)."""
+    integral = scipy.interpolate.CubicSpline(signal.t, signal.y).antiderivative()(turns)
+    means = (integral[2:] - integral[:-2]) / (turns[2:] - turns[:-2])
+    # The decay makes a mean from maximum to maximum too large, and one from minimum to minimum too small: average both.
+    return (means[1:] + means[:-1]) / 2
+
+
+def sensor_drift(signal: Signal, features: Features) -> float:
+    """Return the rate at which the zero of a displacement drifts in a straight line, in the unit of y per s.
+
+    It is that of a straight line through the means over cycles. The result is 0 for a velocity or acceleration, for
+    fewer than `DRIFT_TURNS` turning points, and if the line is not significant (`DRIFT_SIGMAS`, `LEAST_DRIFT`). It is
+    also 0 if the squared amplitude explains the means nearly as well (`DRIFT_BETTER`), as for an asymmetric spring,
+    whose middle moves as the motion decays.
+
+    signal: the record. features: its features, as the function `features` returns them.
+    """
+    turns, sizes = features.turning_times, features.turning_amplitudes
+    if signal.quantity != "angle" or turns.size < DRIFT_TURNS:
+        return 0.0
+    means, at = _cycle_means(signal, turns), (turns[1:-2] + turns[2:-1]) / 2
+    fits = [np.polyfit(x, means, 1, full=True)[1].sum() for x in (at, sizes[1:-2] * sizes[2:-1])]
+    (slope, _), covariance = np.polyfit(at, means, 1, cov=True)
+    # Each mean shares its samples with two others.
+    clear = abs(slope) > DRIFT_SIGMAS * np.sqrt(3 * covariance[0, 0])
+    large = abs(slope) * signal.t[-1] > LEAST_DRIFT * sizes.max()
+    return float(slope) if clear and large and fits[1] > DRIFT_BETTER * fits[0] else 0.0
 
 
 def clean(
@@ -119,8 +150,9 @@ def clean(
     With start and stop "auto", a record that is not a free decay of one oscillator (beats, growth, excitation) is
     accepted too. It is used from its largest value, or from its start, to its end (`window_of_other_motion`).
 
-    A significant zero offset of a velocity or acceleration sensor is subtracted (`sensor_offset`). A wrapped angle is
-    unwrapped (`unwrap`), and a very long record is decimated (`decimate`). Outliers are not removed.
+    A significant zero offset of a velocity or acceleration sensor is subtracted (`sensor_offset`), and a drift of the
+    zero of a displacement in a straight line (`sensor_drift`). A wrapped angle is unwrapped (`unwrap`), and a very long
+    record is decimated (`decimate`). Outliers are not removed.
 
     Parameters
     ----------
@@ -182,9 +214,9 @@ def clean(
     signal = Signal(t - t[0], y, quantity, base, name, step)
     try:
         measured = features(signal)
-        offset = sensor_offset(signal, measured)
-        if offset:
-            signal = replace(signal, y=y - offset)
+        offset, drift = sensor_offset(signal, measured), sensor_drift(signal, measured)
+        if offset or drift:
+            signal = replace(signal, y=y - offset - drift * signal.t)
             measured = features(signal)
     except Refusal as error:
         part = f"the part from {t[0]:.4g} to {t[-1]:.4g} s is not a free decay that can be used"
@@ -219,6 +251,12 @@ def clean(
             f"The sensor's zero, {offset / scale:.4g} {label}, is subtracted: it follows from the values, because "
             "their mean over whole cycles of a free decay is zero."
         )
+    if drift:
+        share = abs(drift) * float(signal.t[-1]) / measured.amplitude
+        notes.append(
+            f"A drift of the zero in a straight line, by {percentage(share)} % of the first amplitude over the record, "
+            "is subtracted."
+        )
     periods = float(t[-1] - t[0]) / period
     clear = f", of which {cycles:.1f} are above the noise" if periods > cycles + 1 else ""
     notes.append(
@@ -232,6 +270,7 @@ def clean(
         start=float(t[0]),
         stop=float(t[-1]),
         offset=offset,
+        drift=drift,
         decays=window.decays,
     )
     return replace(signal, provenance=provenance)

@@ -54,6 +54,23 @@ def test_a_record_without_an_offset_has_none():
     assert offset(motion("angle") + 0.4, "angle") == 0.0
 
 
+def test_a_straight_drift_is_subtracted_with_a_note():
+    """Controls: without drift, and with a spring whose middle moves as the motion decays, nothing is subtracted. A
+    drift by chance needs more than five standard errors."""
+    rng = np.random.default_rng(4)
+    for bend, drift in ((0.0, 0.03), (0.0, -0.2), (0.0, 0.0), (0.8, 0.0)):
+        y = motion("angle", bend) + drift * T / 8 + 0.003 * rng.standard_normal(T.size)
+        signal = clean(RawRecord(T, y), name="x")
+        notes = [
+            n for n in signal.provenance.notes if n.startswith("A drift of the zero in a straight line, by ")
+        ]
+        assert signal.provenance.drift == pytest.approx(drift / 8, rel=0.03, abs=0)
+        assert np.std(signal.y + signal.provenance.drift * signal.t - y[-signal.t.size :]) < 1e-12
+        assert [float(n.split(" by ")[1].split(" %")[0]) for n in notes] == pytest.approx(
+            [100 * abs(drift)] * (drift != 0), rel=0.05
+        )
+
+
 def test_cleaning_subtracts_the_zero_with_a_note():
     """Gravity on an accelerometer, ten times the motion."""
     y = motion("acceleration") + 10.0 + 0.005 * np.random.default_rng(3).standard_normal(T.size)
