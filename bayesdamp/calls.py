@@ -2,9 +2,9 @@
 
 import inspect
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
-from numbers import Real
+from numbers import Integral, Real
 from types import FunctionType
 from typing import Any, ParamSpec, TypeVar
 
@@ -20,6 +20,10 @@ KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "unit": ((str,), "a unit's name"),
     "quantity": ((str,), "a quantity's name"),
     "rate": ((Real,), "a number, in Hz"),
+    "seed": ((Integral,), "a whole number, 0 or more"),
+    "amplitudes": ((Iterable,), "a list of amplitudes"),
+    "start": ((str, Real, Mapping), 'a number of seconds or "auto"; for `fit`, values by parameter name'),
+    "stop": ((str, Real), 'a number of seconds or "auto"'),
 }
 """For names of arguments: the allowed types, and a description of them for error messages. They apply to every function
 that `checked_call` wraps and that has an argument of this name. The default value of an argument is always allowed.
@@ -68,6 +72,8 @@ def checked_call(function: Callable[P, R], name: str) -> Callable[P, R]:
             raise InputError(f"{name}: {what}") from None
         for argument, value in bound.arguments.items():
             kinds, what = KINDS.get(argument, ((object,), ""))
+            if argument == "seed" and isinstance(value, Integral) and value < 0:
+                raise InputError(f"{name}: {argument} is {value}; it must be {what}")
             if not isinstance(value, kinds) and value is not signature.parameters[argument].default:
                 raise InputError(f"{name}: {argument} is {type(value).__name__}; it must be {what}")
         try:

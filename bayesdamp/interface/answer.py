@@ -407,10 +407,13 @@ def amplitudes_in_base_unit(
     Raises
     ------
     InputError
-        If an amplitude is above the record's first amplitude, or below its last, by more than the factor `BEYOND`.
+        If there are no amplitudes, or one is above the record's first amplitude, or below its last, by more than the
+        factor `BEYOND`.
     """
     if amplitudes is None:
         return None
+    if len(amplitudes) == 0:
+        raise InputError("no amplitudes; give at least one, or leave them out")
     own = unit.displacement
     high, low = (a * own.scale for a in (comparison.data.amplitude, comparison.data.final_amplitude))
     for a in amplitudes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Self
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bayesdamp import types
+from bayesdamp.estimators.refine import misfit
 from bayesdamp.formatting import Table, data_frame, digits, percentage
 from bayesdamp.inference.checks import laplace_draws
 from bayesdamp.inference.deviation.draws import Quantity, quantity
@@ -18,6 +19,7 @@ from bayesdamp.inference.deviation.findings import default_amplitudes
 from bayesdamp.inference.deviation.single import FitState, Single, rebuild_single
 from bayesdamp.inference.mode import Mode, StoredMode, restore_mode, value_intervals, value_sds
 from bayesdamp.inference.model.target import Target
+from bayesdamp.inference.noise import GAUSSIAN
 from bayesdamp.interface.answer import amplitudes_in_base_unit
 from bayesdamp.interface.model import Density, Model, check_signal, fit_approximate, fit_exact, units_of
 from bayesdamp.interface.result import (
@@ -498,7 +500,9 @@ def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None
         mode, notes = fit_exact(own, model, start)
     except Refusal as refusal:
         return Fit(own, model, outcome=str(refusal))
-    return Fit.at_mode(own, model, mode, notes)
+    best = Fit.at_mode(own, model, mode, notes)
+    poor = misfit(best.residuals, own, features(own)) if best.noise == GAUSSIAN else None
+    return best if poor is None else replace(best, notes=(*notes, f"{poor[0].upper()}{poor[1:]}."))
 
 
 def tabulate_ratios(

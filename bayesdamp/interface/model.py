@@ -596,6 +596,7 @@ def fit_exact(
         If the model cannot be fitted to the record.
     """
     check_keys(start or (), model.parameters, "fit.start")
+    start = start and {name: check_number(value, f"fit.start.{name}") for name, value in start.items()}
     case = Case.with_noise(signal, model)
     mode, notes = case.mode(model.noises, None, [] if start is None else [start])
     # Restore the mode as when a fit is read from a file, so that both give exactly the same numbers.

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 import bayesdamp as bd
@@ -24,6 +25,12 @@ REFUSED: dict[str, Callable[[], object]] = {
     "compare: give one signal": lambda: ANY.compare(3),
     "signal: give times or rate, not both": lambda: ANY.signal(TIMES, TIMES, rate=25.0),
     "signal: rate is 0; it must be a number of Hz": lambda: ANY.signal(TIMES, rate=0),
+    "simulate: seed is -1; it must be a whole number": lambda: ANY.simulate(
+        {}, duration=1, samples=9, seed=-1
+    ),
+    "compare: amplitudes is float; it must be a list": lambda: ANY.compare(record(), amplitudes=0.2),
+    "signal: stop is NoneType; it must be a number of seconds": lambda: ANY.signal(TIMES, TIMES, stop=None),
+    "fit.start.zeta: is nan; it must be a number": lambda: ANY.fit(record(), MODEL, start={"zeta": np.nan}),
     "load: unknown argument 'recrd'; did you mean 'record'": lambda: ANY.Verdict.load("x", recrd="a"),
 }
 

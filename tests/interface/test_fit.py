@@ -93,6 +93,12 @@ def test_intervals_are_normal_in_the_scores() -> None:
     assert "Known: epsilon = 0.02." in repr(both)
 
 
+@pytest.mark.parametrize("factor", [1.0, 1.1])
+def test_a_fit_says_whether_its_model_is_incomplete(factor: float) -> None:
+    wrong = bd.Model("viscous", noise="gaussian", known={"stiffness": factor * TRUTH["stiffness"]})
+    assert any("times the noise" in note for note in bd.fit(record(), wrong).notes) is (factor > 1)
+
+
 def test_a_record_without_noise_has_no_fit(tmp_path: Path) -> None:
     result = bd.fit(bd.signal(TIMES, closed_form(TIMES, TRUTH), cleaned=False), MODEL)
     assert result.outcome.startswith("the record has no noise")

@@ -24,10 +24,11 @@ from bayesdamp.types import UNITS, InputError, Refusal, Signal
 OFFSET_SIGMAS = 3.0
 """The zero offset of a sensor is significant, and is subtracted, if it exceeds this many of its standard errors
 (conventional)."""
-DRIFT_TURNS, DRIFT_SIGMAS, LEAST_DRIFT, DRIFT_BETTER = 12, 5.0, 0.003, 2.0
-"""A straight drift of a displacement's zero is subtracted if the record has at least `DRIFT_TURNS` turning points, the
-drift is more than `DRIFT_SIGMAS` of its standard errors and `LEAST_DRIFT` of the largest amplitude over the record, and
-the means over cycles deviate from a line in the squared amplitude by `DRIFT_BETTER` times as much (sum of squares)."""
+DRIFT_TURNS, LEAST_DRIFT, DRIFT_STRAIGHT, DRIFT_BETTER = 12, 0.003, 0.985, 2.0
+"""A drift of a displacement's zero is subtracted if the record has at least `DRIFT_TURNS` turning points, the drift is
+more than `LEAST_DRIFT` of the largest amplitude over the record, a straight line in time explains at least the fraction
+`DRIFT_STRAIGHT` of the variance of the means over cycles, and a line in the squared amplitude leaves at least
+`DRIFT_BETTER` times as much (chosen on simulated records)."""
 MAX_TURNS, MAX_TURNS_NAMED = 0.5, 3.0
 """If the amplitude of an angle is more than `MAX_TURNS` turns (of 360°), a warning says that the values may have
 another unit. If the column's name states the unit, the limit is `MAX_TURNS_NAMED` turns (conventional)."""
@@ -116,10 +117,10 @@ def _cycle_means(signal: Signal, turns: np.ndarray) -> np.ndarray:
 def sensor_drift(signal: Signal, features: Features) -> float:
     """Return the rate at which the zero of a displacement drifts in a straight line, in the unit of y per s.
 
-    It is that of a straight line through the means over cycles. The result is 0 for a velocity or acceleration, for
-    fewer than `DRIFT_TURNS` turning points, and if the line is not significant (`DRIFT_SIGMAS`, `LEAST_DRIFT`). It is
-    also 0 if the squared amplitude explains the means nearly as well (`DRIFT_BETTER`), as for an asymmetric spring,
-    whose middle moves as the motion decays.
+    It is that of a straight line through the means over cycles. The result is 0 for a velocity or acceleration, for few
+    turning points, for a small drift and for one that is not straight. It is also 0 if the squared amplitude explains
+    the means nearly as well, as for an asymmetric spring, whose middle moves as the motion decays. The limits are those
+    of `DRIFT_TURNS`.
 
     signal: the record. features: its features, as the function `features` returns them.
     """
@@ -127,12 +128,11 @@ def sensor_drift(signal: Signal, features: Features) -> float:
     if signal.quantity != "angle" or turns.size < DRIFT_TURNS:
         return 0.0
     means, at = _cycle_means(signal, turns), (turns[1:-2] + turns[2:-1]) / 2
-    fits = [np.polyfit(x, means, 1, full=True)[1].sum() for x in (at, sizes[1:-2] * sizes[2:-1])]
-    (slope, _), covariance = np.polyfit(at, means, 1, cov=True)
-    # Each mean shares its samples with two others.
-    clear = abs(slope) > DRIFT_SIGMAS * np.sqrt(3 * covariance[0, 0])
-    large = abs(slope) * signal.t[-1] > LEAST_DRIFT * sizes.max()
-    return float(slope) if clear and large and fits[1] > DRIFT_BETTER * fits[0] else 0.0
+    squares = sizes[1:-2] * sizes[2:-1]
+    slope, by_squares = (float(np.polyfit(x, means, 1)[0]) for x in (at, squares))
+    left, otherwise = np.var(means - slope * at), np.var(means - by_squares * squares)
+    straight = left < (1 - DRIFT_STRAIGHT) * np.var(means) and otherwise > DRIFT_BETTER * left
+    return slope if straight and abs(slope) * signal.t[-1] > LEAST_DRIFT * sizes.max() else 0.0
 
 
 def clean(
