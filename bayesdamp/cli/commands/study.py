@@ -8,11 +8,11 @@ from rich.console import Console
 
 from bayesdamp.cli import options as o
 from bayesdamp.cli.files import check_folder
-from bayesdamp.cli.runs import read_study, run_and_print
+from bayesdamp.cli.runs import FEW_RECORDS, read_study, run_and_print
 from bayesdamp.config import in_keys
 from bayesdamp.pipeline.jobs import Depth
 from bayesdamp.report.results.run import RunFolder
-from bayesdamp.report.terminal import print_warnings
+from bayesdamp.report.terminal import print_conclusion, print_warnings
 
 
 def study(
@@ -37,8 +37,13 @@ def study(
     folder = check_folder(out, loaded.name)
 
     def finish(folder: Path, console: Console) -> None:
-        if (page := folder / "report.html").is_file():
-            print_warnings(RunFolder(folder), console)
+        if not (page := folder / "report.html").is_file():
+            return
+        run = RunFolder(folder)
+        if run.verdicts and len(loaded.signals) > FEW_RECORDS:
+            print_conclusion(folder, console)
+        else:
+            print_warnings(run, console)
             typer.echo(page)
 
     depth = Depth.ANSWER if quick else Depth.WHOLE
