@@ -19,7 +19,6 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import cached_property, lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeVar
@@ -94,14 +93,14 @@ class Registry(Generic[T]):
         """
         return sorted(self._added)
 
-    @cached_property
+    @functools.cached_property
     def _modules(self) -> dict[str, str]:
         """Return the full module name of each plug-in that ships with bayesdamp, by the name of the plug-in."""
         path = importlib.import_module(self.package).__path__
         modules = [m.name for m in pkgutil.walk_packages(path, f"{self.package}.") if not m.ispkg]
         return {m.rpartition(".")[2]: m for m in modules if "._" not in m}
 
-    @cached_property
+    @functools.cached_property
     def _entries(self) -> dict[str, importlib.metadata.EntryPoint]:
         """Return the entry points of installed packages, by name.
 
@@ -301,7 +300,7 @@ def _in_one_line(error: Exception) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
-@lru_cache(maxsize=2)
+@functools.lru_cache(maxsize=2)
 def _entry_points(path: tuple[str, ...]) -> Any:
     """Return the entry points of all installed packages on `path`.
 

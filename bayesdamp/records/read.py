@@ -4,7 +4,6 @@ Any problem of a file is reported as an error with a one-line message. Readers t
 child process, because a damaged file may crash them."""
 
 import json
-import math
 import pickle
 import signal
 import stat
@@ -19,7 +18,6 @@ from difflib import get_close_matches
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from subprocess import DEVNULL, PIPE
 from typing import Any, TypeVar
 
 import numpy as np
@@ -115,7 +113,7 @@ def load_isolated(
         )
         try:
             command = [sys.executable, "-c", _CHILD, task]
-            child = subprocess.run(command, stdin=DEVNULL, stdout=DEVNULL, stderr=PIPE, timeout=patience)
+            child = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=patience)
         except subprocess.TimeoutExpired:
             raise InputError(f"its reader did not end within {patience:g} s; {_AGAIN}", path.name) from None
         if child.returncode == 0 and out.is_file():
@@ -587,7 +585,7 @@ def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]
             if given is not None
             else f"their column is named {time.label!r}"
         )
-        begin = math.floor(t[0]) if seconds == DAY and t[0] >= FIRST_DATE else 0
+        begin = int(np.floor(t[0])) if seconds == DAY and t[0] >= FIRST_DATE else 0
         since = f" from day {begin} on" if begin else ""
         notes.append(f"Times are multiplied by {seconds:g}{since}, to get seconds: {why}.")
         t = (t - begin) * seconds

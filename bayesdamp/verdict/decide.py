@@ -2,7 +2,6 @@
 
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import log
 
 import numpy as np
 
@@ -117,7 +116,7 @@ def decide(
             law_there = Interval(value, low, high)
             contradicted = contradicted or _contradicts(law_there, own, least)
         own = own_frequency
-        if by_law is not None and abs(log(by_law.amplitude / own.amplitude)) < thresholds.SAME_AMPLITUDE:
+        if by_law is not None and abs(np.log(by_law.amplitude / own.amplitude)) < thresholds.SAME_AMPLITUDE:
             off = _contradicts(by_law, own, thresholds.CONTRADICTS_FREQUENCY)
             narrower = own.high - own.low < by_law.high - by_law.low
     grade = Grade.DEVIATES if contradicted else grade_of(findings) if approximate else Grade.EXACT

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import log
 
 import numpy as np
 import scipy  # loads its modules when they are used
@@ -504,7 +503,7 @@ def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]
     """
     return max(
         _compare(first, ratios),
-        key=lambda i: max(i.moved / AGREEMENT_SDS, abs(log(max(i.wider, 1e-300))) / log(WIDTHS_AGREE)),
+        key=lambda i: max(i.moved / AGREEMENT_SDS, abs(np.log(max(i.wider, 1e-300))) / np.log(WIDTHS_AGREE)),
     )
 
 

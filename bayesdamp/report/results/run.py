@@ -12,7 +12,6 @@ import numpy as np
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.store.files import POPULATION, SCHEMA, TABLES, read_description, read_table
@@ -498,7 +497,7 @@ def curve_of(answer: StoredAnswer) -> Curve | None:
     return (columns[0], columns[1], columns[2], columns[3]) if columns.shape[1] > 1 else None
 
 
-def overview_table(records: Sequence[StoredAnswer], brief: bool = False) -> Table:
+def overview_table(records: Sequence[StoredAnswer], brief: bool = False) -> fmt.Table:
     """Return a table with a row for each record: its damping, probability, frequency and damping ratio.
 
     The damping ratio is at the middle one of the amplitudes of the record's verdict. Instead of it, an envelope has its
@@ -552,4 +551,4 @@ def overview_table(records: Sequence[StoredAnswer], brief: bool = False) -> Tabl
             deviation_limit(a.verdict.deviation) if a.verdict.deviation else fmt.NONE
         )
         columns["unexplained / %"] = lambda a: fmt.number(a.verdict.unexplained_pct, 2)
-    return Table.of(records, columns, (0, 1), kind=lambda a: "" if a.verdict.decided else "quiet")
+    return fmt.Table.of(records, columns, (0, 1), kind=lambda a: "" if a.verdict.decided else "quiet")
