@@ -49,12 +49,7 @@ class Collocation(ScaledRecord):
     """
 
     def __init__(
-        self,
-        signal: Signal,
-        problem: Problem,
-        features: Features,
-        rng: np.random.Generator,
-        options: Any,
+        self, signal: Signal, problem: Problem, features: Features, rng: np.random.Generator, options: Any
     ) -> None:
         super().__init__(signal, problem, features)
         damping = UNINFORMED / self.ratios
