@@ -58,6 +58,19 @@ class PluginModule:
         return hashlib.sha256(self.source.encode()).hexdigest()
 
 
+class Plugin:
+    """Base class of plug-ins. One that ships with bayesdamp has the name of its file; others must have a `name`."""
+
+    name: str
+
+    def __init_subclass__(cls) -> None:
+        """Set the name of a plug-in that ships with bayesdamp."""
+        super().__init_subclass__()
+        package, _, file = cls.__module__.rpartition(".")
+        if package in _REGISTRIES:
+            cls.name = file
+
+
 class Registry(Generic[T]):
     """The plug-ins of one kind, such as damping terms, by name.
 

@@ -20,6 +20,7 @@ from pydantic import BaseModel, ConfigDict
 
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator, reference_of
+from bayesdamp.plugins import Plugin
 from bayesdamp.records.oscillation.features import Features, features as measure, midpoints, turning_points
 from bayesdamp.types import DERIVATIVES, Estimate, Problem, Reference, Refusal, Signal
 
@@ -500,24 +501,16 @@ class Options(BaseModel):
 OptionsType = TypeVar("OptionsType", bound=Options)
 
 
-class Estimator(ABC, Generic[OptionsType]):
+class Estimator(Plugin, ABC, Generic[OptionsType]):
     """A method that estimates damping coefficients from one record.
 
     name: name of the estimator; for those of this package the name of the file. options: class of its options.
     """
 
-    name: str
     options: type[OptionsType]
     by_position: str = ""
     """The reason, as a clause, why the method cannot estimate a damping force that depends on the position; "" if it
     can."""
-
-    def __init_subclass__(cls) -> None:
-        """Set the name of an estimator in `estimators.methods` to that of its file; others must set it themselves."""
-        super().__init_subclass__()
-        package, _, file = cls.__module__.rpartition(".")
-        if package == f"{__package__}.methods":
-            cls.name = file
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
         """Return the reason why this method cannot estimate a sum of damping terms, or None if it can (the default).

@@ -22,7 +22,6 @@ class CorrelatedNoise(NoiseModel):
     uneven times, and for interruptions of the record.
     """
 
-    name = "correlated"
     parameters = ("noise_sd", "noise_time")
     tied = ("noise_sd", "noise_time")
     """Two parameters of which the record may determine only a combination well. If the noise is slow compared with the

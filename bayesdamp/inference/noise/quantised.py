@@ -17,7 +17,6 @@ class QuantisedNoise(IndependentNoise):
     noise_step, so that it is a density and can be compared with those of the other models.
     """
 
-    name = "quantised"
     constants = ("noise_step",)
 
     def read(self, signal: Signal) -> dict[str, float]:

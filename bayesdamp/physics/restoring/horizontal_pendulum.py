@@ -21,7 +21,6 @@ class HorizontalPendulum(RestoringLaw):
     negative and as large as k.
     """
 
-    name = "horizontal_pendulum"
     formula = "k(θ − θs) − γ cos θ"
     parameters = ("stiffness", "gravity", "spring_angle")
 

@@ -21,7 +21,6 @@ class FitQualitySection(SignalSection):
     """The section with the checks of each fit, as in fits.csv."""
 
     order = 70
-    name = "fit_quality"
     title = "Quality of the fits"
     lead = (
         "The autocorrelation of the residual at lag one shows whether neighbouring samples are independent, as for "

@@ -34,7 +34,6 @@ class RecordSection(SignalSection):
     """The section with each signal as it was read, as it is used, and with the fits of the most probable models."""
 
     order = 30
-    name = "record"
     title = "The record and the fits"
     draws_models = True
 

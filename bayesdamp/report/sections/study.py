@@ -16,7 +16,6 @@ class StudySection(Section):
     """The section with the damping models, the signals and the known parameters."""
 
     order = 20
-    name = "study"
     title = "Settings of the study"
 
     def render(self, run: RunFolder) -> str:
