@@ -59,9 +59,8 @@ def choose_folder(study: Study) -> Path:
         folder = check_folder(None, name)
         if not has_other_study(study, folder):
             return folder
-    raise InputError(
-        f"--out: reports/ already contains {MOST_ANSWERS} answers for {study.name}; give another folder with --out"
-    )
+    what = f"--out: reports/ already contains {MOST_ANSWERS} answers for {study.name}"
+    raise InputError(f"{what}; give another folder with --out")
 
 
 def compilation_notice() -> str:

@@ -371,9 +371,8 @@ def compare(
         for option, is_given in {"amplitudes": amplitudes is not None, "repeats": repeats}.items():
             if is_given and len(bases) > 1:
                 mixed = f"the records are in {' and '.join(bases)}"
-                raise InputError(
-                    f"compare: {option}: {mixed}; leave out {option}, or give records in one unit"
-                )
+                what = f"compare: {option}: {mixed}"
+                raise InputError(f"{what}; leave out {option}, or give records in one unit")
         compared = partial(compare_models, deviation=deviation, noise=noise, damping=sums, restoring=laws)
         answered = partial(answer, unit=UNITS[units[0]], sensor=sensor, sample=sample, seed=seed)
         answers = tuple(

@@ -488,9 +488,8 @@ def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None
     """
     own = check_signal(signal, model)
     if model.approximate and start is not None:
-        raise types.InputError(
-            f"fit: start has no effect if the model has deviation {model.deviation!r}; call fit without start"
-        )
+        what = f"fit: start has no effect if the model has deviation {model.deviation!r}"
+        raise types.InputError(f"{what}; call fit without start")
     try:
         if model.approximate:
             return Fit.at_law(own, model, fit_approximate(own, model))

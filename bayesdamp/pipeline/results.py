@@ -282,9 +282,8 @@ def run_study(
     elif not isinstance(study, Study):
         if not isinstance(study, Mapping):
             kind = type(study).__name__
-            raise types.InputError(
-                f"run_study: the study is {kind}; it must be a file, a dictionary or a Study"
-            )
+            what = f"run_study: the study is {kind}"
+            raise types.InputError(f"{what}; it must be a file, a dictionary or a Study")
         try:
             study = resolve_study(split(study), Path("study.toml"))
         except (StudyError, types.InputError, TypeError) as error:
