@@ -92,9 +92,8 @@ def ratios_per_unit(problem: Problem, features: Features) -> np.ndarray:
     Each is the ratio for a harmonic motion with the amplitude at the record's first sample and the record's mean
     frequency. It converts between a coefficient and a damping ratio.
     """
-    return np.array(
-        [t.ratio_per_unit(features.amplitude, features.frequency) for t in oscillator(problem).terms]
-    )
+    amplitude, frequency = features.amplitude, features.frequency
+    return np.array([t.ratio_per_unit(amplitude, frequency) for t in oscillator(problem).terms])
 
 
 def known_restoring(problem: Problem) -> dict[str, float]:
@@ -258,9 +257,8 @@ def noise_level(signal: Signal) -> float:
     parts = [slice(0, t.size)]
     if t.size > NOISE_SAMPLES:  # the time to fit a spline grows with the square of its knots
         size = NOISE_SAMPLES // NOISE_PARTS
-        parts = [
-            slice(first, first + size) for first in np.linspace(0, t.size - size, NOISE_PARTS, dtype=int)
-        ]
+        begins = np.linspace(0, t.size - size, NOISE_PARTS, dtype=int)
+        parts = [slice(begin, begin + size) for begin in begins]
     left = []
     for part in parts:
         spline = _fit_spline(t[part], y[part], t[part][4:-4:4])

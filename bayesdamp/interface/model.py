@@ -212,9 +212,8 @@ class Density(ResultView):
         return vector
 
     def _table(self) -> Table:
-        name = types.candidate_name(
-            "+".join(self.target.oscillator.damping), self.target.oscillator.restoring
-        )
+        osc = self.target.oscillator
+        name = types.candidate_name("+".join(osc.damping), osc.restoring)
         return frame_table(self.summary(), f"Posterior density of {name} on {self.signal.name}")
 
 

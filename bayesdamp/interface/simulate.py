@@ -104,9 +104,8 @@ def simulate(
     numbers = (*needed, *START, "noise_time", "noise_dof", *further)
     for key in parameters:
         if key not in numbers:
-            raise types.InputError(
-                f"simulate: {restoring} has no parameter {key!r}{nearest(key, list(numbers))}"
-            )
+            what = f"{restoring} has no parameter {key!r}"
+            raise types.InputError(f"simulate: {what}{nearest(key, list(numbers))}")
     given = {**START, **{n: v for n, v in AT_REST.items() if n in needed}, **parameters}
     own = {p.name: term.name for term in terms for p in term.inferred}
     for parameter, what in {**dict.fromkeys(needed, restoring), **own}.items():

@@ -66,11 +66,8 @@ class Candidate(ResultView):
 
     def _table(self) -> Table:
         rows = [(n, digits(v, n=6), digits(self.sd.get(n, np.nan), n=2)) for n, v in self.values.items()]
-        log_evidences = [
-            f"{m} {digits(e.log_evidence, n=7)}"
-            for m, e in self.evidence.items()
-            if np.isfinite(e.log_evidence)
-        ]
+        finite = {m: e.log_evidence for m, e in self.evidence.items() if np.isfinite(e.log_evidence)}
+        log_evidences = [f"{m} {digits(value, n=7)}" for m, value in finite.items()]
         more = {"estimates": self.estimates, "posteriors": self.posteriors, "log evidence": log_evidences}
         notes = outcome_notes(self.outcome, [f"{kind}: {', '.join(n)}" for kind, n in more.items() if n])
         title = f"{types.candidate_name(self.damping, self.restoring)} on {self.record}/{self.repeat}"

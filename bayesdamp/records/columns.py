@@ -588,9 +588,8 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
             )
         ]
         # Leave out time derivatives of other columns, such as a velocity if there is a displacement.
-        lowest = {
-            base: min(_ORDER[c.quantity] for c in left if c.base == base) for base in {c.base for c in left}
-        }
+        bases = {c.base for c in left}
+        lowest = {base: min(_ORDER[c.quantity] for c in left if c.base == base) for base in bases}
         left = [c for c in left if _ORDER[c.quantity] == lowest[c.base]]
         left = [c for c in left if not _DERIVED.search(split_run(c.column)[0])] or left
         if len(left) <= _MAX_COMPARED:

@@ -108,9 +108,8 @@ def load_isolated(
     """
     with tempfile.TemporaryDirectory(prefix="bayesdamp-") as folder:
         out = Path(folder) / "result"
-        task = json.dumps(
-            [load.__module__, load.__qualname__, str(path.resolve()), str(out), options, sys.path]
-        )
+        called = (load.__module__, load.__qualname__)
+        task = json.dumps([*called, str(path.resolve()), str(out), options, sys.path])
         try:
             command = [sys.executable, "-c", _CHILD, task]
             child = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=patience)
@@ -577,11 +576,9 @@ def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]
     """
     seconds = SECONDS[given.lower()] if given is not None else seconds_of_unit(time)
     if seconds not in (None, 1.0):
-        why = (
-            f"as specified, they are in {given}"
-            if given is not None
-            else f"their column is named {time.label!r}"
-        )
+        why = f"their column is named {time.label!r}"
+        if given is not None:
+            why = f"as specified, they are in {given}"
         begin = int(np.floor(t[0])) if seconds == DAY and t[0] >= FIRST_DATE else 0
         since = f" from day {begin} on" if begin else ""
         notes.append(f"Times are multiplied by {seconds:g}{since}, to get seconds: {why}.")

@@ -293,6 +293,5 @@ def read_table(path: Path) -> list[dict[str, Any]]:
 
     with path.open(newline="", encoding="utf-8") as handle:
         reader = csv.DictReader(handle)
-        return [
-            {c: convert(reader.line_num, c, text or "") for c, text in row.items() if c} for row in reader
-        ]
+        rows = ((reader.line_num, row.items()) for row in reader)
+        return [{c: convert(line, c, text or "") for c, text in cells if c} for line, cells in rows]

@@ -98,9 +98,8 @@ def decide(
         DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high) for r in findings.ratios
     )
     q = findings.frequency_at
-    by_law = (
-        FrequencyAt(min(r.amplitude for r in ratios), unit, q.value, q.low, q.high) if q and ratios else None
-    )
+    smallest = min((r.amplitude for r in ratios), default=None)
+    by_law = FrequencyAt(smallest, unit, q.value, q.low, q.high) if q and smallest is not None else None
     contradicted = off = narrower = False
     restoring = next(iter(findings.restoring))
     spring_doubtful = restoring != "linear" and findings.restoring_deviation.low > thresholds.SPRING_DEVIATES

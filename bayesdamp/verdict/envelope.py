@@ -349,10 +349,8 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
     for name, likelihoods in by_sum.items():
         terms = name.split("+")
         priors = {t: SharedHalfNormal(1.0) for t in terms}
-        runs = [
-            RecordLikelihood.of_scores(priors, terms, np.ones(len(terms)), likelihood)
-            for likelihood in likelihoods
-        ]
+        ones = np.ones(len(terms))
+        runs = [RecordLikelihood.of_scores(priors, terms, ones, likelihood) for likelihood in likelihoods]
         model = name, ""
         repeats[model] = join_runs(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=0)
         other = is_other_form(tuple(terms), [tuple(n.split("+")) for n in by_sum])

@@ -281,13 +281,10 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
         if rate and amplitude and source.get("duration"):
             simulated, periods = source.get("truth") or {}, source["duration"] * rate / (2 * np.pi)
             start = abs(simulated.get("theta0") or amplitude)
-            factors = (
-                100 * simulated.get("noise_sd", 0.0) / start,
-                (source["samples"] - 1) / periods,
-                periods,
-            )
+            noise, sampling = 100 * simulated.get("noise_sd", 0.0) / start, (source["samples"] - 1) / periods
             constant = frozenset({**simulated, "noise_sd": 0.0}.items())
-            own[signal] = [*(float(f"{x:.2g}") for x in factors), constant]  # in the order of FACTORS
+            rounded = (float(f"{x:.2g}") for x in (noise, sampling, periods))  # in the order of FACTORS
+            own[signal] = [*rounded, constant]
     runs, rows = [], true_estimates(run)
     for model, own in designs.items():
         base = [Counter(values).most_common(1)[0][0] for values in zip(*own.values())]

@@ -323,16 +323,13 @@ def rank_models(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | N
         place = _METHODS_BY_TRUST.index(name) if name in _METHODS_BY_TRUST else len(_METHODS_BY_TRUST)
         return -len(by_method[name]), place, name
 
+    def rank(row: Row) -> tuple[float, float]:
+        return -row["probability"], -np.nan_to_num(row["log_evidence"], nan=-1e300)
+
     chosen = min(by_method, key=trust)
-    ordered = sorted(
-        by_method[chosen],
-        key=lambda row: (-row["probability"], -np.nan_to_num(row["log_evidence"], nan=-1e300)),
-    )
-    shares = {
-        name: sum_probabilities({r["model"]: r["probability"] for r in rows})
-        for name, rows in by_method.items()
-    }
-    return EvidenceRanking(chosen, ordered, shares)
+    every = {name: {r["model"]: r["probability"] for r in rows} for name, rows in by_method.items()}
+    shares = {name: sum_probabilities(probabilities) for name, probabilities in every.items()}
+    return EvidenceRanking(chosen, sorted(by_method[chosen], key=rank), shares)
 
 
 def probabilities_by_odds(ranked: EvidenceRanking) -> dict[float, dict[str, float]]:
@@ -467,10 +464,8 @@ def answers(run: RunFolder) -> list[StoredAnswer]:
     To save memory, their `arrays` contain only the damping curve (`CURVE`), and their `content` is empty.
     """
     every = filter(None, (answer_of(run, signal) for signal in run.signals))
-    return [
-        replace(a, content=AnswerContent({}), arrays={n: a.arrays[n] for n in CURVE if n in a.arrays})
-        for a in every
-    ]
+    curves = ((a, {n: a.arrays[n] for n in CURVE if n in a.arrays}) for a in every)
+    return [replace(a, content=AnswerContent({}), arrays=curve) for a, curve in curves]
 
 
 def specimens(run: RunFolder) -> list[Verdict]:
