@@ -235,9 +235,8 @@ class Comparison(Result):
         The caption is the sentence of the verdict, and the notes are its remarks.
         """
         v = self.verdict
-        table = (
-            decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else ratios_table(v.damping_ratio)
-        )
+        rates, ratios = v.decay_rate, v.damping_ratio
+        table = decay_table(rates, v.quality_factor_at) if rates else ratios_table(ratios)
         return replace(table, caption=v.sentence, notes=v.remarks)
 
 

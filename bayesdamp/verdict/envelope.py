@@ -216,11 +216,11 @@ def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple
     for place, term in enumerate(best.terms):
         if term in POWERS:
             name, _, of = coefficient_from_rate(term, np.empty(0), amplitude, omega)
-            add(
-                name,
-                of.format(unit),
-                lambda d, term=term: coefficient_from_rate(term, d.rates[term], amplitude, omega)[1],
-            )
+
+            def coefficient(d: RateDraws, term: str = term) -> np.ndarray:
+                return coefficient_from_rate(term, d.rates[term], amplitude, omega)[1]
+
+            add(name, of.format(unit), coefficient)
             continue
         # By index of the candidate: scores of the term's parameters, and the term's coefficient per decay rate.
         scores, factors = {}, {}
