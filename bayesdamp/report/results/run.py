@@ -547,3 +547,8 @@ def overview_table(records: Sequence[StoredAnswer], brief: bool = False) -> fmt.
         )
         columns["unexplained / %"] = lambda a: fmt.number(a.verdict.unexplained_pct, 2)
     return fmt.Table.of(records, columns, (0, 1), kind=lambda a: "" if a.verdict.decided else "quiet")
+
+
+def rms_of(row: Row) -> str:
+    """Return the root mean square residual in a row of fits.csv as text, with its unit."""
+    return f"{fmt.number(row['rms'], 3)} {row['rms_unit']}"

@@ -6,9 +6,8 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.results.run import Row, RunFolder, models_by_rank, rows_of
+from bayesdamp.report.results.run import Row, RunFolder, models_by_rank, rms_of, rows_of
 from bayesdamp.report.sections import SignalSection, paragraph, repeat_column, stack
-from bayesdamp.report.sections.record import rms_of
 
 CAPTION = "Checks of the fit of each model at its posterior mode. The verdict says whether the model fits."
 _EXACT = (
