@@ -32,9 +32,8 @@ def number(value: float | None, digits: int = 4) -> str:
     if value == 0:
         return "0"
     power = _power(value, digits)
-    return _typeset(
-        f"{value:.{max(0, digits - 1 - power)}f}" if -4 <= power < 6 else f"{value:.{digits - 1}e}"
-    )
+    form = f".{max(0, digits - 1 - power)}f" if -4 <= power < 6 else f".{digits - 1}e"
+    return _typeset(f"{value:{form}}")
 
 
 def fixed_decimals(value: float, places: int) -> str:
@@ -269,11 +268,9 @@ class Table:
             cells = (f"<td{_look(i in text, cell)}>{symbols(cell)}</td>" for i, cell in enumerate(line))
             body.append(f"<tr{f' class={chr(34)}{kind}{chr(34)}' if kind else ''}>{''.join(cells)}</tr>\n")
         caption = f'<p class="caption">{symbols(self.caption)}</p>\n' if self.caption else ""
-        grid = (
-            f"<table><thead><tr>{head}</tr></thead><tbody>\n{''.join(body)}</tbody></table>" if body else ""
-        )
+        grid = f"<table><thead><tr>{head}</tr></thead><tbody>\n{''.join(body)}</tbody></table>"
         notes = "".join(f"<p>{escape(note)}</p>" for note in self.notes)
-        return f'<div class="table">{caption}<div class="scroll">{grid}</div>{notes}</div>'
+        return f'<div class="table">{caption}<div class="scroll">{grid if body else ""}</div>{notes}</div>'
 
     def text(self) -> str:
         """Return the table as plain text: caption, header, lines and notes; without lines, only caption and notes."""

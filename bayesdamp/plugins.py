@@ -19,7 +19,6 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import cached_property, lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeVar
@@ -59,6 +58,19 @@ class PluginModule:
         return hashlib.sha256(self.source.encode()).hexdigest()
 
 
+class Plugin:
+    """Base class of plug-ins. One that ships with bayesdamp has the name of its file; others must have a `name`."""
+
+    name: str
+
+    def __init_subclass__(cls) -> None:
+        """Set the name of a plug-in that ships with bayesdamp."""
+        super().__init_subclass__()
+        package, _, file = cls.__module__.rpartition(".")
+        if package in _REGISTRIES:
+            cls.name = file
+
+
 class Registry(Generic[T]):
     """The plug-ins of one kind, such as damping terms, by name.
 
@@ -94,14 +106,14 @@ class Registry(Generic[T]):
         """
         return sorted(self._added)
 
-    @cached_property
+    @functools.cached_property
     def _modules(self) -> dict[str, str]:
         """Return the full module name of each plug-in that ships with bayesdamp, by the name of the plug-in."""
         path = importlib.import_module(self.package).__path__
         modules = [m.name for m in pkgutil.walk_packages(path, f"{self.package}.") if not m.ispkg]
         return {m.rpartition(".")[2]: m for m in modules if "._" not in m}
 
-    @cached_property
+    @functools.cached_property
     def _entries(self) -> dict[str, importlib.metadata.EntryPoint]:
         """Return the entry points of installed packages, by name.
 
@@ -245,15 +257,13 @@ def _register(plugin: Any, module: PluginModule) -> None:
         )
     name = getattr(plugin, "name", None)
     if not isinstance(name, str) or not _NAME.fullmatch(name):
-        raise InputError(
-            f"the name of a {registry.kind} is {name!r}; it must consist of letters, digits and _", where
-        )
+        what = f"the name of a {registry.kind} is {name!r}"
+        raise InputError(f"{what}; it must consist of letters, digits and _", where)
     if registry.ships(name):
         raise InputError(f"the {registry.kind} {name!r} ships with bayesdamp; give yours another name", where)
     if name in registry.added():
-        raise InputError(
-            f"two plug-ins add the {registry.kind} {name!r}; give one of them another name", where
-        )
+        what = f"two plug-ins add the {registry.kind} {name!r}"
+        raise InputError(f"{what}; give one of them another name", where)
     registry.add(name, plugin, module.source)
 
 
@@ -301,7 +311,7 @@ def _in_one_line(error: Exception) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
-@lru_cache(maxsize=2)
+@functools.lru_cache(maxsize=2)
 def _entry_points(path: tuple[str, ...]) -> Any:
     """Return the entry points of all installed packages on `path`.
 

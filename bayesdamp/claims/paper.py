@@ -27,7 +27,6 @@ from bayesdamp.claims.judge import (
     period_drift,
     verdict_of,
 )
-from bayesdamp.formatting import digits
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.report import words
@@ -95,7 +94,7 @@ def _listing(errors: dict[str, float], n: int = 2) -> str:
 
 def _per_cent(error: float, n: int = 2) -> str:
     """Return an error in per cent as text with `n` significant digits, such as "0.12 %"."""
-    return f"{digits(error, n=n)} %"
+    return f"{fmt.digits(error, n=n)} %"
 
 
 @claim(

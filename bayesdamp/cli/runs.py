@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from bayesdamp.cli.border import one_line, print_error
-from bayesdamp.cli.files import check_folder
+from bayesdamp.cli.options import check_folder
 from bayesdamp.config import Study, load_study
 from bayesdamp.config.load import has_other_study, study_file
 from bayesdamp.machine import cache_folder
@@ -59,9 +59,8 @@ def choose_folder(study: Study) -> Path:
         folder = check_folder(None, name)
         if not has_other_study(study, folder):
             return folder
-    raise InputError(
-        f"--out: reports/ already contains {MOST_ANSWERS} answers for {study.name}; give another folder with --out"
-    )
+    what = f"--out: reports/ already contains {MOST_ANSWERS} answers for {study.name}"
+    raise InputError(f"{what}; give another folder with --out")
 
 
 def compilation_notice() -> str:

@@ -119,6 +119,15 @@ def damping_values(problem: Problem, library: list[CandidateTerm], x: np.ndarray
     return {term.parameter: float(x[index[term.name]]) for term in oscillator(problem).terms}
 
 
+def selected_terms(library: list[CandidateTerm], x: np.ndarray, selected: np.ndarray) -> dict[str, object]:
+    """Return the names and the coefficients of the terms that a sparse regression selects, for `Estimate.details`.
+
+    x (p,): the coefficient of each term of the library. selected (p,): whether the term is selected.
+    """
+    names = [library[i].name for i in np.flatnonzero(selected)]
+    return {"selected": names, "coefficients": x[selected].tolist()}
+
+
 def compare_selection(library: list[CandidateTerm], selected: np.ndarray, model: np.ndarray) -> str:
     """Return OK if a sparse regression selects the model's terms, otherwise a sentence that names the differences.
 

@@ -20,6 +20,7 @@ from pydantic import BaseModel, ConfigDict
 
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator, reference_of
+from bayesdamp.plugins import Plugin
 from bayesdamp.records.oscillation.features import Features, features as measure, midpoints, turning_points
 from bayesdamp.types import DERIVATIVES, Estimate, Problem, Reference, Refusal, Signal
 
@@ -91,9 +92,8 @@ def ratios_per_unit(problem: Problem, features: Features) -> np.ndarray:
     Each is the ratio for a harmonic motion with the amplitude at the record's first sample and the record's mean
     frequency. It converts between a coefficient and a damping ratio.
     """
-    return np.array(
-        [t.ratio_per_unit(features.amplitude, features.frequency) for t in oscillator(problem).terms]
-    )
+    amplitude, frequency = features.amplitude, features.frequency
+    return np.array([t.ratio_per_unit(amplitude, frequency) for t in oscillator(problem).terms])
 
 
 def known_restoring(problem: Problem) -> dict[str, float]:
@@ -233,10 +233,8 @@ def checked_features(signal: Signal) -> Features:
     """
     features = measure(signal)
     if features.samples_per_cycle < LEAST_SAMPLES_PER_CYCLE:
-        raise Refusal(
-            f"the record has {features.samples_per_cycle:.1f} samples in a period; at least "
-            f"{LEAST_SAMPLES_PER_CYCLE:.0f} are needed"
-        )
+        what = f"the record has {features.samples_per_cycle:.1f} samples in a period"
+        raise Refusal(f"{what}; at least {LEAST_SAMPLES_PER_CYCLE:.0f} are needed")
     return features
 
 
@@ -259,9 +257,8 @@ def noise_level(signal: Signal) -> float:
     parts = [slice(0, t.size)]
     if t.size > NOISE_SAMPLES:  # the time to fit a spline grows with the square of its knots
         size = NOISE_SAMPLES // NOISE_PARTS
-        parts = [
-            slice(first, first + size) for first in np.linspace(0, t.size - size, NOISE_PARTS, dtype=int)
-        ]
+        begins = np.linspace(0, t.size - size, NOISE_PARTS, dtype=int)
+        parts = [slice(begin, begin + size) for begin in begins]
     left = []
     for part in parts:
         spline = _fit_spline(t[part], y[part], t[part][4:-4:4])
@@ -373,10 +370,8 @@ def before_gap(signal: Signal, period: float) -> Signal:
     gaps = np.flatnonzero(steps > max(3 * float(np.median(steps)), 0.1 * period))
     end = gaps[0] + 1 if gaps.size else signal.t.size
     if end < LEAST_SAMPLES:
-        raise Refusal(
-            f"the record has {end} samples before its first gap, and at least {LEAST_SAMPLES} are needed; choose a "
-            "record that begins after the gap"
-        )
+        what = f"the record has {end} samples before its first gap, and at least {LEAST_SAMPLES} are needed"
+        raise Refusal(f"{what}; choose a record that begins after the gap")
     return replace(signal, t=signal.t[:end], y=signal.y[:end])
 
 
@@ -500,24 +495,16 @@ class Options(BaseModel):
 OptionsType = TypeVar("OptionsType", bound=Options)
 
 
-class Estimator(ABC, Generic[OptionsType]):
+class Estimator(Plugin, ABC, Generic[OptionsType]):
     """A method that estimates damping coefficients from one record.
 
     name: name of the estimator; for those of this package the name of the file. options: class of its options.
     """
 
-    name: str
     options: type[OptionsType]
     by_position: str = ""
     """The reason, as a clause, why the method cannot estimate a damping force that depends on the position; "" if it
     can."""
-
-    def __init_subclass__(cls) -> None:
-        """Set the name of an estimator in `estimators.methods` to that of its file; others must set it themselves."""
-        super().__init_subclass__()
-        package, _, file = cls.__module__.rpartition(".")
-        if package == f"{__package__}.methods":
-            cls.name = file
 
     def refuses(self, damping: tuple[str, ...]) -> str | None:
         """Return the reason why this method cannot estimate a sum of damping terms, or None if it can (the default).

@@ -89,10 +89,8 @@ def find_spectral_line(
     length, cycles, across = _extent(t, period)
     fastest = 0.5 * t.size / length
     around = np.arange(-across, across + 1) / length
-    bands = [
-        (AT_OSCILLATION, 1 / period + around),
-        (AT_OVERTONES, np.concatenate([k / period + around for k in OVERTONES])),
-    ]
+    overtones = np.concatenate([k / period + around for k in OVERTONES])
+    bands = [(AT_OSCILLATION, 1 / period + around), (AT_OVERTONES, overtones)]
     if cycles > 2 * (across + 1):
         bands.append((SLOW_STRUCTURE, np.array(SLOW_TURNS) / length))
     lines = []

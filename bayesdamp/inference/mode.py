@@ -46,11 +46,7 @@ converged."""
 
 
 def maximise_posterior(
-    likelihood: Likelihood,
-    z: np.ndarray,
-    *,
-    retract: Retract = straight_on,
-    close: float = LAST_STEP,
+    likelihood: Likelihood, z: np.ndarray, *, retract: Retract = straight_on, close: float = LAST_STEP
 ) -> Maximum:
     """Search for the mode of a posterior, starting from scores z, (d,).
 

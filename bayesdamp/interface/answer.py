@@ -284,13 +284,8 @@ def answer(
     specified = sorted(names & first_model.fit.parameters.known.keys())
     search = lacking > NATS_AHEAD and not specified
     unexplained = findings.unexplained * comparison.data.recorded_amplitude if search else 0.0
-    own = [
-        remark_on(signal, unexplained),
-        _noise_remark(comparison.noise),
-        _phase_remark(comparison.data, first),
-        unused,
-    ]
-    remarks = [*notes, *filter(None, own)]
+    noise, phase = _noise_remark(comparison.noise), _phase_remark(comparison.data, first)
+    remarks = [*notes, *filter(None, (remark_on(signal, unexplained), noise, phase, unused))]
     clear = {r.candidate.damping for r in comparison.results}
     clear |= {c.damping for c, why in comparison.refused.items() if why == FAR_BEHIND}
     reasons = {c.damping: why for c, why in comparison.refused.items() if c.damping not in clear}
@@ -347,10 +342,8 @@ def _store(comparison: ModelComparison, verdict: Verdict, arrays: Mapping[str, n
         if r.linearisation is not None and r.approximate_posterior is not None:
             laws.append(StoredFit(*name, split(state_of(comparison, r), further, law_prefix(*name))))
     compared = [_row(comparison, r) for r in comparison.results if comparison.compares(r)]
-    refused = [
-        ComparedCandidate("+".join(c.damping), c.restoring, outcome=why)
-        for c, why in comparison.refused.items()
-    ]
+    reasons = (("+".join(c.damping), c.restoring, why) for c, why in comparison.refused.items())
+    refused = [ComparedCandidate(damping, law, outcome=why) for damping, law, why in reasons]
     rivals = [r for r in comparison.forms if comparison.compares(r)]
     content = AnswerContent(
         verdict.to_dict(),

@@ -221,13 +221,10 @@ class Comparison(Result):
         from bayesdamp.report.results.run import RunFolder
         from bayesdamp.report.sections import page_of
 
-        cells = [
-            TaskResult(f"answer/{a.verdict.record}/0", "comparison", a.content.meta(), a.arrays)
-            for a in self.answers
-        ]
-        about = {
-            a.verdict.record: {"unit": unit.name, "quantity": a.verdict.quantity} for a, unit in self._each()
-        }
+        named = ((f"answer/{a.verdict.record}/0", a) for a in self.answers)
+        cells = [TaskResult(name, "comparison", a.content.meta(), a.arrays) for name, a in named]
+        judged = ((a.verdict, unit) for a, unit in self._each())
+        about = {v.record: {"unit": unit.name, "quantity": v.quantity} for v, unit in judged}
         info = {"name": self.verdict.record, "signals": about, "models": []}
         page, _ = page_of(RunFolder.of_results(info, cells, [self.verdict]))
         return save_bytes(path, page.encode())
@@ -238,9 +235,8 @@ class Comparison(Result):
         The caption is the sentence of the verdict, and the notes are its remarks.
         """
         v = self.verdict
-        table = (
-            decay_table(v.decay_rate, v.quality_factor_at) if v.decay_rate else ratios_table(v.damping_ratio)
-        )
+        rates, ratios = v.decay_rate, v.damping_ratio
+        table = decay_table(rates, v.quality_factor_at) if rates else ratios_table(ratios)
         return replace(table, caption=v.sentence, notes=v.remarks)
 
 
@@ -370,10 +366,8 @@ def compare(
         bases = dict.fromkeys(UNITS[unit].base for unit in units)
         for option, is_given in {"amplitudes": amplitudes is not None, "repeats": repeats}.items():
             if is_given and len(bases) > 1:
-                mixed = f"the records are in {' and '.join(bases)}"
-                raise InputError(
-                    f"compare: {option}: {mixed}; leave out {option}, or give records in one unit"
-                )
+                what = f"compare: {option}: the records are in {' and '.join(bases)}"
+                raise InputError(f"{what}; leave out {option}, or give records in one unit")
         compared = partial(compare_models, deviation=deviation, noise=noise, damping=sums, restoring=laws)
         answered = partial(answer, unit=UNITS[units[0]], sensor=sensor, sample=sample, seed=seed)
         answers = tuple(

@@ -14,7 +14,6 @@ from bayesdamp.formatting import Table, data_frame
 from bayesdamp.interface.model import Case, Model, check_signal, units_of
 from bayesdamp.interface.result import Result, frame_table
 from bayesdamp.interface.signal import Signal
-from bayesdamp.types import OK, Refusal
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,12 +46,12 @@ class Estimate(Result):
     @property
     def outcome(self) -> str:
         """ "ok", or the name of each stage that failed or is doubtful, with the reason."""
-        return "; ".join(self._failures) or OK
+        return "; ".join(self._failures) or types.OK
 
     @property
     def _failures(self) -> tuple[str, ...]:
         """A sentence for each stage whose outcome is not "ok", with its name and its outcome."""
-        return tuple(f"{s.stage}: {s.outcome}" for s in (self.initial, self.refined) if s.outcome != OK)
+        return tuple(f"{s.stage}: {s.outcome}" for s in (self.initial, self.refined) if s.outcome != types.OK)
 
     @property
     def values(self) -> Mapping[str, float]:
@@ -130,6 +129,6 @@ def estimate(
         case = Case.of(own, model)
         initial, refined = run_estimator(estimator, own, case.problem, options=options, seed=seed)
         units = units_of({**initial.values, **refined.values}, model.restoring, own)
-    except Refusal as refusal:
+    except types.Refusal as refusal:
         initial, refined = (types.Estimate(estimator, stage, outcome=str(refusal)) for stage in STAGES)
     return Estimate(own, model, estimator, initial, refined, units)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import digits, percentage
 from bayesdamp.records.oscillation.features import features, once_per_record
 from bayesdamp.records.oscillation.law_free import law_free
 from bayesdamp.records.oscillation.modes import MOST_MISFIT, OtherMotion, find_other_motion
@@ -140,7 +139,7 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False, unexplained: float 
     f = modes[0].frequency
     remarks = [] if np.isnan(own.rates).any() else [VISCOUS]
     if other.misfit > MOST_MISFIT:
-        noise = f"{digits(other.misfit, n=2)} times" if other.misfit < MOST_STATED else "far above"
+        noise = f"{fmt.digits(other.misfit, n=2)} times" if other.misfit < MOST_STATED else "far above"
         remarks.append(
             f"The two oscillations do not explain the record: the residual is {noise} the noise, and the intervals are "
             "too narrow."
@@ -171,5 +170,5 @@ def remark_on(signal: Signal, unexplained: float = 0.0) -> str:
     other = _other_motion(signal, False, unexplained)
     if other is None or len(other.modes.frequencies) < 2:
         return ""
-    at = f"{digits(other.modes.frequencies[1])} Hz"
-    return f"A second oscillation, at {at}, has {percentage(other.size)} % of the amplitude."
+    at = f"{fmt.digits(other.modes.frequencies[1])} Hz"
+    return f"A second oscillation, at {at}, has {fmt.percentage(other.size)} % of the amplitude."

@@ -39,7 +39,6 @@ from bayesdamp.plugins import nearest
 from bayesdamp.priors import Prior
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.serial import Storable
-from bayesdamp.types import OK, UNITS, InputError, Refusal
 from bayesdamp.verdict.words import UNDETECTED_DEVIATION
 
 if TYPE_CHECKING:
@@ -177,7 +176,7 @@ class Fit(Result, Storable):
     fitted: Vector = field(default_factory=lambda: _EMPTY)
     residuals: Vector = field(default_factory=lambda: _EMPTY)
     log_posterior: float = float("nan")
-    outcome: str = OK
+    outcome: str = types.OK
     notes: tuple[str, ...] = ()
     mode: Mode | None = None
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -209,7 +208,7 @@ class Fit(Result, Storable):
         """
         mode = self.mode if self.law is None else self.law.mode
         if mode is None:
-            raise Refusal(self.outcome)
+            raise types.Refusal(self.outcome)
         return mode.likelihood.target, mode
 
     @property
@@ -274,17 +273,17 @@ class Fit(Result, Storable):
         """
         wanted = quantity or self.signal.quantity
         if wanted not in QUANTITIES:
-            raise InputError(f"predict: unknown quantity {wanted!r}{nearest(wanted, list(QUANTITIES))}")
+            raise types.InputError(f"predict: unknown quantity {wanted!r}{nearest(wanted, list(QUANTITIES))}")
         times = numbers_of(t, "t", "predict").ravel()
         if not np.all(np.isfinite(times)):
-            raise InputError(
+            raise types.InputError(
                 "predict: t must be finite times in s, counted from the first sample of the signal"
             )
         if self.law is not None:
             value, sd = predict_approximate(self.law, times, wanted)
         else:
             value, sd = predict_exact(*self.engine, self.signal, times, wanted)
-        return Prediction(times, value, sd, wanted, UNITS[self.signal.unit].of(wanted))
+        return Prediction(times, value, sd, wanted, types.UNITS[self.signal.unit].of(wanted))
 
     def summary(self) -> pd.DataFrame:
         """Return a table with a row for each inferred parameter: value, sd, 95 % interval, unit and prior.
@@ -324,7 +323,7 @@ class Fit(Result, Storable):
             If there is no fit.
         """
         if not self.values:
-            raise Refusal(self.outcome)
+            raise types.Refusal(self.outcome)
         alone = ax is not None and len(list_axes(ax)) == 1
         above, *rest = get_axes(ax, 1 if alone else 2, heights=(2, 1))
         t = self.signal.t
@@ -491,14 +490,13 @@ def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None
     """
     own = check_signal(signal, model)
     if model.approximate and start is not None:
-        raise InputError(
-            f"fit: start has no effect if the model has deviation {model.deviation!r}; call fit without start"
-        )
+        what = f"fit: start has no effect if the model has deviation {model.deviation!r}"
+        raise types.InputError(f"{what}; call fit without start")
     try:
         if model.approximate:
             return Fit.at_law(own, model, fit_approximate(own, model))
         mode, notes = fit_exact(own, model, start)
-    except Refusal as refusal:
+    except types.Refusal as refusal:
         return Fit(own, model, outcome=str(refusal))
     best = Fit.at_mode(own, model, mode, notes)
     poor = misfit(best.residuals, own, features(own)) if best.noise == GAUSSIAN else None
@@ -515,7 +513,7 @@ def tabulate_ratios(
     joined. By default, draws from the linear approximation of the fit are used.
     """
     if fit.law is None:
-        raise Refusal(NO_RATIO_TABLE if fit.outcome == OK else fit.outcome)
+        raise types.Refusal(NO_RATIO_TABLE if fit.outcome == types.OK else fit.outcome)
     comparison, own = fit.law.comparison, fit.signal.own_unit.displacement
     given = amplitudes_in_base_unit(amplitudes, comparison, fit.signal.own_unit)
     wanted = given or default_amplitudes(comparison)
@@ -566,7 +564,7 @@ def predict_approximate(law: Single, times: Vector, wanted: str) -> tuple[Vector
     if not times.size:
         return times, times
     if times.min() < 0 or times.max() > end:
-        raise InputError(
+        raise types.InputError(
             f"predict: t goes from {times.min():.6g} to {times.max():.6g} s, but the fit covers 0 to {end:.6g} s, and "
             'the deviations from the law are not known elsewhere; use a Model with deviation="none" to extrapolate'
         )

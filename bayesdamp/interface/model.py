@@ -41,7 +41,6 @@ from bayesdamp.physics.restoring import LAWS
 from bayesdamp.physics.symbols import parameter_unit
 from bayesdamp.priors import Prior, joint_log_density, joint_slope
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.types import InputError, Problem, Reference, Refusal, System, candidate_name
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -157,7 +156,7 @@ class Density(ResultView):
         """Return `log_posterior` at each of m vectors x, (m, d), as an array (m,)."""
         many = np.array(x, float)
         if many.ndim != 2 or many.shape[1] != len(self.names):
-            raise InputError(f"density: x has shape {many.shape}; it must be (m, {len(self.names)})")
+            raise types.InputError(f"density: x has shape {many.shape}; it must be (m, {len(self.names)})")
         return np.array([self.log_posterior(x) for x in many])
 
     def gradient(self, x: ArrayLike) -> Vector:
@@ -209,11 +208,12 @@ class Density(ResultView):
             vector = np.empty(0)
         if vector.shape != (len(self.names),):
             right = f"{len(self.names)} numbers: {', '.join(self.names)}"
-            raise InputError(f"density: x has shape {vector.shape}; it must be {right}")
+            raise types.InputError(f"density: x has shape {vector.shape}; it must be {right}")
         return vector
 
     def _table(self) -> Table:
-        name = candidate_name("+".join(self.target.oscillator.damping), self.target.oscillator.restoring)
+        osc = self.target.oscillator
+        name = types.candidate_name("+".join(osc.damping), osc.restoring)
         return frame_table(self.summary(), f"Posterior density of {name} on {self.signal.name}")
 
 
@@ -303,10 +303,8 @@ class Model(Result):
         object.__setattr__(self, "priors", dict(self.priors))
         fixed = [n for n in priors if n in NOT_INFERRED] if self.approximate else []
         if fixed:
-            raise InputError(
-                f"Model: {fixed[0]!r} is not inferred under deviation {self.deviation!r}; remove its prior, or give "
-                "its value as known"
-            )
+            what = f"Model: {fixed[0]!r} is not inferred under deviation {self.deviation!r}"
+            raise types.InputError(f"{what}; remove its prior, or give its value as known")
         for name in ("amplitude", "frequency"):
             if (value := getattr(self, name)) is not None:
                 check_number(value, f"Model.{name}", positive=True)
@@ -341,11 +339,11 @@ class Model(Result):
         return (*Oscillator(self.terms, self.restoring).parameters, *noise)
 
     @property
-    def system(self) -> System:
+    def system(self) -> types.System:
         """Known values, and in `free` the priors of other parameters (None: default), in the form that fits use."""
         given, unknown = self.parameter_priors, [n for n in self.parameters if n not in self.known]
         free = {n: given.get(n) for n in unknown if n != "epsilon" or n in given}
-        return System(self.restoring, dict(self.known), free, self.amplitude, self.frequency)
+        return types.System(self.restoring, dict(self.known), free, self.amplitude, self.frequency)
 
     @property
     def parameter_priors(self) -> dict[str, Prior]:
@@ -416,7 +414,7 @@ class Case:
     signal: types.Signal
     model: Model
     features: Features
-    reference: Reference
+    reference: types.Reference
 
     @classmethod
     def of(cls, signal: types.Signal, model: Model) -> Case:
@@ -433,13 +431,13 @@ class Case:
         """Create the case of a record and a model as `of` does, but also raise Refusal if the record has no noise."""
         case = cls.of(signal, model)
         if not has_noise(signal, case.features):
-            raise Refusal(NO_POSTERIOR)
+            raise types.Refusal(NO_POSTERIOR)
         return case
 
     @property
-    def problem(self) -> Problem:
+    def problem(self) -> types.Problem:
         """The damping terms, the restoring law, known values and priors, in the form that estimators use."""
-        return Problem(self.model.terms, self.model.system)
+        return types.Problem(self.model.terms, self.model.system)
 
     def target(self, noise: str, epsilon: float | None = None) -> Target:
         """Return the posterior that searches and samplers use, with one noise model.
@@ -511,7 +509,7 @@ class Case:
                     approximate=False,
                     noises=noises,
                 )
-        except Refusal as refusal:
+        except types.Refusal as refusal:
             if not starts or not noises:
                 raise
             note = f"The search began only at the given start, with {noises[0]} noise, because {refusal}."

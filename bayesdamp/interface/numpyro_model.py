@@ -3,11 +3,9 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import jax
 import numpy as np
 import numpyro
-from jax import Array, numpy as jnp
-from numpyro import distributions as dist
+from jax import Array, ShapeDtypeStruct, custom_jvp, numpy as jnp, pure_callback
 
 from bayesdamp.config.checks import check_keys
 from bayesdamp.priors import Prior, SharedHalfNormal, shared_log_density
@@ -45,17 +43,17 @@ def numpyro_model(
         returns all parameters by name, in natural units. It raises InputError for an unknown name.
     """
     names = list(priors)
-    shape = jax.ShapeDtypeStruct((1 + len(names),), float)
+    shape = ShapeDtypeStruct((1 + len(names),), float)
 
     def compute(x: Any) -> np.ndarray:
         value, slopes = value_and_slopes(np.asarray(x, float))
         return np.append(value, slopes)
 
     def both(x: Array) -> tuple[Array, Array]:
-        result = jax.pure_callback(compute, shape, x, vmap_method="sequential")
+        result = pure_callback(compute, shape, x, vmap_method="sequential")
         return result[0], result[1:]
 
-    @jax.custom_jvp
+    @custom_jvp
     def density(x: Array) -> Array:
         return both(x)[0]
 
@@ -73,7 +71,9 @@ def numpyro_model(
         """
         at = [names.index(n) for n in free]
         factor = np.linalg.cholesky(covariance[np.ix_(at, at)])
-        u = numpyro.sample(f"{prefix}whitened", dist.Normal(0.0, 1.0).expand([len(free)]).to_event(1))
+        u = numpyro.sample(
+            f"{prefix}whitened", numpyro.distributions.Normal(0.0, 1.0).expand([len(free)]).to_event(1)
+        )
         z = jnp.asarray(centre[at] + factor @ jnp.asarray(u))
         # z = centre + factor u. NumPyro adds log N(u; 0, I); replace it by the log prior of z plus log det factor.
         volume = float(np.sum(np.log(np.diag(factor))))

@@ -27,7 +27,6 @@ from bayesdamp.physics.oscillator import reference_of
 from bayesdamp.priors import joint_log_density
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.store.results import NO_DRAWS
-from bayesdamp.types import OK, Refusal
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -240,7 +239,7 @@ class Posterior(Result, types.Posterior):
     def _require_draws(self) -> None:
         """Raise Refusal, with the text `outcome`, if the sampler gave no draws."""
         if not self.names:
-            raise Refusal(self.outcome)
+            raise types.Refusal(self.outcome)
 
     def _table(self) -> Table:
         columns = ["mean", "sd", "q2.5", "q97.5", "ess_bulk", "rhat", "unit"]
@@ -376,7 +375,7 @@ def _pointwise_exactly(post: Posterior, numbers: np.ndarray) -> tuple[np.ndarray
     try:
         for i, motion in enumerate(motions):
             motion += noise.draw(rng, gaps, {name: float(v[i]) for name, v in of_noise.items()})
-    except Refusal:
+    except types.Refusal:
         return likelihoods, None
     return likelihoods, motions
 
@@ -445,11 +444,11 @@ def sample(
     read_section(Header, {"version": 1, "seed": seed}, "sample")
     sampler = sampler or (TEMPERED if fit.model.approximate else EXACT_SAMPLER)
     blank = Posterior(sampler, (), *NO_DRAWS, fit=fit, seed=seed, outcome=fit.outcome)
-    if fit.outcome != OK:
+    if fit.outcome != types.OK:
         return blank
     try:
         drawn, u = draw(fit, sampler, Settings(chains, warmup, draws, seed % 2**31, grows))
-    except Refusal as refusal:
+    except types.Refusal as refusal:
         return replace(blank, outcome=str(refusal))
     return Posterior(**vars(drawn), fit=fit, seed=seed, u=u)
 
@@ -574,7 +573,7 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
     approximate = fit.model.approximate
     method = method or (TEMPERED if approximate else EXACT_METHOD)
     blank = Evidence(fit.model.name, method, signal=fit.signal.name, noise=fit.noise)
-    if fit.outcome != OK:
+    if fit.outcome != types.OK:
         return replace(blank, outcome=fit.outcome)
     if approximate and method == TEMPERED:
         if posterior is None or posterior.sampler != TEMPERED:
@@ -590,18 +589,18 @@ def evidence(source: Posterior | Fit, method: str | None = None, *, seed: int = 
             outcome=posterior.outcome,
         )
     own = LAPLACE if approximate and method == LINEAR else method
-    draws, outcome = None, OK
+    draws, outcome = None, types.OK
     if posterior is not None and posterior.sampler == FROM_DRAWS and posterior.names:
         draws, outcome = posterior.draws, posterior.outcome
     try:
         result = run_evidence_method(fit, own, seed, draws, outcome)
-    except Refusal as refusal:
+    except types.Refusal as refusal:
         return replace(blank, outcome=str(refusal))
     return Evidence(**{**vars(result), "method": method}, signal=blank.signal, noise=blank.noise)
 
 
 def run_evidence_method(
-    fit: Fit, method: str, seed: int, draws: Array | None = None, outcome: str = OK
+    fit: Fit, method: str, seed: int, draws: Array | None = None, outcome: str = types.OK
 ) -> types.Evidence:
     """Compute the evidence of a fitted model by one method in `EVIDENCES`.
 

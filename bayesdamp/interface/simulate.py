@@ -15,7 +15,6 @@ from bayesdamp.physics.oscillator import Oscillator
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.plugins import nearest
 from bayesdamp.records.simulate import simulate_signal
-from bayesdamp.types import InputError
 
 START = {"theta0": 0.3, "omega0": 0.0, "epsilon": 0.0}
 """Default values of simulated records: displacement and velocity at the start (rad and rad/s, or m and m/s), and the
@@ -105,12 +104,13 @@ def simulate(
     numbers = (*needed, *START, "noise_time", "noise_dof", *further)
     for key in parameters:
         if key not in numbers:
-            raise InputError(f"simulate: {restoring} has no parameter {key!r}{nearest(key, list(numbers))}")
+            what = f"{restoring} has no parameter {key!r}"
+            raise types.InputError(f"simulate: {what}{nearest(key, list(numbers))}")
     given = {**START, **{n: v for n, v in AT_REST.items() if n in needed}, **parameters}
     own = {p.name: term.name for term in terms for p in term.inferred}
     for parameter, what in {**dict.fromkeys(needed, restoring), **own}.items():
         if parameter not in given:
-            raise InputError(f"simulate: {what} also needs {parameter}; give {parameter}=NUMBER")
+            raise types.InputError(f"simulate: {what} also needs {parameter}; give {parameter}=NUMBER")
     keys = {term: key for key, term in term_keys(needed).items()}
     options = {
         **{keys[term]: value for term, value in damping.items()}, **given,
@@ -122,7 +122,7 @@ def simulate(
         source = resolve_signal(entry, {}, Path(), "").source
     except StudyError as error:
         key = error.where.removeprefix("simulate").removeprefix(".")
-        raise InputError(f"{key}: {error.what}" if key else error.what, name) from None
+        raise types.InputError(f"{key}: {error.what}" if key else error.what, name) from None
     assert isinstance(source, Simulation)
     return Signal.of(simulate_source(source, restoring, source.truth, name, np.random.default_rng(seed)))
 

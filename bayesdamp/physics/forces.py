@@ -4,7 +4,6 @@
 `newton_many` (arrays) use Newton's method from a position close to the equilibrium. Forces are per unit of inertia.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache, reduce
 from types import FunctionType
@@ -78,7 +77,7 @@ def on_arrays(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
 
         def elements(a: Any) -> Any:
             if isinstance(a, tuple):
-                return list(zip(*map(elements, a), strict=True)) or [()] * math.prod(shape)
+                return list(zip(*map(elements, a), strict=True)) or [()] * int(np.prod(shape))
             return np.broadcast_to(a, shape).ravel().tolist()
 
         values = [function(*row) for row in zip(*map(elements, args), strict=True)]

@@ -152,9 +152,7 @@ class Oscillator:
         p: parameters by name; only those of the restoring law are used. Raises ValueError if there is no stable
         equilibrium within the distance `SEARCH_REACH` of `near`.
         """
-        return _equilibrium(
-            self.restoring, tuple(float(p[name]) for name in self.law.parameters), float(near)
-        )
+        return _equilibrium(self.restoring, tuple(_law_values(self, p)), float(near))
 
     def natural_frequency(self, p: Parameters, near: float = 0.0) -> float:
         """Return the natural frequency ω_n in rad/s at the stable equilibrium nearest to `near` (rad or m).
@@ -173,11 +171,16 @@ class Oscillator:
         only those of the restoring law are used. Raises ValueError if no stable equilibrium is within the distance
         `reach` of `near` (rad or m).
         """
-        force = by_kernel(self.law.kernel, np.array([float(p[name]) for name in self.law.parameters]))
+        force = by_kernel(self.law.kernel, np.array(_law_values(self, p)))
         ends = bracket(force, near, reach, SEARCH_POINTS)
         if ends is None:
             raise _no_rest(self.restoring, near, reach)
         return frequency_over(force, *ends)
+
+
+def _law_values(osc: Oscillator, p: Parameters) -> list[float]:
+    """Return the values of the restoring law's parameters as its `kernel` takes them. p: parameters by name."""
+    return [float(p[name]) for name in osc.law.parameters]
 
 
 def _no_rest(restoring: str, near: float, reach: float) -> ValueError:
@@ -243,9 +246,8 @@ def reference_of(system: System, features: FeatureValues) -> Reference:
             f"{each}: with these values the law {law.name} has no stable equilibrium near the record's midline "
             f"({rest:.3g}); correct the values or leave them out, so that they are inferred"
         ) from None
-    return Reference(
-        amplitude or float(f"{features.amplitude:.1e}"), frequency or float(f"{features.frequency:.1e}")
-    )
+    amplitude = amplitude or float(f"{features.amplitude:.1e}")
+    return Reference(amplitude, frequency or float(f"{features.frequency:.1e}"))
 
 
 STEPS_PER_CYCLE = 25.0
@@ -313,11 +315,7 @@ class Trajectories:
         t = np.asarray(times, float) - float(times[0])
         self._count = t.size
         rest, amplitude, frequency = _scales(osc, reference)
-        self._given = {
-            "rest": rest,
-            "reference_amplitude": amplitude,
-            "reference_velocity": amplitude * frequency,
-        }
+        self._given = Reference(amplitude, frequency).scales(rest)
         if t[-1] <= 0.0:  # the solver needs a positive duration
             t = np.append(t, 1.0 / frequency)
         if not amplitude > ROUNDING * max(abs(rest), abs(float(reference["theta0"]))):
@@ -350,7 +348,7 @@ class Trajectories:
         epsilon = 0. If the motion does not depend on a name, the derivative by it is 0. All results are NaN if the
         samples that `record` returns are.
         """
-        motion, epsilon = self._solve(p, PARAMETERS), _epsilon(p)
+        motion, epsilon = self._solve(p, PARAMETERS), float(p.get("epsilon", 0.0))
         if motion is None:
             return np.full(self._count, np.nan), np.full((len(names), self._count), np.nan)
         slopes = np.zeros((len(names), self._count))
@@ -358,10 +356,8 @@ class Trajectories:
         for row, name in zip(slopes, names, strict=True):
             # At epsilon = 0 the derivative is zero: the dissipated energy depends on epsilon squared.
             if name == "epsilon" and epsilon > 0.0:
-                up, down = (
-                    self.record({**p, "epsilon": epsilon * (1.0 + sign * RECORD_STEP)})
-                    for sign in (1.0, -1.0)
-                )
+                changed = (epsilon * (1.0 + RECORD_STEP), epsilon * (1.0 - RECORD_STEP))
+                up, down = (self.record({**p, "epsilon": width}) for width in changed)
                 row += (up - down) / (2.0 * RECORD_STEP * epsilon)
             for place, own in enumerate(self._solver.names):
                 if own == name or (own == "rest" and name in of_rest):
@@ -386,8 +382,9 @@ class Trajectories:
                 return None
             values["rest"] = rest
         vector = np.array([float(values[name]) for name in self._solver.names])
+        accuracy, epsilon = self._tolerance, float(p.get("epsilon", 0.0))
         return self._solver.solve(
-            vector, self._active, tangents=tangents, tolerance=self._tolerance, epsilon=_epsilon(p)
+            vector, self._active, tangents=tangents, tolerance=accuracy, epsilon=epsilon
         )
 
     def _rest(self, p: Mapping[str, float]) -> float | None:
@@ -414,15 +411,6 @@ class Trajectories:
         return slopes
 
 
-def _epsilon(p: Mapping[str, float]) -> float:
-    """Return epsilon from the parameters p by name; 0 if it is missing.
-
-    epsilon: width in rad/s of the range of velocities in which dry friction changes its sign; with 0 the friction
-    jumps.
-    """
-    return float(p.get("epsilon", 0.0))
-
-
 def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, float]:
     """Return the equilibrium θ_e nearest to theta0, the amplitude about it, and the angular frequency ω there (rad/s).
 
@@ -431,15 +419,12 @@ def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, floa
     return theta0, |theta0| and 1. Raises Refusal if the restoring law has no `kernel`.
     """
     theta0, omega0 = float(p["theta0"]), float(p["omega0"])
-    law = np.array([float(p[name]) for name in osc.law.parameters])
+    law, reach = np.array(_law_values(osc, p)), SEARCH_REACH * max(1.0, abs(theta0))
     try:
-        rest = rest_near(
-            by_kernel(osc.law.kernel, law), theta0, SEARCH_REACH * max(1.0, abs(theta0)), SEARCH_POINTS
-        )
+        rest = rest_near(by_kernel(osc.law.kernel, law), theta0, reach, SEARCH_POINTS)
     except NotImplementedError:
-        raise Refusal(
-            f"the restoring law {osc.restoring!r} has no `kernel`; define this method to compute trajectories"
-        ) from None
+        what = f"the restoring law {osc.restoring!r} has no `kernel`"
+        raise Refusal(f"{what}; define this method to compute trajectories") from None
     squared_frequency = 0.0 if rest is None else _slope(_force(osc, p), rest)
     if rest is None or not squared_frequency > 0.0:
         return theta0, abs(theta0), 1.0
@@ -449,7 +434,7 @@ def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, floa
 
 def _force(osc: Oscillator, p: Mapping[str, float]) -> Callable[[float], float]:
     """Return the restoring force as a function of the position only, with the values of the law's parameters in p."""
-    law = [float(p[name]) for name in osc.law.parameters]
+    law = _law_values(osc, p)
     return lambda x: osc.law.kernel(x, law)
 
 

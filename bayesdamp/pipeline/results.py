@@ -30,7 +30,6 @@ from bayesdamp.store.results import (
     TaskName,
     TaskResult,
 )
-from bayesdamp.types import OK, InputError, Status, status_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,15 +62,12 @@ class Candidate(ResultView):
     estimates: Mapping[str, tuple[types.Estimate, ...]] = field(default_factory=dict)
     posteriors: Mapping[str, types.Posterior] = field(default_factory=dict)
     evidence: Mapping[str, types.Evidence] = field(default_factory=dict)
-    outcome: str = OK
+    outcome: str = types.OK
 
     def _table(self) -> Table:
         rows = [(n, digits(v, n=6), digits(self.sd.get(n, np.nan), n=2)) for n, v in self.values.items()]
-        log_evidences = [
-            f"{m} {digits(e.log_evidence, n=7)}"
-            for m, e in self.evidence.items()
-            if np.isfinite(e.log_evidence)
-        ]
+        finite = {m: e.log_evidence for m, e in self.evidence.items() if np.isfinite(e.log_evidence)}
+        log_evidences = [f"{m} {digits(value, n=7)}" for m, value in finite.items()]
         more = {"estimates": self.estimates, "posteriors": self.posteriors, "log evidence": log_evidences}
         notes = outcome_notes(self.outcome, [f"{kind}: {', '.join(n)}" for kind, n in more.items() if n])
         title = f"{types.candidate_name(self.damping, self.restoring)} on {self.record}/{self.repeat}"
@@ -89,7 +85,7 @@ class Run(ResultView):
 
     folder: Path
     name: str
-    outcome: str = OK
+    outcome: str = types.OK
 
     @cached_property
     def estimates(self) -> pd.DataFrame:
@@ -176,14 +172,16 @@ class Run(ResultView):
             ("model", damping, {c.damping for c in self.candidates}),
         ):
             if name not in valid:
-                raise InputError(f"{self.name}: the run has no {what} {name!r}{nearest(name, sorted(valid))}")
+                raise types.InputError(
+                    f"{self.name}: the run has no {what} {name!r}{nearest(name, sorted(valid))}"
+                )
         wanted = record, damping, repeat
         for candidate in self.candidates:
             same = wanted == (candidate.record, candidate.damping, candidate.repeat)
             if same and restoring in (None, candidate.restoring):
                 return candidate
         where = f"repeat {repeat} of {record} under {restoring or 'any law'}"
-        raise InputError(f"{self.name}: {damping} was not run on {where}")
+        raise types.InputError(f"{self.name}: {damping} was not run on {where}")
 
     @property
     def report(self) -> Path:
@@ -200,7 +198,7 @@ class Run(ResultView):
             shutil.copytree(self.folder, path, ignore=shutil.ignore_patterns(".lock", ".*.tmp"))
         except OSError as error:
             reason = error.strerror or error.args[0][0][-1]  # `shutil.Error` lists (source, target, reason)
-            raise InputError(f"{path}: cannot be written ({reason}); give a new folder") from None
+            raise types.InputError(f"{path}: cannot be written ({reason}); give a new folder") from None
         return path
 
     @classmethod
@@ -211,11 +209,11 @@ class Run(ResultView):
         name = (description.get("study") or {}).get("name")
         if name is None:
             right = "give the folder that run_study or the command study wrote"
-            raise InputError(f"{folder}: its run.json does not contain a study; {right}")
+            raise types.InputError(f"{folder}: its run.json does not contain a study; {right}")
         store = Store(folder, description.get("cells"))
         results = ((name, store.find(name, arrays=False)) for name in store.names())
-        failed = [n for n, r in results if r is None or status_of(r.outcome) is Status.FAILED]
-        outcome = f"{len(failed)} tasks failed: {', '.join(failed)}" if failed else OK
+        failed = [n for n, r in results if r is None or types.status_of(r.outcome) is types.Status.FAILED]
+        outcome = f"{len(failed)} tasks failed: {', '.join(failed)}" if failed else types.OK
         return cls(folder, name, outcome)
 
     def _read(self, table: str) -> pd.DataFrame:
@@ -281,16 +279,17 @@ def run_study(
     elif not isinstance(study, Study):
         if not isinstance(study, Mapping):
             kind = type(study).__name__
-            raise InputError(f"run_study: the study is {kind}; it must be a file, a dictionary or a Study")
+            what = f"run_study: the study is {kind}"
+            raise types.InputError(f"{what}; it must be a file, a dictionary or a Study")
         try:
             study = resolve_study(split(study), Path("study.toml"))
-        except (StudyError, InputError, TypeError) as error:
-            raise InputError(f"study: {error}") from None
+        except (StudyError, types.InputError, TypeError) as error:
+            raise types.InputError(f"study: {error}") from None
     folder = Path("reports") / study.name if out is None else Path(out)
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file; out must be a folder, or a new name")
+        raise types.InputError(f"{folder}: is a file; out must be a folder, or a new name")
     if not hasattr(workers, "__index__") or workers < 1:
-        raise InputError(f"run_study: workers is {workers!r}; it must be a whole number, 1 or more")
+        raise types.InputError(f"run_study: workers is {workers!r}; it must be a whole number, 1 or more")
     with in_keys():
         run.run_study(study, folder, workers=workers, fresh=fresh, console=Console(stderr=True, quiet=True))
     return Run.load(folder)
@@ -305,7 +304,7 @@ def _candidate(folder: Path, key: tuple[str, int, str], results: Sequence[TaskRe
     record, repeat, name = key
     damping, restoring = types.candidate_parts(name)
     fit: dict[str, Any] = {}
-    outcome = OK
+    outcome = types.OK
     estimates: dict[str, tuple[types.Estimate, ...]] = {}
     posteriors: dict[str, types.Posterior] = {}
     evidence: dict[str, types.Evidence] = {}
@@ -313,7 +312,7 @@ def _candidate(folder: Path, key: tuple[str, int, str], results: Sequence[TaskRe
         kind, method = result.parts.kind, result.parts.method
         if kind == "mode":
             outcome = result.outcome
-            if outcome == OK:
+            if outcome == types.OK:
                 mode = ModeContent.of(result)
                 fit = {name: getattr(mode, name) for name in ("values", "sd", "log_posterior")}
         elif kind == "estimate":

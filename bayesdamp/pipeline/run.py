@@ -264,11 +264,7 @@ def _report_verdicts(study: Study, store: Store, on_verdict: Callable[[Verdict],
 
 
 def _run_jobs(
-    study: Study,
-    store: Store,
-    jobs: list[Job],
-    pool: Executor | None,
-    advance: Callable[[], None],
+    study: Study, store: Store, jobs: list[Job], pool: Executor | None, advance: Callable[[], None]
 ) -> None:
     """Run the jobs of a stage in the pool, or in this process if `pool` is None; call `advance` when a job ends."""
     if pool is None:
@@ -292,14 +288,7 @@ def _run_jobs(
         decay = take_free_decay(source, job.signal) if isinstance(source, Recording) else None
         return pool.submit(_run_job, pickled, folder, job, given_up, code, decay)
 
-    run_in_pool(
-        jobs,
-        pool,
-        submit,
-        next_task,
-        give_up,
-        advance,
-    )
+    run_in_pool(jobs, pool, submit, next_task, give_up, advance)
 
 
 def _current_keys(study: Study, store: Store) -> dict[str, str]:

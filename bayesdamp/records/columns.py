@@ -281,9 +281,8 @@ def choose_columns(
                 record = replace(home[0].record(column), run=run)
                 chosen.append(_with_clock(record, content))
         if not chosen:
-            raise InputError(
-                "the selected column is not in the selected runs; select other runs or another column"
-            )
+            what = "the selected column is not in the selected runs"
+            raise InputError(f"{what}; select other runs or another column")
         return chosen
     blocks = [block for block in blocks if block.candidates] or [block for block in blocks if block.values]
     timed_blocks = [
@@ -299,13 +298,10 @@ def choose_columns(
             raise InputError("its only column contains the times; export the recorded quantity too")
         if len({c.values.size for c in columns}) > 1:
             sizes = ", ".join(f"{c.name!r}: {c.values.size}" for c in columns)
-            raise InputError(
-                f"columns of the file have different lengths ({sizes}); give as many values as times"
-            )
-        raise InputError(
-            f"its columns contain only times or sample numbers (they are {list_names(columns)}); give a file with a "
-            "recorded quantity"
-        )
+            what = f"columns of the file have different lengths ({sizes})"
+            raise InputError(f"{what}; give as many values as times")
+        what = f"its columns contain only times or sample numbers (they are {list_names(columns)})"
+        raise InputError(f"{what}; give a file with a recorded quantity")
     for block in blocks:
         if amplitude := _lock_in_amplitude(block.candidates):
             raise InputError(
@@ -391,24 +387,14 @@ def _make_block(content: Contents, run: str, group: str, timed: list[Column], ra
         if any(c.name.startswith(f"{name.rpartition('.')[0]}.") for c in own)
     }
     stated = sampling_rate(facts) or sampling_rate(content.facts)
-    if (
-        stated is not None
-        and time is not None
-        and seconds_of_unit(time) is None
-        and _is_sample_numbers(time.values)
-    ):
+    if stated and time and seconds_of_unit(time) is None and _is_sample_numbers(time.values):
         own, time = tuple(c for c in own if c is not time), None  # this column only numbers the samples
     if time is not None:
         named = time.name and len(content.columns) > 2
         return _Block(run, own, time, None, (f"Times are those of column {time.name!r}.",) if named else ())
     if stated is not None:
-        return _Block(
-            run,
-            own,
-            None,
-            stated[0],
-            (f"The sampling rate is that in the file, {stated[1]!r}: {stated[0]:g} Hz.",),
-        )
+        why = f"The sampling rate is that in the file, {stated[1]!r}: {stated[0]:g} Hz."
+        return _Block(run, own, None, stated[0], (why,))
     if any(c.rate is not None for c in own):
         return _Block(run, own)
     # Neither times nor a rate: use a column that is named like times. If it does not increase, the cleaning reports
@@ -602,9 +588,8 @@ def _choose_in_block(content: Contents, block: _Block) -> tuple[list[Column], st
             )
         ]
         # Leave out time derivatives of other columns, such as a velocity if there is a displacement.
-        lowest = {
-            base: min(_ORDER[c.quantity] for c in left if c.base == base) for base in {c.base for c in left}
-        }
+        bases = {c.base for c in left}
+        lowest = {base: min(_ORDER[c.quantity] for c in left if c.base == base) for base in bases}
         left = [c for c in left if _ORDER[c.quantity] == lowest[c.base]]
         left = [c for c in left if not _DERIVED.search(split_run(c.column)[0])] or left
         if len(left) <= _MAX_COMPARED:
@@ -632,17 +617,17 @@ def _independent(candidates: list[_Candidate]) -> list[_Candidate]:
     Their correlation with it is nearly 1 or −1 (`SAME_SIGNAL`). Of two candidates with the same unit and quantity, that
     with the larger oscillation is kept, otherwise the first.
     """
+
+    def are_copies(a: np.ndarray, b: np.ndarray) -> bool:
+        if a.size != b.size or np.sum(both := np.isfinite(a) & np.isfinite(b)) < MIN_SAMPLES:
+            return False
+        with np.errstate(all="ignore"):  # constant columns, and overflow
+            return bool(abs(np.corrcoef(a[both], b[both])[0, 1]) > SAME_SIGNAL)
+
     independent: list[_Candidate] = []
     for candidate in candidates:
-        b = candidate.column.values
-        twin = None
-        for other in independent:
-            a = other.column.values
-            if a.size == b.size and np.sum(both := np.isfinite(a) & np.isfinite(b)) >= MIN_SAMPLES:
-                with np.errstate(all="ignore"):  # constant columns, and overflow
-                    if abs(np.corrcoef(a[both], b[both])[0, 1]) > SAME_SIGNAL:
-                        twin = other
-                        break
+        values = candidate.column.values
+        twin = next((other for other in independent if are_copies(other.column.values, values)), None)
         if twin is None:
             independent.append(candidate)
         elif (twin.unit, twin.quantity) == (candidate.unit, candidate.quantity):

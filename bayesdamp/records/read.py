@@ -4,7 +4,6 @@ Any problem of a file is reported as an error with a one-line message. Readers t
 child process, because a damaged file may crash them."""
 
 import json
-import math
 import pickle
 import signal
 import stat
@@ -19,7 +18,6 @@ from difflib import get_close_matches
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from subprocess import DEVNULL, PIPE
 from typing import Any, TypeVar
 
 import numpy as np
@@ -110,12 +108,11 @@ def load_isolated(
     """
     with tempfile.TemporaryDirectory(prefix="bayesdamp-") as folder:
         out = Path(folder) / "result"
-        task = json.dumps(
-            [load.__module__, load.__qualname__, str(path.resolve()), str(out), options, sys.path]
-        )
+        called = (load.__module__, load.__qualname__)
+        task = json.dumps([*called, str(path.resolve()), str(out), options, sys.path])
         try:
             command = [sys.executable, "-c", _CHILD, task]
-            child = subprocess.run(command, stdin=DEVNULL, stdout=DEVNULL, stderr=PIPE, timeout=patience)
+            child = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=patience)
         except subprocess.TimeoutExpired:
             raise InputError(f"its reader did not end within {patience:g} s; {_AGAIN}", path.name) from None
         if child.returncode == 0 and out.is_file():
@@ -262,9 +259,8 @@ def reader_of(path: Path) -> Reader:
         return claiming
     named = next((r for r in readers.values() if path.suffix.lower() in r.extensions), None)
     if named is not None:
-        raise InputError(
-            f"not readable: named {path.suffix}, but its content is not {named.format}; export it again"
-        )
+        what = f"not readable: named {path.suffix}, but its content is not {named.format}"
+        raise InputError(f"{what}; export it again")
     raise InputError(f"a binary file of an unknown format; give {_OPEN}")
 
 
@@ -562,10 +558,8 @@ def _refuse_unusable(y: np.ndarray) -> None:
         if is_nines and y.size / 2 < others.size < y.size - 1:
             distance = abs(mark - float(np.median(others)))
             if distance > FAR * float(np.ptp(others)) > 0:
-                raise InputError(
-                    f"{y.size - others.size} values are {mark:g}, far from all others; if they mark missing samples, "
-                    "leave these cells empty"
-                )
+                what = f"{y.size - others.size} values are {mark:g}, far from all others"
+                raise InputError(f"{what}; if they mark missing samples, leave these cells empty")
     span = float(np.ptp(y))
     if span == 0:
         raise InputError(f"the values are constant ({y[0]:g}); is it the right column?")
@@ -582,12 +576,10 @@ def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]
     """
     seconds = SECONDS[given.lower()] if given is not None else seconds_of_unit(time)
     if seconds not in (None, 1.0):
-        why = (
-            f"as specified, they are in {given}"
-            if given is not None
-            else f"their column is named {time.label!r}"
-        )
-        begin = math.floor(t[0]) if seconds == DAY and t[0] >= FIRST_DATE else 0
+        why = f"their column is named {time.label!r}"
+        if given is not None:
+            why = f"as specified, they are in {given}"
+        begin = int(np.floor(t[0])) if seconds == DAY and t[0] >= FIRST_DATE else 0
         since = f" from day {begin} on" if begin else ""
         notes.append(f"Times are multiplied by {seconds:g}{since}, to get seconds: {why}.")
         t = (t - begin) * seconds
@@ -597,7 +589,6 @@ def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]
             f"times of up to {span:.3g} s: is {time.name!r} the right column, or in another unit?"
         )
     if 0 < float(np.ptp(t)) < t.size / FASTEST_RATE:
-        raise InputError(
-            f"the times span {np.ptp(t):.3g} s, which no instrument resolves; give their unit or the rate"
-        )
+        what = f"the times span {np.ptp(t):.3g} s, which no instrument resolves"
+        raise InputError(f"{what}; give their unit or the rate")
     return t

@@ -1,6 +1,5 @@
 """Define the record as read from a file, choose its unit, and find doubts about it and the option that settles each."""
 
-import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -17,7 +16,7 @@ from bayesdamp.types import UNITS, InputError, Provenance
 GUESSED = "counts"
 """Unit that is assumed for a record without a stated unit, if its values are too large for radians and degrees are not
 plausible either."""
-HALF_TURN, FULL_TURN = math.pi, 360.0
+HALF_TURN, FULL_TURN = np.pi, 360.0
 """Limits of half the range of values whose unit is not stated: above `HALF_TURN` they are not taken for radians (a
 pendulum would go over the top), above `FULL_TURN` not for degrees (conventional)."""
 _ANGLE = re.compile(
@@ -155,9 +154,9 @@ def unwrap(raw: RawRecord, unit: str, quantity: str) -> RawRecord:
     if quantity != "angle" or unit not in UNITS:
         return raw
     if UNITS[unit].base == "rad":
-        turns = [2 * math.pi / UNITS[unit].factor]
+        turns = [2 * np.pi / UNITS[unit].factor]
     else:
-        turns = [360.0, 2 * math.pi] if unit == GUESSED and not raw.unit else []
+        turns = [360.0, 2 * np.pi] if unit == GUESSED and not raw.unit else []
     for turn in turns:
         if many := count_jumps(raw.y, turn):
             note = (
@@ -272,7 +271,7 @@ def findings(raw: RawRecord, unit: str, quantity: str, given: bool = False) -> t
     doubts: list[Finding] = []
     size = half_swing(raw)
     if quantity == "angle" and not given and raw.unit == "" and size > HALF_TURN and unit in _ASSUMED:
-        turns = size / (2 * math.pi)
+        turns = size / (2 * np.pi)
         why = f"no unit given, and an amplitude of {size:.3g} would be {turns:.2g} turns in radians"
         what, option = _ASSUMED[unit]
         doubts.append(Finding(Kind.DEGREES, f"it is read as {what}: {why}", option, ("unit",)))
@@ -360,8 +359,8 @@ def _doubt_speed(raw: RawRecord, t: np.ndarray, unit: str) -> Finding | None:
     give a plausible velocity and period. t: times converted to s, (n,). unit: unit of the displacement (in UNITS).
     """
     base = UNITS[unit].base
-    limit, step = LARGEST_VELOCITY.get(base, math.inf), float(t[-1] - t[0]) / (t.size - 1)
-    scale = 2 * math.pi / step * math.sqrt(2) * UNITS[unit].factor
+    limit, step = LARGEST_VELOCITY.get(base, np.inf), float(t[-1] - t[0]) / (t.size - 1)
+    scale = 2 * np.pi / step * np.sqrt(2) * UNITS[unit].factor
     if scale * half_swing(raw) <= limit * SHORTEST_PERIOD:  # too slow even for the shortest possible period
         return None
     oscillation, period = raw.oscillation, raw.oscillation.period * step

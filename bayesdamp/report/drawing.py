@@ -13,7 +13,6 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup
-from matplotlib import rc_params_from_file
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -32,7 +31,9 @@ FAINT = "#d9d9d9"
 WIDTH = 9.6
 """Width in inches of a figure that fills the width of the page; an inch has 100 CSS pixels there."""
 
-RC = rc_params_from_file(Path(__file__).parent / "templates" / "figures.mplstyle", use_default_template=False)
+RC = mpl.rc_params_from_file(
+    Path(__file__).parent / "templates" / "figures.mplstyle", use_default_template=False
+)
 """Matplotlib settings of all figures, for `matplotlib.rc_context`."""
 
 _MODELS = {

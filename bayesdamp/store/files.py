@@ -192,9 +192,8 @@ def read_description(folder: Path) -> dict[str, Any]:
     """
     path = folder / "run.json"
     if not path.is_file():
-        raise InputError(
-            f"{folder}: does not contain run.json; give the folder of a run, such as reports/<name>"
-        )
+        what = f"{folder}: does not contain run.json"
+        raise InputError(f"{what}; give the folder of a run, such as reports/<name>")
     try:
         description = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, OSError, RecursionError) as fault:
@@ -294,6 +293,5 @@ def read_table(path: Path) -> list[dict[str, Any]]:
 
     with path.open(newline="", encoding="utf-8") as handle:
         reader = csv.DictReader(handle)
-        return [
-            {c: convert(reader.line_num, c, text or "") for c, text in row.items() if c} for row in reader
-        ]
+        rows = ((reader.line_num, row.items()) for row in reader)
+        return [{c: convert(line, c, text or "") for c, text in cells if c} for line, cells in rows]

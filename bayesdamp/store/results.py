@@ -239,9 +239,8 @@ class Store:
             if not is_regular(path):  # reading a device or a pipe could block
                 raise FileNotFoundError(path)
             head, stored = unpack(path, HEAD_MEMBER, arrays=arrays)
-            result = TaskResult(
-                task_name, head["key"], head["meta"], stored, head["outcome"], head["seconds"]
-            )
+            outcome, seconds = head["outcome"], head["seconds"]
+            result = TaskResult(task_name, head["key"], head["meta"], stored, outcome, seconds)
         except READ_ERRORS as fault:
             raise KeyError(task_name) from fault
         if self.only is not None and self.only[task_name] != result.key:

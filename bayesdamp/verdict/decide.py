@@ -2,7 +2,6 @@
 
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import log
 
 import numpy as np
 
@@ -99,9 +98,8 @@ def decide(
         DampingRatio(r.amplitude, unit, r.value, r.sd_noise, r.sd_law, r.low, r.high) for r in findings.ratios
     )
     q = findings.frequency_at
-    by_law = (
-        FrequencyAt(min(r.amplitude for r in ratios), unit, q.value, q.low, q.high) if q and ratios else None
-    )
+    smallest = min((r.amplitude for r in ratios), default=None)
+    by_law = FrequencyAt(smallest, unit, q.value, q.low, q.high) if q and smallest is not None else None
     contradicted = off = narrower = False
     restoring = next(iter(findings.restoring))
     spring_doubtful = restoring != "linear" and findings.restoring_deviation.low > thresholds.SPRING_DEVIATES
@@ -117,7 +115,7 @@ def decide(
             law_there = Interval(value, low, high)
             contradicted = contradicted or _contradicts(law_there, own, least)
         own = own_frequency
-        if by_law is not None and abs(log(by_law.amplitude / own.amplitude)) < thresholds.SAME_AMPLITUDE:
+        if by_law is not None and abs(np.log(by_law.amplitude / own.amplitude)) < thresholds.SAME_AMPLITUDE:
             off = _contradicts(by_law, own, thresholds.CONTRADICTS_FREQUENCY)
             narrower = own.high - own.low < by_law.high - by_law.low
     grade = Grade.DEVIATES if contradicted else grade_of(findings) if approximate else Grade.EXACT

@@ -216,11 +216,11 @@ def _coefficients_of(decay: Decay, ranking: Ranking, *draws: RateDraws) -> tuple
     for place, term in enumerate(best.terms):
         if term in POWERS:
             name, _, of = coefficient_from_rate(term, np.empty(0), amplitude, omega)
-            add(
-                name,
-                of.format(unit),
-                lambda d, term=term: coefficient_from_rate(term, d.rates[term], amplitude, omega)[1],
-            )
+
+            def coefficient(d: RateDraws, term: str = term) -> np.ndarray:
+                return coefficient_from_rate(term, d.rates[term], amplitude, omega)[1]
+
+            add(name, of.format(unit), coefficient)
             continue
         # By index of the candidate: scores of the term's parameters, and the term's coefficient per decay rate.
         scores, factors = {}, {}
@@ -349,10 +349,8 @@ def joint_damping(answers: Sequence[EnvelopeAnswer]) -> SpecimenComparison | Non
     for name, likelihoods in by_sum.items():
         terms = name.split("+")
         priors = {t: SharedHalfNormal(1.0) for t in terms}
-        runs = [
-            RecordLikelihood.of_scores(priors, terms, np.ones(len(terms)), likelihood)
-            for likelihood in likelihoods
-        ]
+        ones = np.ones(len(terms))
+        runs = [RecordLikelihood.of_scores(priors, terms, ones, likelihood) for likelihood in likelihoods]
         model = name, ""
         repeats[model] = join_runs(runs, priors, grid_of(KNOTS, phases=False).log_prior, seed=0)
         other = is_other_form(tuple(terms), [tuple(n.split("+")) for n in by_sum])

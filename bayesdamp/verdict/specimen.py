@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import log
 
 import numpy as np
 import scipy  # loads its modules when they are used
@@ -184,9 +183,8 @@ def specimen(
     amplitudes = choose_amplitudes(ranges) if amplitudes is None else amplitudes
     reaching = [[i for i, (low, high) in enumerate(ranges) if low <= a <= high] for a in amplitudes]
     unit = next((v.damping_ratio[0].unit for v in own if v.damping_ratio), "rad")
-    ratios, following = _ratios(
-        records, comparison, dict(zip(amplitudes, reaching, strict=True)), unit, sensor, seed
-    )
+    by_amplitude = dict(zip(amplitudes, reaching, strict=True))
+    ratios, following = _ratios(records, comparison, by_amplitude, unit, sensor, seed)
     partial = ""
     if min(map(len, reaching)) < len(records):
         partial = (
@@ -206,9 +204,8 @@ def specimen(
             "specimens, it is that of none of them: then compare the records separately."
         )
     elif known and not all(i.low == i.high == known[0].value for i in known):  # else it was specified
-        p = pool_records(
-            np.array([i.value for i in known]), np.array([(i.high - i.low) / (2 * NORMAL_95) for i in known])
-        )
+        sds = [(i.high - i.low) / (2 * NORMAL_95) for i in known]
+        p = pool_records(np.array([i.value for i in known]), np.array(sds))
         frequency = Interval(p.mean, p.mean - NORMAL_95 * p.sd, p.mean + NORMAL_95 * p.sd, known[0].unit)
     verdict = replace(
         common_verdict(name, own, damping, others),
@@ -326,10 +323,8 @@ def coefficients_of(comparison: SpecimenComparison, damping: str, unit: str) -> 
     repeats = comparison.repeats[model]
     results = []
     for name, draws in zip(repeats.names, repeats.draws.T, strict=True):
-        q = quantity(draws)
-        results.append(
-            Coefficient(name, q.value, NAN, NAN, q.low, q.high, parameter_unit(name, model[1], unit))
-        )
+        q, own_unit = quantity(draws), parameter_unit(name, model[1], unit)
+        results.append(Coefficient(name, q.value, NAN, NAN, q.low, q.high, own_unit))
     return tuple(results)
 
 
@@ -504,7 +499,7 @@ def worst_agreement(first: Verdict, ratios: Sequence[tuple[float, float, float]]
     """
     return max(
         _compare(first, ratios),
-        key=lambda i: max(i.moved / AGREEMENT_SDS, abs(log(max(i.wider, 1e-300))) / log(WIDTHS_AGREE)),
+        key=lambda i: max(i.moved / AGREEMENT_SDS, abs(np.log(max(i.wider, 1e-300))) / np.log(WIDTHS_AGREE)),
     )
 
 

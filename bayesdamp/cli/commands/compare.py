@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import typer
 
 from bayesdamp.cli import options as o, records as r
-from bayesdamp.cli.files import check_folder, check_names
 from bayesdamp.config import Recording, Study
 from bayesdamp.config.load import RecordOptions, comparison_study
 from bayesdamp.interface.first_words import first_words, no_free_decay
@@ -93,9 +92,9 @@ def compare(
     **reading: Any,
 ) -> int:
     """Find the kind of damping in records, how large it is, how well its law holds, and how certain that is."""
-    check_names([*records, *(plugin or ()), *([out] if out is not None else [])])
+    o.check_names([*records, *(plugin or ()), *([out] if out is not None else [])])
     if out is not None:
-        check_folder(out, "")
+        o.check_folder(out, "")
     if quick and exact:
         raise InputError("--quick and --exact cannot be combined; give only one of them")
     if deviation == "none" and sensor is not None:
@@ -137,9 +136,8 @@ def compare(
             signals, failed = read_each(records, check)
         else:
             if frequency is not None:
-                raise InputError(
-                    "--frequency: applies to envelopes only; give --quantity envelope, or remove it"
-                )
+                what = "--frequency: applies to envelopes only"
+                raise InputError(f"{what}; give --quantity envelope, or remove it")
             options = r.ReadingOptions(**reading)
             chosen = r.select_records(records, options, pool, quiet or not in_pool)
             failed = chosen.failed
@@ -159,7 +157,7 @@ def compare(
             deviation=deviation,
             sensor=SENSOR if sensor is None else sensor,
         )
-        check_folder(out, study.name)
+        o.check_folder(out, study.name)
         for record, spec in zip(chosen.records, study.signals, strict=not envelopes):
             if record.signal is not None and isinstance(spec.source, Recording):
                 keep_free_decay(spec.source, spec.name, replace(record.signal, name=spec.name))

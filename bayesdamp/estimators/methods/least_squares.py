@@ -132,9 +132,8 @@ def _solve_total(
     which the shapes depend besides the motion, by name. Raises Refusal if there is no solution.
     """
     step = 1e-4 * float(np.abs(smoothed.omega).max())
-    up, down = (
-        np.array(osc.shapes(smoothed.theta, smoothed.omega + change, arguments)) for change in (step, -step)
-    )
+    velocities = (smoothed.omega + step, smoothed.omega - step)
+    up, down = (np.array(osc.shapes(smoothed.theta, velocity, arguments)) for velocity in velocities)
     slopes = smoothed.bandwidth / np.sqrt(3.0) * np.sqrt(np.mean(((up - down) / (2 * step)) ** 2, axis=1))
     restoring = np.ones(a.shape[1] - slopes.size - drift)
     # Dry friction with ε = 0 is constant except where the velocity changes its sign, and has no error either.

@@ -26,6 +26,7 @@ from bayesdamp.estimators.regression import (
     damping_values,
     residual_squares,
     restoring_values,
+    selected_terms,
 )
 from bayesdamp.estimators.shared import (
     Estimator,
@@ -304,10 +305,7 @@ class Sindy(Estimator[SindyOptions]):
         if unknown:
             values |= restoring_values(problem, state.theta, functions[:, of_theta] @ read.x[of_theta])
         values |= free_start(problem, state.theta[0], state.omega[0])
-        details = {
-            "selected": [library[i].name for i in np.flatnonzero(best.support)],
-            "coefficients": best.x[best.support].tolist(),
-        }
+        details = selected_terms(library, best.x, best.support)
         outcome = compare_selection(library, best.support, own | (of_theta & unknown))
         return Estimate(self.name, "initial", values, details=details, evaluations=len(path), outcome=outcome)
 

@@ -179,9 +179,8 @@ def significant_pairs(
     lifetimes, floor = p - v, 0.0
     if options.variant == "as_printed":
         count = max(v.size, 2)
-        cutoff, floor = (
-            sigma * math.sqrt(2.0) * float(erfcinv(2 * options.significance / n)) for n in (count, count - 1)
-        )
+        scale = sigma * math.sqrt(2.0)
+        cutoff, floor = (scale * float(erfcinv(2 * options.significance / n)) for n in (count, count - 1))
         cutoff = max(cutoff, floor)
     else:
         known = problem.system.known.get("noise_sd")

@@ -18,6 +18,7 @@ from bayesdamp.estimators.regression import (
     damping_values,
     kernel_half_width,
     restoring_values,
+    selected_terms,
     solve_support,
     sparse_path,
     test_function_weights,
@@ -138,10 +139,7 @@ class WeakSindy(Estimator[WeakSindyOptions]):
         if free_names(problem):
             smoothed = motion(signal, problem, features)
             values |= free_start(problem, smoothed.theta0, smoothed.omega0)
-        details = {
-            "selected": [library[i].name for i in np.flatnonzero(best.support)],
-            "coefficients": best.x[best.support].tolist(),
-        }
+        details = selected_terms(library, best.x, best.support)
         outcome, evaluations = compare_selection(library, best.support, allowed), len(path) + ROUNDS
         return Estimate(
             self.name, "initial", values, stderr, details, evaluations=evaluations, outcome=outcome

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor
-from torch.func import jvp
 
 from bayesdamp.estimators.networks.training import (
     REAL,
@@ -37,7 +36,7 @@ untrained network is fitted to the record."""
 with warnings.catch_warnings():
     # torch uses deprecated functions of its own for the first derivative.
     warnings.simplefilter("ignore", DeprecationWarning)
-    jvp(torch.sin, (torch.zeros(1),), (torch.ones(1),))
+    torch.func.jvp(torch.sin, (torch.zeros(1),), (torch.ones(1),))
 
 
 class Collocation(ScaledRecord):
@@ -50,12 +49,7 @@ class Collocation(ScaledRecord):
     """
 
     def __init__(
-        self,
-        signal: Signal,
-        problem: Problem,
-        features: Features,
-        rng: np.random.Generator,
-        options: Any,
+        self, signal: Signal, problem: Problem, features: Features, rng: np.random.Generator, options: Any
     ) -> None:
         super().__init__(signal, problem, features)
         damping = UNINFORMED / self.ratios

@@ -44,12 +44,7 @@ class Shooting(ScaledRecord):
     """
 
     def __init__(
-        self,
-        signal: Signal,
-        problem: Problem,
-        features: Features,
-        rng: np.random.Generator,
-        options: Any,
+        self, signal: Signal, problem: Problem, features: Features, rng: np.random.Generator, options: Any
     ) -> None:
         super().__init__(signal, problem, features)
         self.units = 0.1 / self.ratios

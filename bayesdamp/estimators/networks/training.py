@@ -12,7 +12,6 @@ import numpy as np
 import scipy  # loads its modules when they are used
 import torch
 from torch import Tensor
-from torch.func import jvp
 
 from bayesdamp.estimators.shared import epsilon_of, oscillator, ratios_per_unit, start_parameters, thin_record
 from bayesdamp.physics.damping import EXACT
@@ -74,7 +73,7 @@ def jets(function: Callable[[Tensor], Tensor], argument: Tensor) -> Tensor:
     """
     if argument.shape[1] == 1:
         return function(argument[:, 0])[:, None]
-    values, rates, *_ = jvp(lambda x: jets(function, x), (argument[:, :-1],), (argument[:, 1:],))
+    values, rates, *_ = torch.func.jvp(lambda x: jets(function, x), (argument[:, :-1],), (argument[:, 1:],))
     return torch.cat([values, rates[:, -1:]], dim=1)
 
 

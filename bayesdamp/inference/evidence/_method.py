@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from bayesdamp.plugins import Plugin
 from bayesdamp.types import OK, Evidence
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class Draws:
         return Draws(np.stack(scores, axis=-1), outcome)
 
 
-class EvidenceMethod(ABC):
+class EvidenceMethod(Plugin, ABC):
     """A method that computes the log evidence, log ∫ prior · likelihood, of one target in nats.
 
     A target is one model with its record and priors. name: name by which the method is selected. needs_draws: True if
@@ -56,7 +57,6 @@ class EvidenceMethod(ABC):
     and gives no standard error.
     """
 
-    name: str
     needs_draws: ClassVar[bool] = False
     approximate: ClassVar[bool] = False
 

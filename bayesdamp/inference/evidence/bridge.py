@@ -55,7 +55,6 @@ class Bridge(EvidenceMethod):
     Meng and Wong, Statistica Sinica 6, 1996; Gronau et al., Journal of Mathematical Psychology 81, 2017.
     """
 
-    name = "bridge"
     needs_draws = True
 
     def evidence(

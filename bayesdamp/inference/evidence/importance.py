@@ -49,8 +49,6 @@ class Importance(EvidenceMethod):
     JMLR 25, 2024) and the effective fraction of the draws.
     """
 
-    name = "importance"
-
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:

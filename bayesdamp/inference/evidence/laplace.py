@@ -20,7 +20,6 @@ class LaplaceEvidence(EvidenceMethod):
     If the model allows for deviations from its laws, the evidence is that of the linear model in `Mode.linear`.
     """
 
-    name = "laplace"
     approximate = True
 
     def evidence(

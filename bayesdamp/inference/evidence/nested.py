@@ -61,8 +61,6 @@ class NestedSampling(EvidenceMethod):
     modes.
     """
 
-    name = "nested"
-
     def evidence(
         self, model: str, target: Target, mode: Mode, seed: int, draws: Draws | None = None
     ) -> Evidence:

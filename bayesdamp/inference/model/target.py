@@ -15,7 +15,7 @@ known variance.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -383,9 +383,8 @@ class Target(Scores):
         needed = {*self.oscillator.inputs, *noise.parameters, *noise.constants}
         missing = needed - set(self.priors) - set(self.known)
         if missing:
-            raise ValueError(
-                f"parameters that are neither known nor inferred: {', '.join(sorted(missing))}; give priors or values"
-            )
+            what = f"parameters that are neither known nor inferred: {', '.join(sorted(missing))}"
+            raise ValueError(f"{what}; give priors or values")
 
     @cached_property
     def noise_model(self) -> NoiseModel:
@@ -436,18 +435,13 @@ class Target(Scores):
     def all_values(self, z: np.ndarray) -> dict[str, float]:
         """Return the values of all parameters, known (with all of `known`) and inferred, by name, at scores z, (d,)."""
         values = self._given.copy()
-        for (name, value, numbers), score in zip(self._maps, z.tolist(), strict=True):
+        for name, (value, _, numbers, _), score in zip(self.priors, self._functions, z.tolist(), strict=True):
             values[name] = value(score, *numbers)
         return values
 
     @cached_property
     def _given(self) -> dict[str, float]:
         return {name: float(value) for name, value in self.known.items()}
-
-    @cached_property
-    def _maps(self) -> list[tuple[str, Callable[..., float], tuple[float, ...]]]:
-        """For each inferred parameter: its name, the function from score to value, and its further arguments."""
-        return [(n, type(p).transform, p.numbers) for n, p in self.priors.items()]
 
 
 def build_target(

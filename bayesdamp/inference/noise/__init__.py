@@ -13,7 +13,7 @@ import numpy as np
 import scipy  # loads its modules when they are used
 from numpy.typing import ArrayLike
 
-from bayesdamp.plugins import Registry
+from bayesdamp.plugins import Plugin, Registry
 from bayesdamp.priors import LogNormal, Prior
 from bayesdamp.records.oscillation.features import Features
 from bayesdamp.types import Refusal, Signal
@@ -38,7 +38,7 @@ LARGEST_SCORE = 6.0
 the score of the estimate is larger, the search starts at this value."""
 
 
-class NoiseModel(ABC):
+class NoiseModel(Plugin, ABC):
     """A distribution of residuals, which are record minus motion.
 
     The methods have the following arguments, where (...) stands for any leading axes, such as draws.
@@ -48,7 +48,6 @@ class NoiseModel(ABC):
     shape (...).
     """
 
-    name: str
     parameters: tuple[str, ...]
     """Names of the parameters. Each is inferred, unless its value is known."""
     constants: tuple[str, ...] = ()

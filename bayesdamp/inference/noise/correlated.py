@@ -22,7 +22,6 @@ class CorrelatedNoise(NoiseModel):
     uneven times, and for interruptions of the record.
     """
 
-    name = "correlated"
     parameters = ("noise_sd", "noise_time")
     tied = ("noise_sd", "noise_time")
     """Two parameters of which the record may determine only a combination well. If the noise is slow compared with the
@@ -47,10 +46,8 @@ class CorrelatedNoise(NoiseModel):
         to 0.01 to 0.9999) and the median of gaps, the times between the samples in s, (n - 1,).
         """
         rho = float(np.clip(np.sum(r[1:] * r[:-1]) / np.sum(r**2), 0.01, 0.9999))
-        return {
-            "noise_sd": float(np.sqrt(np.mean(r**2))),
-            "noise_time": float(-np.median(gaps) / np.log(rho)),
-        }
+        sd, time = np.sqrt(np.mean(r**2)), -np.median(gaps) / np.log(rho)
+        return {"noise_sd": float(sd), "noise_time": float(time)}
 
     def whiten(self, r: np.ndarray, gaps: np.ndarray, p: Mapping[str, ArrayLike]) -> np.ndarray:
         """Return the innovations r_i − ρ r_{i−1}, (..., n), each divided by its sd σ √(1 − ρ²); the first is r_0/σ.

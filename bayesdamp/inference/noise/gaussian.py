@@ -14,8 +14,6 @@ LOG_2PI = math.log(2 * math.pi)
 class Gaussian(IndependentNoise):
     """Independent normal residuals, r_i ~ N(0, noise_sd²)."""
 
-    name = "gaussian"
-
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return log N(r; 0, σ²) in nats for each residual r, (..., n).
 

@@ -17,7 +17,6 @@ class QuantisedNoise(IndependentNoise):
     noise_step, so that it is a density and can be compared with those of the other models.
     """
 
-    name = "quantised"
     constants = ("noise_step",)
 
     def read(self, signal: Signal) -> dict[str, float]:
@@ -26,10 +25,8 @@ class QuantisedNoise(IndependentNoise):
         The values of the signal are multiples of this step. Raises Refusal if they are not rounded to such a step.
         """
         if not signal.step > 0:
-            raise Refusal(
-                "the record's values are not rounded to multiples of a recording step; use noise gaussian instead of "
-                "quantised"
-            )
+            what = "the record's values are not rounded to multiples of a recording step"
+            raise Refusal(f"{what}; use noise gaussian instead of quantised")
         return {"noise_step": signal.step}
 
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -17,7 +17,6 @@ class StudentT(IndependentNoise):
     noise_sd is a scale; the standard deviation of the residuals is larger, or infinite for noise_dof ≤ 2.
     """
 
-    name = "student_t"
     parameters = ("noise_sd", "noise_dof")
     heavy_tailed = True
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bayesdamp.inference.diagnostics import summarise, verdict
+from bayesdamp.plugins import Plugin
 from bayesdamp.types import OK, Posterior
 
 if TYPE_CHECKING:
@@ -71,13 +72,11 @@ class Settings:
         return self.warmup if mode.linear is None else min(self.warmup, LINEAR_WARMUP)
 
 
-class Sampler(ABC):
+class Sampler(Plugin, ABC):
     """A method that draws from the posterior of a target (one model with its record and priors), given its mode.
 
     name: name by which it is selected.
     """
-
-    name: str
 
     @abstractmethod
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:

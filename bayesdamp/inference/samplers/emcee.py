@@ -39,8 +39,6 @@ class Emcee(Sampler):
     makes just this number of steps after the warm-up, and the outcome says if the goals are missed.
     """
 
-    name = "emcee"
-
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Return draws of two ensembles, whose walkers start widely scattered about the mode (`seeded_starts`).
 

@@ -438,8 +438,6 @@ class Nuts(Sampler):
     exact gradient (`ATTEMPTS`).
     """
 
-    name = "nuts"
-
     def sample(self, target: Target, mode: Mode, settings: Settings) -> Posterior:
         """Return draws from chains that start near the mode; continue or repeat chains that are not good enough.
 

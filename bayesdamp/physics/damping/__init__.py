@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bayesdamp.physics.forces import on_arrays
-from bayesdamp.plugins import Registry
+from bayesdamp.plugins import Plugin, Registry
 from bayesdamp.priors import Prior
 from bayesdamp.types import InputError, Symbol
 
@@ -63,14 +63,13 @@ class FreeParameter:
     symbol: Symbol | None = None
 
 
-class DampingTerm(ABC):
+class DampingTerm(Plugin, ABC):
     """A damping force per unit of inertia: coefficient · kernel(θ, θ̇, ε, further arguments).
 
     name: name of the term. parameter: name of the coefficient. ε is the width of the range of velocities (rad/s) about
     0 in which dry friction changes its sign.
     """
 
-    name: str
     parameter: str
     unit: str
     """Unit of the coefficient for an angle in rad; for a record in metres, `m` replaces `rad`."""

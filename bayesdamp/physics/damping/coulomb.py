@@ -16,7 +16,6 @@ class Coulomb(DampingTerm):
     of θ̇, and the body may stick.
     """
 
-    name = "coulomb"
     parameter = "mu_c"
     symbol = Symbol("μc", r"$\mu_c$", "Coulomb friction")
     unit = "rad/s²"

@@ -13,7 +13,6 @@ class Cubic(DampingTerm):
     A cycle of amplitude A (rad) and frequency ω (rad/s) dissipates the energy 3π/4 μ₃ ω³ A⁴.
     """
 
-    name = "cubic"
     parameter = "mu_3"
     symbol = Symbol("μ₃", r"$\mu_3$", "cubic damping")
     unit = "s/rad²"

@@ -14,7 +14,6 @@ class Displacement(DampingTerm):
     as for cubic damping.
     """
 
-    name = "displacement"
     parameter = "c_xxv"
     symbol = Symbol("c (x²v)", r"$c_{xxv}$", "damping that grows with the square of the displacement")
     unit = "1/(s rad²)"

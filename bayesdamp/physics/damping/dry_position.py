@@ -22,7 +22,6 @@ class DryPosition(DampingTerm):
     energy 4 μ_p a (1 + q (a/A)²/3); the slope has no effect on this energy.
     """
 
-    name = "dry_position"
     parameter = "mu_p"
     symbol = Symbol("μp", r"$\mu_p$", "friction at the equilibrium")
     unit = "rad/s²"

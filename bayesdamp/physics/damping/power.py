@@ -20,7 +20,6 @@ class Power(DampingTerm):
     of amplitude A (rad) and frequency ω (rad/s) dissipates the energy 2√π Γ(1 + p/2)/Γ(3/2 + p/2) c V A (ωA/V)^p.
     """
 
-    name = "power"
     parameter = "c_power"
     symbol = Symbol("c (power)", r"$c_p$", "damping by a power of the velocity")
     unit = "1/s"

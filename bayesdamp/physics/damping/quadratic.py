@@ -9,7 +9,6 @@ from bayesdamp.types import Symbol
 class Quadratic(DampingTerm):
     """Quadratic damping F = μ_q θ̇|θ̇| per unit of inertia, with μ_q in 1/rad."""
 
-    name = "quadratic"
     parameter = "mu_q"
     symbol = Symbol("μq", r"$\mu_q$", "quadratic damping")
     unit = "1/rad"

@@ -25,7 +25,6 @@ class Stribeck(DampingTerm):
     frequency ω (rad/s) dissipates the energy 4 μ_k A [1 + s D(a)/a] with a = ωA/v_s and Dawson's integral D.
     """
 
-    name = "stribeck"
     parameter = "mu_k"
     symbol = Symbol("μk", r"$\mu_k$", "kinetic friction")
     unit = "rad/s²"

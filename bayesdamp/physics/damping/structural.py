@@ -18,7 +18,6 @@ class Structural(DampingTerm):
     as with viscous damping; only the motion within a cycle distinguishes the two.
     """
 
-    name = "structural"
     parameter = "kappa"
     symbol = Symbol("κ", r"$\kappa$", "structural damping")
     unit = "1/s²"

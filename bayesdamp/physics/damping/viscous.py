@@ -11,7 +11,6 @@ class Viscous(DampingTerm):
     tests.
     """
 
-    name = "viscous"
     parameter = "zeta"
     symbol = Symbol("ζ", r"$\zeta$", "decay rate")
     unit = "1/s"

@@ -40,12 +40,8 @@ def quintic(before, after, step, order):
     d = after[0] - before[0] - slope - 0.5 * bend
     v = step * after[1] - slope - bend
     a = step * step * after[2] - bend
-    c2, c3, c4, c5 = (
-        0.5 * bend,
-        10.0 * d - 4.0 * v + 0.5 * a,
-        -15.0 * d + 7.0 * v - a,
-        6.0 * d - 3.0 * v + 0.5 * a,
-    )
+    c2, c3 = 0.5 * bend, 10.0 * d - 4.0 * v + 0.5 * a
+    c4, c5 = -15.0 * d + 7.0 * v - a, 6.0 * d - 3.0 * v + 0.5 * a
     k = before[3]
     c3, c4, c5, c6 = c3 + k, c4 - 3.0 * k, c5 + 3.0 * k, -k
     if order == 0:

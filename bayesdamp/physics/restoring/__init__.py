@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bayesdamp.physics.forces import on_arrays, slope_of
-from bayesdamp.plugins import Registry
+from bayesdamp.plugins import Plugin, Registry
 from bayesdamp.types import Symbol
 
 SYMBOLS = {
@@ -53,13 +53,12 @@ class LinearForm:
         return cls(columns, offset, lambda c: dict(zip(free, map(float, c))))
 
 
-class RestoringLaw(ABC):
+class RestoringLaw(Plugin, ABC):
     """A restoring force F_rest(θ) per unit of inertia, with named parameters; θ in rad (or m for a translation).
 
     name: name of the law. parameters: names of its parameters, in the order in which `kernel` takes their values.
     """
 
-    name: str
     parameters: tuple[str, ...]
     formula: str = ""
     """Formula of the force, for reports."""

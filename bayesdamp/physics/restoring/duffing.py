@@ -14,7 +14,6 @@ class Duffing(RestoringLaw):
     infinity.
     """
 
-    name = "duffing"
     formula = "k(θ − θe) + β(θ − θe)³"
     parameters = ("stiffness", "rest_angle", "cubic")
     shift = "rest_angle"

@@ -21,7 +21,6 @@ class HorizontalPendulum(RestoringLaw):
     negative and as large as k.
     """
 
-    name = "horizontal_pendulum"
     formula = "k(θ − θs) − γ cos θ"
     parameters = ("stiffness", "gravity", "spring_angle")
 
@@ -63,14 +62,9 @@ class HorizontalPendulum(RestoringLaw):
             rest = newton(force_and_slope, spring)
         if rest is None:
             return None
-        displacement = p.get("theta0", 0.0) - rest
-        _, squared_frequency = force_and_slope(rest)
-        return {
-            "stiffness": squared_frequency,
-            "gravity": gravity,
-            "spring_angle": rest,
-            "theta0": displacement,
-        }
+        _, slope = force_and_slope(rest)
+        start = p.get("theta0", 0.0) - rest
+        return {"stiffness": slope, "gravity": gravity, "spring_angle": rest, "theta0": start}
 
     def from_natural(self, p: Mapping[str, Any]) -> dict[str, Any]:
         """Convert natural coordinates back to the law's parameters k, γ, θ_s and the start angle θ₀, by name.

@@ -10,7 +10,6 @@ from bayesdamp.physics.restoring import LinearForm, RestoringLaw
 class LinearSpring(RestoringLaw):
     """Linear spring F = k(θ − θ_e) per unit of inertia, with the stiffness k and the equilibrium θ_e."""
 
-    name = "linear"
     formula = "k(θ − θe)"
     parameters = ("stiffness", "rest_angle")
     shift = "rest_angle"

@@ -14,7 +14,6 @@ class Pendulum(RestoringLaw):
     k is the stiffness for small displacements, which is the square of the natural frequency.
     """
 
-    name = "pendulum"
     formula = "k sin(θ − θe)"
     parameters = ("stiffness", "rest_angle")
     shift = "rest_angle"

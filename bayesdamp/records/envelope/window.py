@@ -330,9 +330,8 @@ def fit_power_law(levels: Levels, begin: int) -> DecayFit:
     scale = float(y[start:].max())
     x, floor_at, floor, p = np.zeros(0), levels.tb.size, 0.0, None
     for _ in range(2):
-        tc, power, _ = average_in_blocks(
-            t[start:stop], 10.0 ** ((y[start:stop] - scale) / 10.0), FITTED_BLOCKS
-        )
+        powers = 10.0 ** ((y[start:stop] - scale) / 10.0)
+        tc, power, _ = average_in_blocks(t[start:stop], powers, FITTED_BLOCKS)
         p = _fit_decay_and_floor(tc - t[start], power, p)
         times = levels.tb[begin:] - t[start]
         x = power_decay(times, p[0], p[1] - (p[2] - 1.0) * p[0], p[2])
@@ -434,9 +433,8 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
         # A table of few readings is a decay from its highest reading on.
         top = int(np.argmax(y))
         if t.size - top < LEAST_POINTS:
-            raise Refusal(
-                f"only {t.size - top} readings from the highest one on; at least {LEAST_POINTS} are needed"
-            )
+            what = f"only {t.size - top} readings from the highest one on"
+            raise Refusal(f"{what}; at least {LEAST_POINTS} are needed")
         end, floor = _follow_on(levels, top)
         begins = "starts with the record" if top == 0 else f"starts at {t[top]:.4g} s, the highest reading"
         return _window_of(levels, top, end, floor, begins)
@@ -475,9 +473,8 @@ def _window_of(levels: Levels, begin: int, end: int, floor: NoiseFloor | None, b
     """
     start, stop = int(levels.edges[begin]), int(levels.edges[end])
     if stop - start < LEAST_POINTS:
-        raise Refusal(
-            f"only {stop - start} readings are between start and noise floor; at least {LEAST_POINTS} are needed"
-        )
+        what = f"only {stop - start} readings are between start and noise floor"
+        raise Refusal(f"{what}; at least {LEAST_POINTS} are needed")
     drop = fall_in_db(levels.yb, begin, end)
     if drop < LEAST_DROP:
         raise Refusal(f"the level falls by only {max(drop, 0):.1f} dB; at least {LEAST_DROP:g} dB are needed")
@@ -509,9 +506,8 @@ def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: floa
     if stop is not None:
         behind = int(np.searchsorted(t, stop, side="right"))
     if behind - first < LEAST_POINTS:
-        raise Refusal(
-            f"only {max(0, behind - first)} readings are between start and stop; at least {LEAST_POINTS} are needed"
-        )
+        what = f"only {max(0, behind - first)} readings are between start and stop"
+        raise Refusal(f"{what}; at least {LEAST_POINTS} are needed")
     if start is not None:
         begins = f"starts at {t[first]:.4g} s, as specified"
     if stop is not None:
@@ -526,9 +522,8 @@ def _straightest(levels: Levels) -> tuple[int, int]:
     largest. The powers of the blocks are averaged. Levels below that at the end of the record are raised to it, so that
     dips of the noise floor do not count as a descent. Raises Refusal if the level never falls.
     """
-    t, power, edges = average_in_blocks(
-        levels.tb, 10.0 ** ((levels.yb - levels.yb.max()) / 10.0), COARSE_BLOCKS
-    )
+    powers = 10.0 ** ((levels.yb - levels.yb.max()) / 10.0)
+    t, power, edges = average_in_blocks(levels.tb, powers, COARSE_BLOCKS)
     y = 10.0 * np.log10(power)
     y = np.maximum(y, 10.0 * np.log10(power[-max(1, y.size // 12) :].mean()))
     i, j = np.triu_indices(t.size + 1, k=min(4, t.size))
@@ -624,9 +619,8 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
     end, after = count, yb[begin:]
     if after.size >= 2 * SCATTER_BLOCKS:  # end the decay where levels scatter like noise
         bends = (after[1:-1] - 0.5 * (after[:-2] + after[2:])) ** 2 / 1.5
-        wild = np.flatnonzero(
-            np.convolve(bends, np.ones(SCATTER_BLOCKS) / SCATTER_BLOCKS, "valid") > NOISE_SCATTER**2
-        )
+        scatter = np.convolve(bends, np.ones(SCATTER_BLOCKS) / SCATTER_BLOCKS, "valid")
+        wild = np.flatnonzero(scatter > NOISE_SCATTER**2)
         end = min(count, begin + int(wild[0]) + SCATTER_BLOCKS // 2) if wild.size else count
     if floor_at == count and floor < 10.0 ** (-ABOVE_FLOOR / 10.0) * np.exp(2.0 * x[-1]):
         return end, None
@@ -649,9 +643,8 @@ def _steepens(t: np.ndarray, y: np.ndarray, begin: int, floor_at: int, stop: int
     before = slice(max(begin, floor_at - max(SHORTEST_LINE, (floor_at - begin) // 4)), floor_at)
     if before.stop - before.start < LEAST_POINTS:
         return False
-    slope, usual = (
-        float(np.polyfit(t[part] - t[floor_at], y[part], 1)[0]) for part in (slice(floor_at, stop), before)
-    )
+    parts = (slice(floor_at, stop), before)
+    slope, usual = (float(np.polyfit(t[part] - t[floor_at], y[part], 1)[0]) for part in parts)
     early, late = y[begin : begin + max((floor_at - begin) // 8, LEAST_LAST_READINGS)], y[floor_at:stop]
     # Roughness from third differences, in which a smooth curve hardly appears.
     rough_early, rough_late = (float(np.median(np.abs(np.diff(part, 3)))) for part in (early, late))

@@ -119,9 +119,8 @@ class Walk:
         such as "JSON".
         """
         if not self.columns:
-            raise InputError(
-                "contains no numeric array that can be read as columns; save times and values as two plain arrays"
-            )
+            what = "contains no numeric array that can be read as columns"
+            raise InputError(f"{what}; save times and values as two plain arrays")
         return Contents(format_name, tuple(self.columns), trim_facts(self.facts))
 
 

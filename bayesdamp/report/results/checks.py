@@ -1,6 +1,5 @@
 """Compare the answer on a record with the study's posterior draws, evidence and residuals, and with the true values."""
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -172,7 +171,7 @@ class RecordChecks:
         """
         by_sampler: dict[str, list[Row]] = {}
         for row in self._rows(self.run.posteriors):
-            if math.isfinite(row["mean"]) and row["sampler"] != ANSWER_SAMPLER:
+            if np.isfinite(row["mean"]) and row["sampler"] != ANSWER_SAMPLER:
                 by_sampler.setdefault(row["sampler"], []).append(row)
         return by_sampler
 
@@ -190,8 +189,8 @@ class RecordChecks:
         for sampler, rows in self._samplers().items():
             if any(r["outcome"] != OK for r in rows):
                 continue
-            sizes = [min(r["ess_bulk"], r["ess_tail"]) for r in rows if math.isfinite(r["ess_bulk"])]
-            rhats = [r["rhat"] for r in rows if math.isfinite(r["rhat"])]
+            sizes = [min(r["ess_bulk"], r["ess_tail"]) for r in rows if np.isfinite(r["ess_bulk"])]
+            rhats = [r["rhat"] for r in rows if np.isfinite(r["rhat"])]
             if sizes and rhats:
                 text = f"R̂ at most {max(rhats):.3f}, effective sample size at least {min(sizes):,.0f}"
                 yield Check(f"{_name(sampler)} converged: {text}.")
@@ -272,7 +271,7 @@ class RecordChecks:
             limits = {r["parameter"]: (r["q2.5"], r["q97.5"]) for r in rows}
         for name in filter(limits.__contains__, self.coefficient_names):
             true, (low, high) = truth(self.run, self.signal, name), limits[name]
-            if math.isfinite(true) and not low <= true <= high:
+            if np.isfinite(true) and not low <= true <= high:
                 symbol = words.symbol(name).text
                 text = f"Truth: {symbol} = {fmt.digits(true, n=6)}, which is outside the 95 % interval."
                 yield Check(text, fails=True)
@@ -336,7 +335,7 @@ class RecordChecks:
             if verdict and status_of(verdict) not in UNLISTED_OUTCOMES:
                 text = f"Residuals: {name} damping{'' if fitting else ':'} {verdict}."
                 yield Check(text, fails=fitting is FitStatus.DOES_NOT_FIT and not self.exact_only)
-            if math.isfinite(row["window_spread"]) and row["window_spread"] > WINDOW_SPREAD:
+            if np.isfinite(row["window_spread"]) and row["window_spread"] > WINDOW_SPREAD:
                 text = (
                     "Between a half of the record and the whole record, a damping coefficient changes by up to "
                     f"{fmt.number(row['window_spread'], 2)} times the standard deviation that is expected by chance; "
@@ -352,7 +351,7 @@ class RecordChecks:
 def _log_odds(probability: float) -> float:
     """Return the log odds (nats) of a probability, after limiting it to the range from `PRINTED` to 1 − `PRINTED`."""
     limited = min(max(probability, PRINTED), 1 - PRINTED)
-    return math.log(limited / (1 - limited))
+    return float(np.log(limited / (1 - limited)))
 
 
 def _name(method: str) -> str:

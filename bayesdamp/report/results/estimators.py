@@ -4,7 +4,6 @@ The errors of the estimators are also compared on series of simulated signals th
 length.
 """
 
-import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -100,7 +99,7 @@ class EstimatorComparison:
 def printed_error(printed: str) -> float:
     """Return the first number in a published error as it is printed, such as 0 for "~0"; nan if there is none."""
     match = re.search(r"\d+(\.\d+)?", printed)
-    return float(match[0]) if match else math.nan
+    return float(match[0]) if match else np.nan
 
 
 def rms(errors: Frame) -> float:
@@ -209,11 +208,11 @@ def estimates_of(run: RunFolder, signal: str, model: str) -> list[CoefficientEst
     summaries = {r["parameter"]: r for r in summary_rows(run, signal, repeat, model)}
     for parameter in coefficients(run, model):
         rows = rows_of(run.estimates, signal=signal, repeat=repeat, model=model, parameter=parameter)
-        rows = [r for r in rows if math.isfinite(r["value"])]
+        rows = [r for r in rows if np.isfinite(r["value"])]
         own, refined = ({r["estimator"]: r["value"] for r in rows if r["stage"] == stage} for stage in STAGES)
         unit = str(rows[0]["unit"]) if rows else ""
         row, true = summaries.get(parameter), truth(run, signal, parameter)
-        interval = (row["q2.5"], row["q97.5"]) if row and math.isfinite(row["q2.5"] + row["q97.5"]) else None
+        interval = (row["q2.5"], row["q97.5"]) if row and np.isfinite(row["q2.5"] + row["q97.5"]) else None
         estimates.append(CoefficientEstimates(signal, model, parameter, unit, true, own, refined, interval))
     return estimates
 
@@ -280,15 +279,12 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
         rate = ((run.info.get("equilibrium") or {}).get(signal) or {}).get("natural_frequency")
         amplitude = (run.about(signal).get("reference") or {}).get("amplitude")
         if rate and amplitude and source.get("duration"):
-            simulated, periods = source.get("truth") or {}, source["duration"] * rate / (2 * math.pi)
+            simulated, periods = source.get("truth") or {}, source["duration"] * rate / (2 * np.pi)
             start = abs(simulated.get("theta0") or amplitude)
-            factors = (
-                100 * simulated.get("noise_sd", 0.0) / start,
-                (source["samples"] - 1) / periods,
-                periods,
-            )
+            noise, sampling = 100 * simulated.get("noise_sd", 0.0) / start, (source["samples"] - 1) / periods
             constant = frozenset({**simulated, "noise_sd": 0.0}.items())
-            own[signal] = [*(float(f"{x:.2g}") for x in factors), constant]  # in the order of FACTORS
+            rounded = (float(f"{x:.2g}") for x in (noise, sampling, periods))  # in the order of FACTORS
+            own[signal] = [*rounded, constant]
     runs, rows = [], true_estimates(run)
     for model, own in designs.items():
         base = [Counter(values).most_common(1)[0][0] for values in zip(*own.values())]
@@ -301,8 +297,8 @@ def error_series(run: RunFolder) -> list[ErrorSeries]:
                 places = rows["signal"].map({s: at for at, s in enumerate(along)}).rename("value")
                 each = rows.groupby(["estimator", "stage", places, "repeat"])["error_pct"].agg(rms)
                 parameter = next(iter(coefficients(run, model)), "")
-                sizes = [float((run.about(s).get("bound") or {}).get(parameter) or math.nan) for s in along]
-                true = [abs(truth(run, s, parameter)) or math.nan for s in along]
+                sizes = [float((run.about(s).get("bound") or {}).get(parameter) or np.nan) for s in along]
+                true = [abs(truth(run, s, parameter)) or np.nan for s in along]
                 bounds = [100 * size / value for size, value in zip(sizes, true)]
                 runs.append(ErrorSeries(model, factor, list(along.values()), bounds, each))
     return runs
@@ -317,7 +313,7 @@ def error_interval(errors: Mapping[int, float]) -> tuple[float, float]:
     """
     squares = np.array([e * e for e in errors.values()])
     if squares.size < LEAST_VALUES or not squares.any():
-        return (math.nan, math.nan)
+        return (np.nan, np.nan)
     centre, half = float(np.log(squares.mean())), _half_width(np.log(_leave_out(squares)))
     return (float(np.exp((centre - half) / 2)), float(np.exp((centre + half) / 2)))
 
@@ -381,5 +377,5 @@ def _half_width(left: np.ndarray) -> float:
     left: the statistic, recomputed with each of the n repeats left out in turn, (n,). The result is in its unit.
     """
     n = left.size
-    sd = math.sqrt((n - 1) * float(np.mean((left - left.mean()) ** 2)))
+    sd = np.sqrt((n - 1) * float(np.mean((left - left.mean()) ** 2)))
     return float(scipy.stats.t.ppf((1 + CONFIDENCE) / 2, n - 1)) * sd

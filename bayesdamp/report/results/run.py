@@ -12,7 +12,6 @@ import numpy as np
 from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
-from bayesdamp.formatting import Table
 from bayesdamp.priors import FURTHER_TERM
 from bayesdamp.report import words
 from bayesdamp.store.files import POPULATION, SCHEMA, TABLES, read_description, read_table
@@ -324,16 +323,13 @@ def rank_models(run: RunFolder, signal: str, repeat: int) -> EvidenceRanking | N
         place = _METHODS_BY_TRUST.index(name) if name in _METHODS_BY_TRUST else len(_METHODS_BY_TRUST)
         return -len(by_method[name]), place, name
 
+    def rank(row: Row) -> tuple[float, float]:
+        return -row["probability"], -np.nan_to_num(row["log_evidence"], nan=-1e300)
+
     chosen = min(by_method, key=trust)
-    ordered = sorted(
-        by_method[chosen],
-        key=lambda row: (-row["probability"], -np.nan_to_num(row["log_evidence"], nan=-1e300)),
-    )
-    shares = {
-        name: sum_probabilities({r["model"]: r["probability"] for r in rows})
-        for name, rows in by_method.items()
-    }
-    return EvidenceRanking(chosen, ordered, shares)
+    every = {name: {r["model"]: r["probability"] for r in rows} for name, rows in by_method.items()}
+    shares = {name: sum_probabilities(probabilities) for name, probabilities in every.items()}
+    return EvidenceRanking(chosen, sorted(by_method[chosen], key=rank), shares)
 
 
 def probabilities_by_odds(ranked: EvidenceRanking) -> dict[float, dict[str, float]]:
@@ -468,10 +464,8 @@ def answers(run: RunFolder) -> list[StoredAnswer]:
     To save memory, their `arrays` contain only the damping curve (`CURVE`), and their `content` is empty.
     """
     every = filter(None, (answer_of(run, signal) for signal in run.signals))
-    return [
-        replace(a, content=AnswerContent({}), arrays={n: a.arrays[n] for n in CURVE if n in a.arrays})
-        for a in every
-    ]
+    curves = ((a, {n: a.arrays[n] for n in CURVE if n in a.arrays}) for a in every)
+    return [replace(a, content=AnswerContent({}), arrays=curve) for a, curve in curves]
 
 
 def specimens(run: RunFolder) -> list[Verdict]:
@@ -498,7 +492,7 @@ def curve_of(answer: StoredAnswer) -> Curve | None:
     return (columns[0], columns[1], columns[2], columns[3]) if columns.shape[1] > 1 else None
 
 
-def overview_table(records: Sequence[StoredAnswer], brief: bool = False) -> Table:
+def overview_table(records: Sequence[StoredAnswer], brief: bool = False) -> fmt.Table:
     """Return a table with a row for each record: its damping, probability, frequency and damping ratio.
 
     The damping ratio is at the middle one of the amplitudes of the record's verdict. Instead of it, an envelope has its
@@ -552,4 +546,9 @@ def overview_table(records: Sequence[StoredAnswer], brief: bool = False) -> Tabl
             deviation_limit(a.verdict.deviation) if a.verdict.deviation else fmt.NONE
         )
         columns["unexplained / %"] = lambda a: fmt.number(a.verdict.unexplained_pct, 2)
-    return Table.of(records, columns, (0, 1), kind=lambda a: "" if a.verdict.decided else "quiet")
+    return fmt.Table.of(records, columns, (0, 1), kind=lambda a: "" if a.verdict.decided else "quiet")
+
+
+def rms_of(row: Row) -> str:
+    """Return the root mean square residual in a row of fits.csv as text, with its unit."""
+    return f"{fmt.number(row['rms'], 3)} {row['rms_unit']}"

@@ -10,7 +10,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from bayesdamp.formatting import symbols
-from bayesdamp.plugins import Registry, has_added_plugins
+from bayesdamp.plugins import Plugin, Registry, has_added_plugins
 from bayesdamp.report import words
 from bayesdamp.report.results.run import Row, RunFolder
 from bayesdamp.store.files import write_bytes
@@ -84,7 +84,7 @@ def heading(text: str) -> Markup:
     return Markup("<h3>{}</h3>").format(text)
 
 
-class Section(ABC):
+class Section(Plugin, ABC):
     """A section of the report."""
 
     order: int

@@ -68,7 +68,6 @@ class AnswerSection(SignalSection):
     """The section with the verdict on each record: its sentence, a figure, tables, and checks."""
 
     order = 5
-    name = "answer"
     title = "Kind and size of the damping"
     anchor = ANCHOR
 

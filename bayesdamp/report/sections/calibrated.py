@@ -48,7 +48,6 @@ class CalibratedSection(Section):
     """The section on the calibration of intervals: results of the checks, ranks, coverage, and usable records."""
 
     order = 11
-    name = "calibrated"
     title = "Are the intervals calibrated?"
 
     def applies(self, run: RunFolder) -> bool:

@@ -27,7 +27,6 @@ class ComparisonSection(Section):
     """The section with errors and computing times of all estimators, under the true model of each simulated record."""
 
     order = 35
-    name = "comparison"
     title = "Comparison of the estimators"
 
     def applies(self, run: RunFolder) -> bool:

@@ -37,7 +37,6 @@ class EstimatesSection(SignalSection):
     """The section with tables and figures of the estimates. Only the first model is visible without a click."""
 
     order = 40
-    name = "estimates"
     title = "The estimators"
     draws_models = True
     lead = Markup(

@@ -43,7 +43,6 @@ class EvidenceSection(SignalSection):
     """The section with the evidence of each model by every method."""
 
     order = 60
-    name = "evidence"
     title = "Evidence of the damping models"
     lead = (
         "The evidence of a model is the probability with which it predicts the record, averaged over the prior of its "

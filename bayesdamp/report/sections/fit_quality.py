@@ -6,9 +6,8 @@ from markupsafe import Markup
 
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
-from bayesdamp.report.results.run import Row, RunFolder, models_by_rank, rows_of
+from bayesdamp.report.results.run import Row, RunFolder, models_by_rank, rms_of, rows_of
 from bayesdamp.report.sections import SignalSection, paragraph, repeat_column, stack
-from bayesdamp.report.sections.record import rms_of
 
 CAPTION = "Checks of the fit of each model at its posterior mode. The verdict says whether the model fits."
 _EXACT = (
@@ -21,7 +20,6 @@ class FitQualitySection(SignalSection):
     """The section with the checks of each fit, as in fits.csv."""
 
     order = 70
-    name = "fit_quality"
     title = "Quality of the fits"
     lead = (
         "The autocorrelation of the residual at lag one shows whether neighbouring samples are independent, as for "

@@ -46,7 +46,6 @@ class OverviewSection(Section):
     """The section with the verdicts on specimens, all damping curves, and a table of the records with links."""
 
     order = 4
-    name = "overview"
     title = "All records"
 
     def applies(self, run: RunFolder) -> bool:

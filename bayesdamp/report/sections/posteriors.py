@@ -28,7 +28,6 @@ class PosteriorsSection(SignalSection):
     """The section with the posterior of each model. Only the first model is visible without a click."""
 
     order = 50
-    name = "posteriors"
     title = "The posteriors"
     draws_models = True
     lead = "If a record has several repeats, the figures and the first table of each model show repeat 1."

@@ -33,7 +33,6 @@ class PriorsSection(SignalSection):
     """The section with the priors of each signal. Equal priors of a parameter are listed once, with their models."""
 
     order = 80
-    name = "priors"
     title = "Assumptions: the priors"
 
     def shows(self, run: RunFolder, signal: str) -> bool:

@@ -12,7 +12,6 @@ class ProvenanceSection(Section):
     """The section with the versions of the software, the machine, the input files, and the tasks without a result."""
 
     order = 90
-    name = "provenance"
     title = "How this report was made"
 
     def render(self, run: RunFolder) -> str:

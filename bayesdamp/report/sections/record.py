@@ -9,7 +9,7 @@ from markupsafe import Markup
 from bayesdamp import formatting as fmt
 from bayesdamp.report import words
 from bayesdamp.report.figures.record import ModelFit, draw_raw_record, record
-from bayesdamp.report.results.run import Row, RunFolder, answer_of, models_not_pruned, rows_of
+from bayesdamp.report.results.run import RunFolder, answer_of, models_not_pruned, rms_of, rows_of
 from bayesdamp.report.sections import SignalSection, bullets, is_drawn, paragraph, stack
 from bayesdamp.store.results import RecordContent
 from bayesdamp.types import OK
@@ -34,7 +34,6 @@ class RecordSection(SignalSection):
     """The section with each signal as it was read, as it is used, and with the fits of the most probable models."""
 
     order = 30
-    name = "record"
     title = "The record and the fits"
     draws_models = True
 
@@ -102,11 +101,6 @@ class RecordSection(SignalSection):
             draw = partial(draw_raw_record, t, y, axis)
             parts.append(run.drawings.add(f"record-{signal}", f"Record “{signal}”: {WITHOUT_FITS}", draw))
         return stack(*parts, *(paragraph(sentence, "quiet") for sentence in missing))
-
-
-def rms_of(row: Row) -> str:
-    """Return the root mean square residual in a row of fits.csv as text, with its unit."""
-    return f"{fmt.number(row['rms'], 3)} {row['rms_unit']}"
 
 
 PLUGIN = RecordSection()

@@ -22,7 +22,6 @@ class RecoveredSection(Section):
     """The section on model probabilities: how often the most probable model is the true one, and how often expected."""
 
     order = 12
-    name = "recovered"
     title = "Are the models' probabilities calibrated?"
 
     def applies(self, run: RunFolder) -> bool:

@@ -16,7 +16,6 @@ class StudySection(Section):
     """The section with the damping models, the signals and the known parameters."""
 
     order = 20
-    name = "study"
     title = "Settings of the study"
 
     def render(self, run: RunFolder) -> str:
@@ -52,9 +51,8 @@ def _systems(run: RunFolder) -> list[str]:
     for signal in run.study.get("signals") or []:
         system, name = signal.get("system") or {}, str(signal.get("name", ""))
         laws = run.about(name).get("restoring") or [system["restoring"]] if system.get("restoring") else []
-        known = [
-            f"{words.symbol(k).text} = {fmt.digits(v, n=6)}" for k, v in (system.get("known") or {}).items()
-        ]
+        numbers = (system.get("known") or {}).items()
+        known = [f"{words.symbol(k).text} = {fmt.digits(v, n=6)}" for k, v in numbers]
         parts = [f"Restoring force: {fmt.listing(map(words.law, laws), 'or')}."] if laws else []
         parts += [f"Known: {fmt.listing(known)}."] if known else []
         derived = (run.info.get("equilibrium") or {}).get(name) or {}

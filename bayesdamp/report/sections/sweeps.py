@@ -14,7 +14,6 @@ class SweepsSection(Section):
     """The section with a figure for each series of simulated signals that differ only in noise, sampling or length."""
 
     order = 37
-    name = "sweeps"
     title = "Errors against noise, sampling and length"
 
     def applies(self, run: RunFolder) -> bool:
