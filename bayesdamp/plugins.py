@@ -257,13 +257,15 @@ def _register(plugin: Any, module: PluginModule) -> None:
         )
     name = getattr(plugin, "name", None)
     if not isinstance(name, str) or not _NAME.fullmatch(name):
-        what = f"the name of a {registry.kind} is {name!r}"
-        raise InputError(f"{what}; it must consist of letters, digits and _", where)
+        raise InputError(
+            f"the name of a {registry.kind} is {name!r}; it must consist of letters, digits and _", where
+        )
     if registry.ships(name):
         raise InputError(f"the {registry.kind} {name!r} ships with bayesdamp; give yours another name", where)
     if name in registry.added():
-        what = f"two plug-ins add the {registry.kind} {name!r}"
-        raise InputError(f"{what}; give one of them another name", where)
+        raise InputError(
+            f"two plug-ins add the {registry.kind} {name!r}; give one of them another name", where
+        )
     registry.add(name, plugin, module.source)
 
 

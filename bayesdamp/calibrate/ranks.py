@@ -153,8 +153,9 @@ def make_generator(
     given = {t: p for t, p in study.models.prior.items() if t in terms}
     noise, *others = study.noises
     if others:
-        what = f"{study.source}: posterior.noise names {1 + len(others)} models"
-        raise InputError(f"{what}; calibration needs exactly one")
+        raise InputError(
+            f"{study.source}: posterior.noise names {1 + len(others)} models; calibration needs exactly one"
+        )
     if NOISES.get(noise).constants:
         raise InputError(
             f"{study.source}: posterior.noise is {noise}, which depends on the record, so no record can be drawn "
@@ -311,8 +312,10 @@ def check(study: Study) -> None:
         make_generator(study, model)
     p, table = study.posterior, study.calibration
     if p.chains * p.draws < table.draws:
-        what = f"{study.source}: calibration.draws is {table.draws}"
-        raise InputError(f"{what}; it must be at most the {p.chains * p.draws} draws of [posterior]")
+        raise InputError(
+            f"{study.source}: calibration.draws is {table.draws}; it must be at most the {p.chains * p.draws} draws "
+            "of [posterior]"
+        )
 
 
 def key_parts(study: Study) -> dict[str, Any]:

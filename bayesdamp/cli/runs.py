@@ -59,8 +59,9 @@ def choose_folder(study: Study) -> Path:
         folder = check_folder(None, name)
         if not has_other_study(study, folder):
             return folder
-    what = f"--out: reports/ already contains {MOST_ANSWERS} answers for {study.name}"
-    raise InputError(f"{what}; give another folder with --out")
+    raise InputError(
+        f"--out: reports/ already contains {MOST_ANSWERS} answers for {study.name}; give another folder with --out"
+    )
 
 
 def compilation_notice() -> str:

@@ -233,8 +233,10 @@ def checked_features(signal: Signal) -> Features:
     """
     features = measure(signal)
     if features.samples_per_cycle < LEAST_SAMPLES_PER_CYCLE:
-        what = f"the record has {features.samples_per_cycle:.1f} samples in a period"
-        raise Refusal(f"{what}; at least {LEAST_SAMPLES_PER_CYCLE:.0f} are needed")
+        raise Refusal(
+            f"the record has {features.samples_per_cycle:.1f} samples in a period; at least "
+            f"{LEAST_SAMPLES_PER_CYCLE:.0f} are needed"
+        )
     return features
 
 
@@ -370,8 +372,10 @@ def before_gap(signal: Signal, period: float) -> Signal:
     gaps = np.flatnonzero(steps > max(3 * float(np.median(steps)), 0.1 * period))
     end = gaps[0] + 1 if gaps.size else signal.t.size
     if end < LEAST_SAMPLES:
-        what = f"the record has {end} samples before its first gap, and at least {LEAST_SAMPLES} are needed"
-        raise Refusal(f"{what}; choose a record that begins after the gap")
+        raise Refusal(
+            f"the record has {end} samples before its first gap, and at least {LEAST_SAMPLES} are needed; choose a "
+            "record that begins after the gap"
+        )
     return replace(signal, t=signal.t[:end], y=signal.y[:end])
 
 

@@ -490,8 +490,9 @@ def fit(signal: types.Signal, model: Model, *, start: Mapping[str, float] | None
     """
     own = check_signal(signal, model)
     if model.approximate and start is not None:
-        what = f"fit: start has no effect if the model has deviation {model.deviation!r}"
-        raise types.InputError(f"{what}; call fit without start")
+        raise types.InputError(
+            f"fit: start has no effect if the model has deviation {model.deviation!r}; call fit without start"
+        )
     try:
         if model.approximate:
             return Fit.at_law(own, model, fit_approximate(own, model))

@@ -303,8 +303,10 @@ class Model(Result):
         object.__setattr__(self, "priors", dict(self.priors))
         fixed = [n for n in priors if n in NOT_INFERRED] if self.approximate else []
         if fixed:
-            what = f"Model: {fixed[0]!r} is not inferred under deviation {self.deviation!r}"
-            raise types.InputError(f"{what}; remove its prior, or give its value as known")
+            raise types.InputError(
+                f"Model: {fixed[0]!r} is not inferred under deviation {self.deviation!r}; remove its prior, or give "
+                "its value as known"
+            )
         for name in ("amplitude", "frequency"):
             if (value := getattr(self, name)) is not None:
                 check_number(value, f"Model.{name}", positive=True)

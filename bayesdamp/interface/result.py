@@ -81,8 +81,9 @@ class Result(ResultView):
         """
         result = _read(path)
         if not isinstance(result, cls):
-            what = f"{path}: contains a {type(result).__name__}, not a {cls.__name__}"
-            raise InputError(f"{what}; use bayesdamp.load")
+            raise InputError(
+                f"{path}: contains a {type(result).__name__}, not a {cls.__name__}; use bayesdamp.load"
+            )
         return result
 
 
@@ -119,8 +120,9 @@ def _read(path: str | Path) -> Any:
         head, arrays = unpack(path, VALUES_FILE)
         kind, version = head["kind"], head["version"]
     except READ_ERRORS:
-        what = f"{path}: is not a result of bayesdamp, or is damaged"
-        raise InputError(f"{what}; give a file that save() wrote") from None
+        raise InputError(
+            f"{path}: is not a result of bayesdamp, or is damaged; give a file that save() wrote"
+        ) from None
     if kind not in KINDS:
         raise InputError(
             f"{path}: contains a {kind!r}, which this version does not know{nearest(kind, list(KINDS))}"
@@ -128,8 +130,9 @@ def _read(path: str | Path) -> Any:
     try:
         return join(getattr(import_module("bayesdamp"), kind), head["value"], arrays)
     except READ_ERRORS:
-        what = f"{path} was saved by bayesdamp {version}, and this version cannot read it"
-        raise InputError(f"{what}; compute the result again") from None
+        raise InputError(
+            f"{path} was saved by bayesdamp {version}, and this version cannot read it; compute the result again"
+        ) from None
 
 
 def frame_table(frame: pd.DataFrame, caption: str, notes: Sequence[str] = ()) -> Table:

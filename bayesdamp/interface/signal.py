@@ -381,8 +381,9 @@ class Record(Result):
             oscillation, or cannot be used for another reason (for example because it is clipped or rectified).
         """
         if run not in self.runs:
-            what = f"{self.path.name}: has no run {run!r}"
-            raise InputError(f"{what}; its runs are {', '.join(map(str, self.runs))}")
+            raise InputError(
+                f"{self.path.name}: has no run {run!r}; its runs are {', '.join(map(str, self.runs))}"
+            )
         own = self.path.stem if len(self.raw) == 1 else f"{self.path.stem}-{run}"
         window = {"clock": clock, "start": start, "stop": stop}
         return cut(self.raw[run - 1], name or own, self.unit, self.quantity, **window)

@@ -423,8 +423,9 @@ def _scales(osc: Oscillator, p: Mapping[str, float]) -> tuple[float, float, floa
     try:
         rest = rest_near(by_kernel(osc.law.kernel, law), theta0, reach, SEARCH_POINTS)
     except NotImplementedError:
-        what = f"the restoring law {osc.restoring!r} has no `kernel`"
-        raise Refusal(f"{what}; define this method to compute trajectories") from None
+        raise Refusal(
+            f"the restoring law {osc.restoring!r} has no `kernel`; define this method to compute trajectories"
+        ) from None
     squared_frequency = 0.0 if rest is None else _slope(_force(osc, p), rest)
     if rest is None or not squared_frequency > 0.0:
         return theta0, abs(theta0), 1.0

@@ -279,8 +279,9 @@ def run_study(
     elif not isinstance(study, Study):
         if not isinstance(study, Mapping):
             kind = type(study).__name__
-            what = f"run_study: the study is {kind}"
-            raise types.InputError(f"{what}; it must be a file, a dictionary or a Study")
+            raise types.InputError(
+                f"run_study: the study is {kind}; it must be a file, a dictionary or a Study"
+            )
         try:
             study = resolve_study(split(study), Path("study.toml"))
         except (StudyError, types.InputError, TypeError) as error:

@@ -281,8 +281,9 @@ def choose_columns(
                 record = replace(home[0].record(column), run=run)
                 chosen.append(_with_clock(record, content))
         if not chosen:
-            what = "the selected column is not in the selected runs"
-            raise InputError(f"{what}; select other runs or another column")
+            raise InputError(
+                "the selected column is not in the selected runs; select other runs or another column"
+            )
         return chosen
     blocks = [block for block in blocks if block.candidates] or [block for block in blocks if block.values]
     timed_blocks = [
@@ -298,10 +299,13 @@ def choose_columns(
             raise InputError("its only column contains the times; export the recorded quantity too")
         if len({c.values.size for c in columns}) > 1:
             sizes = ", ".join(f"{c.name!r}: {c.values.size}" for c in columns)
-            what = f"columns of the file have different lengths ({sizes})"
-            raise InputError(f"{what}; give as many values as times")
-        what = f"its columns contain only times or sample numbers (they are {list_names(columns)})"
-        raise InputError(f"{what}; give a file with a recorded quantity")
+            raise InputError(
+                f"columns of the file have different lengths ({sizes}); give as many values as times"
+            )
+        raise InputError(
+            f"its columns contain only times or sample numbers (they are {list_names(columns)}); give a file with a "
+            "recorded quantity"
+        )
     for block in blocks:
         if amplitude := _lock_in_amplitude(block.candidates):
             raise InputError(

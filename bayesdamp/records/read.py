@@ -259,8 +259,9 @@ def reader_of(path: Path) -> Reader:
         return claiming
     named = next((r for r in readers.values() if path.suffix.lower() in r.extensions), None)
     if named is not None:
-        what = f"not readable: named {path.suffix}, but its content is not {named.format}"
-        raise InputError(f"{what}; export it again")
+        raise InputError(
+            f"not readable: named {path.suffix}, but its content is not {named.format}; export it again"
+        )
     raise InputError(f"a binary file of an unknown format; give {_OPEN}")
 
 
@@ -558,8 +559,10 @@ def _refuse_unusable(y: np.ndarray) -> None:
         if is_nines and y.size / 2 < others.size < y.size - 1:
             distance = abs(mark - float(np.median(others)))
             if distance > FAR * float(np.ptp(others)) > 0:
-                what = f"{y.size - others.size} values are {mark:g}, far from all others"
-                raise InputError(f"{what}; if they mark missing samples, leave these cells empty")
+                raise InputError(
+                    f"{y.size - others.size} values are {mark:g}, far from all others; if they mark missing samples, "
+                    "leave these cells empty"
+                )
     span = float(np.ptp(y))
     if span == 0:
         raise InputError(f"the values are constant ({y[0]:g}); is it the right column?")
@@ -589,6 +592,7 @@ def _in_seconds(t: np.ndarray, time: Column, given: str | None, notes: list[str]
             f"times of up to {span:.3g} s: is {time.name!r} the right column, or in another unit?"
         )
     if 0 < float(np.ptp(t)) < t.size / FASTEST_RATE:
-        what = f"the times span {np.ptp(t):.3g} s, which no instrument resolves"
-        raise InputError(f"{what}; give their unit or the rate")
+        raise InputError(
+            f"the times span {np.ptp(t):.3g} s, which no instrument resolves; give their unit or the rate"
+        )
     return t

@@ -192,8 +192,9 @@ def read_description(folder: Path) -> dict[str, Any]:
     """
     path = folder / "run.json"
     if not path.is_file():
-        what = f"{folder}: does not contain run.json"
-        raise InputError(f"{what}; give the folder of a run, such as reports/<name>")
+        raise InputError(
+            f"{folder}: does not contain run.json; give the folder of a run, such as reports/<name>"
+        )
     try:
         description = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, OSError, RecursionError) as fault:

@@ -277,16 +277,19 @@ class Verdict(CheckedMethods):
         try:
             verdicts = load_verdicts(Path(path))
         except FileNotFoundError:
-            what = f"{path}: no such file"
-            raise InputError(f"{what}; give a file that a verdict's save() or a run wrote") from None
+            raise InputError(
+                f"{path}: no such file; give a file that a verdict's save() or a run wrote"
+            ) from None
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            what = f"{path}: does not contain a verdict of this version"
-            raise InputError(f"{what}; give a file that save() or a run wrote") from None
+            raise InputError(
+                f"{path}: does not contain a verdict of this version; give a file that save() or a run wrote"
+            ) from None
         chosen = verdicts if record is None else [v for v in verdicts if v.record == record]
         if len(chosen) != 1:
             names = ", ".join(v.record for v in verdicts)
-            what = f"{path}: contains verdicts on {names or 'no record'}"
-            raise InputError(f"{what}; record= must name one of them")
+            raise InputError(
+                f"{path}: contains verdicts on {names or 'no record'}; record= must name one of them"
+            )
         return chosen[0]
 
 

@@ -136,8 +136,9 @@ def compare(
             signals, failed = read_each(records, check)
         else:
             if frequency is not None:
-                what = "--frequency: applies to envelopes only"
-                raise InputError(f"{what}; give --quantity envelope, or remove it")
+                raise InputError(
+                    "--frequency: applies to envelopes only; give --quantity envelope, or remove it"
+                )
             options = r.ReadingOptions(**reading)
             chosen = r.select_records(records, options, pool, quiet or not in_pool)
             failed = chosen.failed

@@ -65,8 +65,9 @@ class Envelope(Estimator[EnvelopeOptions]):
         """
         features = checked_features(signal)
         if features.cycles < LEAST_CYCLES:
-            what = f"the record has {features.cycles:.1f} cycles"
-            raise Refusal(f"{what}; the envelope method needs at least {LEAST_CYCLES:.0f}")
+            raise Refusal(
+                f"the record has {features.cycles:.1f} cycles; the envelope method needs at least {LEAST_CYCLES:.0f}"
+            )
         match = _EnvelopeMatch(signal, problem, options, features)
         free, guess = free_names(problem), decay_start(problem, features)
         units = 1e-5 / ratios_per_unit(problem, features)

@@ -249,8 +249,9 @@ def distinguishable_sums(sums: Sequence[tuple[str, ...]]) -> tuple[Sums, tuple[s
 
     for asked in sums:
         if len(asked) > MOST_TERMS:
-            what = f"damping {'+'.join(asked)}: a sum for an envelope has at most {MOST_TERMS} terms"
-            raise InputError(f"{what}; leave one out")
+            raise InputError(
+                f"damping {'+'.join(asked)}: a sum for an envelope has at most {MOST_TERMS} terms; leave one out"
+            )
     terms = list(dict.fromkeys([*POWERS, *(t for asked in sums for t in asked)]))
     for name in terms:
         if not TERMS.get(name).inferred:

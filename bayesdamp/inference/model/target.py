@@ -383,8 +383,9 @@ class Target(Scores):
         needed = {*self.oscillator.inputs, *noise.parameters, *noise.constants}
         missing = needed - set(self.priors) - set(self.known)
         if missing:
-            what = f"parameters that are neither known nor inferred: {', '.join(sorted(missing))}"
-            raise ValueError(f"{what}; give priors or values")
+            raise ValueError(
+                f"parameters that are neither known nor inferred: {', '.join(sorted(missing))}; give priors or values"
+            )
 
     @cached_property
     def noise_model(self) -> NoiseModel:

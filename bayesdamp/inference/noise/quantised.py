@@ -25,8 +25,10 @@ class QuantisedNoise(IndependentNoise):
         The values of the signal are multiples of this step. Raises Refusal if they are not rounded to such a step.
         """
         if not signal.step > 0:
-            what = "the record's values are not rounded to multiples of a recording step"
-            raise Refusal(f"{what}; use noise gaussian instead of quantised")
+            raise Refusal(
+                "the record's values are not rounded to multiples of a recording step; use noise gaussian instead of "
+                "quantised"
+            )
         return {"noise_step": signal.step}
 
     def log_density(self, r: np.ndarray, p: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -135,8 +135,9 @@ def make_record(
         level = y.astype(float)
         far = level[np.argmax(np.abs(level))]
         if abs(far) > LARGEST_LEVEL:
-            what = f"{name}: a level of {far:g} {unit} is implausible"
-            raise InputError(f"{what}; is it the right column, and is it in {unit}?")
+            raise InputError(
+                f"{name}: a level of {far:g} {unit} is implausible; is it the right column, and is it in {unit}?"
+            )
     else:
         size = np.abs(y)
         if not size.any():
@@ -202,8 +203,10 @@ def are_envelopes(
     are = [is_envelope(path, value, unit) for path in paths]
     if any(are) and not all(are):
         envelope, other = paths[are.index(True)], paths[are.index(False)]
-        what = f"{envelope.name} is an envelope in dB, {other.name} does not look like one"
-        raise InputError(f"{what}; compare them in separate calls, or give --quantity envelope for all")
+        raise InputError(
+            f"{envelope.name} is an envelope in dB, {other.name} does not look like one; compare them in separate "
+            "calls, or give --quantity envelope for all"
+        )
     return all(are)
 
 
@@ -300,7 +303,9 @@ def scale_of(record: EnvelopeRecord, sums: Sequence[tuple[str, ...]], log_amplit
             amplitude = float(np.exp(log_amplitude)) * known.factor
         if by_frequency:
             if record.frequency is None:
-                what = f"{record.name}: damping term {name!r} depends on the frequency, which is not known"
-                raise InputError(f"{what}; give --frequency HZ")
+                raise InputError(
+                    f"{record.name}: damping term {name!r} depends on the frequency, which is not known; "
+                    "give --frequency HZ"
+                )
             frequency = 2.0 * np.pi * record.frequency
     return Scale(amplitude, frequency)

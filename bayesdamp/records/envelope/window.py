@@ -433,8 +433,9 @@ def find_window(t: np.ndarray, y: np.ndarray) -> EnvelopeWindow:
         # A table of few readings is a decay from its highest reading on.
         top = int(np.argmax(y))
         if t.size - top < LEAST_POINTS:
-            what = f"only {t.size - top} readings from the highest one on"
-            raise Refusal(f"{what}; at least {LEAST_POINTS} are needed")
+            raise Refusal(
+                f"only {t.size - top} readings from the highest one on; at least {LEAST_POINTS} are needed"
+            )
         end, floor = _follow_on(levels, top)
         begins = "starts with the record" if top == 0 else f"starts at {t[top]:.4g} s, the highest reading"
         return _window_of(levels, top, end, floor, begins)
@@ -473,8 +474,9 @@ def _window_of(levels: Levels, begin: int, end: int, floor: NoiseFloor | None, b
     """
     start, stop = int(levels.edges[begin]), int(levels.edges[end])
     if stop - start < LEAST_POINTS:
-        what = f"only {stop - start} readings are between start and noise floor"
-        raise Refusal(f"{what}; at least {LEAST_POINTS} are needed")
+        raise Refusal(
+            f"only {stop - start} readings are between start and noise floor; at least {LEAST_POINTS} are needed"
+        )
     drop = fall_in_db(levels.yb, begin, end)
     if drop < LEAST_DROP:
         raise Refusal(f"the level falls by only {max(drop, 0):.1f} dB; at least {LEAST_DROP:g} dB are needed")
@@ -506,8 +508,9 @@ def window_between(t: np.ndarray, y: np.ndarray, start: float | None, stop: floa
     if stop is not None:
         behind = int(np.searchsorted(t, stop, side="right"))
     if behind - first < LEAST_POINTS:
-        what = f"only {max(0, behind - first)} readings are between start and stop"
-        raise Refusal(f"{what}; at least {LEAST_POINTS} are needed")
+        raise Refusal(
+            f"only {max(0, behind - first)} readings are between start and stop; at least {LEAST_POINTS} are needed"
+        )
     if start is not None:
         begins = f"starts at {t[first]:.4g} s, as specified"
     if stop is not None:

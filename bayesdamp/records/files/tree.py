@@ -119,8 +119,9 @@ class Walk:
         such as "JSON".
         """
         if not self.columns:
-            what = "contains no numeric array that can be read as columns"
-            raise InputError(f"{what}; save times and values as two plain arrays")
+            raise InputError(
+                "contains no numeric array that can be read as columns; save times and values as two plain arrays"
+            )
         return Contents(format_name, tuple(self.columns), trim_facts(self.facts))
 
 

@@ -44,8 +44,9 @@ class MatlabReader(Reader):
         walk.add("", {name: item for name, item in data.items() if name not in opaque})
         if not walk.columns and "__function_workspace__" in data:
             right = "save its arrays: t = x.Time; y = x.Data; save('record.mat', 't', 'y')"
-            what = "contains a MATLAB object (a timeseries or table?), which only MATLAB reads"
-            raise InputError(f"{what}; {right}")
+            raise InputError(
+                f"contains a MATLAB object (a timeseries or table?), which only MATLAB reads; {right}"
+            )
         return walk.contents("MATLAB")
 
 

@@ -425,8 +425,9 @@ def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
     Raises InputError if it is larger than `largest` bytes.
     """
     if path.stat().st_size > largest:
-        what = f"the file has more than {largest >> 20} MiB of text"
-        raise InputError(f"{what}; give a part of it, or save it as .npy or HDF5")
+        raise InputError(
+            f"the file has more than {largest >> 20} MiB of text; give a part of it, or save it as .npy or HDF5"
+        )
     data = path.read_bytes()
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")

@@ -50,8 +50,9 @@ class UffReader(Reader):
         sets: list[Any] = [file.read_sets(i) for i, kind in enumerate(kinds) if kind == 58]
         if not sets:
             present = ", ".join(map(str, sorted(set(kinds))))
-            what = f"its data sets are {present}; a record must be a data set of type 58"
-            raise InputError(f"{what}; export time histories")
+            raise InputError(
+                f"its data sets are {present}; a record must be a data set of type 58; export time histories"
+            )
         timed = [
             data
             for data in sets
@@ -60,13 +61,15 @@ class UffReader(Reader):
             and int(data.get("abscissa_spec_data_type", 17)) in TIME_AXIS
         ]
         if not timed:
-            what = "none of its data sets 58 is a time record (are they spectra?)"
-            raise InputError(f"{what}; export the time histories")
+            raise InputError(
+                "none of its data sets 58 is a time record (are they spectra?); export the time histories"
+            )
         for data in timed:
             samples, claimed = np.size(data["data"]), int(data["num_pts"])
             if samples < claimed:
-                what = f"is cut off: a data set has {samples} of the {claimed} samples in its header"
-                raise InputError(f"{what}; export it again")
+                raise InputError(
+                    f"is cut off: a data set has {samples} of the {claimed} samples in its header; export it again"
+                )
         columns: list[Column] = []
         facts: dict[str, Fact] = {}
         names: list[str] = []
