@@ -61,6 +61,9 @@ LISTED_DECAYS = 3
 MAX_DELAY, REST_FRACTION = 1.0, 0.2
 """A start that the user gives is refused if the body is at rest there: if the free decay begins more than `MAX_DELAY`
 periods later, and the half cycles before it have less than `REST_FRACTION` of the range of its first half cycle."""
+HOLD, SURELY_FREE = 1.15, 0.9
+"""A body counts as held at the start if it passes the middle of its first half cycle later than `HOLD` times a quarter
+of a period after the start. The part that is used then begins `SURELY_FREE` times this quarter before it."""
 FEW_TURNS = 30
 """In a decay with at most this many turning points, the used part may start between two turning points, so that up to
 0.8 of a half cycle more is used; a longer decay starts at a turning point, or at the release."""
@@ -246,6 +249,12 @@ def free_decay(
             )
         else:
             first = _find_start(series, Swings(t, y, decay, floor), why, before, notes)
+            if first < (free := _end_of_hold(series, decay, float(t[first]))):
+                first = free
+                notes[:] = [
+                    f"The start ({t[first]:.6g} s, sample {first} from 0) is shortly after the release; before it the "
+                    "body is held."
+                ]
     if seek_stop:
         last, why_stop = _find_stop(series, decay, decays.floor)
         if why_stop:
@@ -494,6 +503,33 @@ def _find_start(series: Series, swings: Swings, why: Reason | None, before: floa
         "before it the record shows rest, a hand or a disturbed release, which is not part of the free decay."
     )
     return first
+
+
+def _end_of_hold(series: Series, decay: TurningPoints, start: float) -> int:
+    """Return the index of the first sample that is surely after the release if the body is held at the start; else 0.
+
+    A body that is released at rest passes the middle to the next turning point after at most half of the time in which
+    it then passes the next middle. If it needs `HOLD` times as long and does not move until then, it was held.
+
+    series: the record. decay: turning points of the free decay. start: time in s at which it seems to start.
+    """
+    at_start = float(np.interp(start, series.grid, series.values))
+    far = np.abs(decay.values - at_start) > 0.5 * float(np.ptp(decay.values[:3]))
+    k = int(np.argmax(far))
+    if not far[k] or k + 1 == far.size:
+        return 0
+    passed = []
+    for begin, value, i in ((start, at_start, k), (float(decay.times[k]), float(decay.values[k]), k + 1)):
+        part = (series.grid >= begin) & (series.grid <= decay.times[i])
+        off = (series.values[part] - 0.5 * (value + decay.values[i])) * np.sign(value - decay.values[i])
+        if not np.any(off < 0):
+            return 0
+        passed.append(float(series.grid[part][np.argmax(off < 0)]))
+    quarter = 0.5 * (passed[1] - passed[0])
+    late = passed[0] - start > HOLD * quarter
+    if not late or series.moves(start, passed[0] - quarter, abs(at_start - float(decay.values[k]))):
+        return 0
+    return int(np.searchsorted(series.t, passed[0] - SURELY_FREE * quarter))
 
 
 def _find_stop(series: Series, decay: TurningPoints, floor: float) -> tuple[int, str]:

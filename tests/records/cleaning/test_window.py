@@ -51,6 +51,7 @@ def test_the_tail_of_a_decay_is_not_used_instead_of_its_start(then: float, used:
 U = np.random.Generator.uniform
 KINDS: dict[str, tuple[Callable[[np.random.Generator], Record], float]] = {
     "held away from zero": (lambda g: held_then_released(g, U(g, 0.3, 5), 0.0, U(g, 25, 100)), 0.6),
+    "held for a moment": (lambda g: held_then_released(g, U(g, 0.2, 0.4), 0.0, U(g, 25, 100)), 0.6),
     "tilted slowly": (lambda g: held_then_released(g, U(g, 0, 2), U(g, 3, 12), U(g, 25, 100)), 0.6),
     "tilted, sampled coarsely": (lambda g: held_then_released(g, 1.0, U(g, 3, 12), U(g, 9, 16)), 0.7),
     "struck": (kicked, 0.7),
