@@ -61,9 +61,9 @@ LISTED_DECAYS = 3
 MAX_DELAY, REST_FRACTION = 1.0, 0.2
 """A start that the user gives is refused if the body is at rest there: if the free decay begins more than `MAX_DELAY`
 periods later, and the half cycles before it have less than `REST_FRACTION` of the range of its first half cycle."""
-HOLD, SURELY_FREE = 1.15, 0.9
-"""A body counts as held at the start if it passes the middle of its first half cycle later than `HOLD` times a quarter
-of a period after the start. The part that is used then begins `SURELY_FREE` times this quarter before it."""
+HELD_STILL, SURELY_FREE = 0.25, 0.9
+"""A body counts as held at the start if it moves there by less than `HELD_STILL` times as much as a swinging one. The
+part that is used then begins `SURELY_FREE` quarters of a period before it passes the first middle."""
 FEW_TURNS = 30
 """In a decay with at most this many turning points, the used part may start between two turning points, so that up to
 0.8 of a half cycle more is used; a longer decay starts at a turning point, or at the release."""
@@ -509,7 +509,8 @@ def _end_of_hold(series: Series, decay: TurningPoints, start: float) -> int:
     """Return the index of the first sample that is surely after the release if the body is held at the start; else 0.
 
     A body that is released at rest passes the middle to the next turning point after at most half of the time in which
-    it then passes the next middle. If it needs `HOLD` times as long and does not move until then, it was held.
+    it then passes the next middle (a quarter of a period). It was held if it needs longer, and moves until then by less
+    than `HELD_STILL` times as much as one that still swings to its first turning point.
 
     series: the record. decay: turning points of the free decay. start: time in s at which it seems to start.
     """
@@ -526,8 +527,13 @@ def _end_of_hold(series: Series, decay: TurningPoints, start: float) -> int:
             return 0
         passed.append(float(series.grid[part][np.argmax(off < 0)]))
     quarter = 0.5 * (passed[1] - passed[0])
-    late = passed[0] - start > HOLD * quarter
-    if not late or series.moves(start, passed[0] - quarter, abs(at_start - float(decay.values[k]))):
+    held = series.values[(series.grid >= start) & (series.grid <= passed[0] - quarter)]
+    if held.size < 2:
+        return 0
+    swing = 0.5 * abs(at_start - float(decay.values[k]))
+    expected = swing * (1 - np.cos(np.pi / 2 * min((passed[0] - start) / quarter - 1, 2.0)))
+    slack = 2 * series.step + NOISE_ERRORS * series.noise
+    if expected < 4 * slack or np.ptp(held) - slack > HELD_STILL * expected:
         return 0
     return int(np.searchsorted(series.t, passed[0] - SURELY_FREE * quarter))
 
