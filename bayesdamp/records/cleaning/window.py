@@ -282,11 +282,19 @@ def _find_decays(
     there is no free decay with any of the periods.
     """
     options: list[_Decays] = []
-    for period, share in periods:
-        if share >= LEAST_SHARE and (decays := _decays_of_period(t, y, step, period)):
-            options.append(decays)
-        if share > CLEAR_SHARE and options:
-            break
+
+    def search(possible: Sequence[tuple[float, float]]) -> None:
+        for period, share in possible:
+            if share >= LEAST_SHARE and (decays := _decays_of_period(t, y, step, period)):
+                options.append(decays)
+            if share > CLEAR_SHARE and options:
+                break
+
+    search(periods)
+    if (
+        not options
+    ):  # a slow pull before the release may be larger than the oscillation, but its rate is small
+        search(coarse_periods(t[1:], np.diff(y) / np.diff(t)))
     if options:
         return max(options, key=lambda decays: information(decays.turns, decays.best))
     share = max(share for _, share in periods)
