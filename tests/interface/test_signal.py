@@ -47,10 +47,8 @@ def test_a_rate_may_replace_times_and_a_unit_may_be_written_out() -> None:
 
 
 def test_the_unit_determines_the_quantity() -> None:
-    quantities = {
-        unit: bd.signal(TIMES, EXACT, unit=unit, cleaned=False).quantity for unit in ("rad", "deg/s", "g")
-    }
-    assert quantities == {"rad": "angle", "deg/s": "velocity", "g": "acceleration"}
+    expected = {"rad": "angle", "deg/s": "velocity", "g": "acceleration"}
+    assert {u: bd.signal(TIMES, EXACT, unit=u, cleaned=False).quantity for u in expected} == expected
 
 
 def test_a_file_is_read_saved_and_printed(tmp_path: Path) -> None:
