@@ -29,11 +29,8 @@ def test_envelopes_in_decibels_are_recognised_and_answered(tmp_path, capsys):
     assert main(["compare", *map(str, files), "--repeats", "--out", str(out)]) == 0
     text = capsys.readouterr().out.splitlines()
     cells = [line.split() for line in text]
-    assert [line.partition(" (")[0] for line in text if " damping (prob" in line] == [
-        "r1: Viscous damping",
-        "r2: Viscous damping",
-        "specimen: 2 records: Viscous damping",
-    ]
+    answers = [line.partition(" damping (")[0] for line in text if " damping (prob" in line]
+    assert answers == ["r1: Viscous", "r2: Viscous", "specimen: 2 records: Viscous"]
     assert any("One more record would have Q = " in line for line in text)
     verdicts = json.loads((out / "verdict.json").read_text())
     truth = np.pi * 1562325.84 / 0.2
@@ -92,7 +89,7 @@ def test_envelopes_and_motions_in_one_call_are_refused(tmp_path):
     assert are_envelopes([other], None, None, "envelope")
 
 
-def test_the_frequency_and_the_unit_are_read_from_the_head(tmp_path):
+def test_the_frequency_and_the_unit_are_read_from_the_head(tmp_path, capsys):
     """The sampling frequency is not that of the oscillation."""
     for head, frequency in (
         ("# resonance frequency: 1.5 MHz\n# sampling rate: 100 Hz\n# time [s], power [dBm]\n", 1.5e6),
@@ -102,6 +99,8 @@ def test_the_frequency_and_the_unit_are_read_from_the_head(tmp_path):
     ):
         record = read_envelope(written(tmp_path / "r.txt", head=head))
         assert record.frequency == pytest.approx(frequency)
+        assert main(["look", str(tmp_path / "r.txt")]) == 0
+        assert (f"is {frequency:.9g} Hz." if frequency else "--frequency") in capsys.readouterr().out
     assert [unit_in(f"power [{unit}]") for unit in ("MW", "mW", "µW", "DBM")] == ["MW", "mW", "uW", "dBm"]
 
 
