@@ -87,6 +87,7 @@ def test_intervals_are_normal_in_the_scores() -> None:
     """Under a normal prior value ± 1.96 sd; under a half-normal prior no limit is below zero."""
     value, half = fit().values["theta0"], 1.959964 * fit().sd["theta0"]
     assert fit().intervals["theta0"] == pytest.approx((value - half, value + half))
+    assert tuple(fit().summary().loc["theta0", ["low", "high"]]) == fit().intervals["theta0"]
     both = bd.fit(record(), bd.Model("viscous+coulomb", "linear", noise="gaussian", known={"epsilon": 0.02}))
     low, high = both.intervals["mu_c"]
     assert 0 <= low < both.values["mu_c"] < high
