@@ -15,10 +15,8 @@ EXACT = closed_form(TIMES, TRUTH)
 
 def test_a_simulation_is_the_closed_form() -> None:
     """Control: a damping that is 0.2 % larger."""
-    exact, control = (
-        bd.simulate({"viscous": zeta}, "linear", stiffness=20.0, duration=6.0, samples=150).y
-        for zeta in (0.05, 0.0501)
-    )
+    options = {"stiffness": 20.0, "duration": 6.0, "samples": 150}
+    exact, control = (bd.simulate({"viscous": zeta}, "linear", **options).y for zeta in (0.05, 0.0501))
     assert np.max(np.abs(exact - EXACT)) < 1e-7
     assert np.max(np.abs(control - EXACT)) > 1e-5
     oscillator = bd.Oscillator("viscous", "linear")
