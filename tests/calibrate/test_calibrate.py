@@ -229,5 +229,7 @@ def test_overconfident_probabilities_are_detected(tmp_path, monkeypatch, capsys,
     assert ("is inside the 99 % band" in page) is inside
     share = f"95 % interval {100 * hits['share_low']:.1f} to {100 * hits['share_high']:.1f} %"
     assert f"{share}); {hits['expected']:.1f} are expected" in page
+    assert f"{result['doubtful']} of {result['evidences']} evidence values" in page
     for b in result["bins"]:
+        assert f">{b['from']:g} to {b['to']:g}</td><td>{b['records']}</td>" in page
         assert "".join(f"<td>{b[n]:.3f}</td>" for n in ("probability", "share", "low", "high")) in page

@@ -31,8 +31,10 @@ def test_envelopes_in_decibels_are_recognised_and_answered(tmp_path, capsys):
     cells = [line.split() for line in text]
     answers = [line.partition(" damping (")[0] for line in text if " damping (prob" in line]
     assert answers == ["r1: Viscous", "r2: Viscous", "specimen: 2 records: Viscous"]
-    assert any("One more record would have Q = " in line for line in text)
     verdicts = json.loads((out / "verdict.json").read_text())
+    (more,) = (row for row in cells if row[1:4] == ["One", "more", "record"])
+    next_q = [verdicts[2]["next_value"][part] for part in ("value", "low", "high")]
+    assert [1e7 * float(more[i].strip("(")) for i in (8, 11, 15)] == pytest.approx(next_q, rel=1e-3)
     truth = np.pi * 1562325.84 / 0.2
     for item in verdicts[:2]:
         assert item["quality_factor"]["low"] <= truth <= item["quality_factor"]["high"]
@@ -43,8 +45,9 @@ def test_envelopes_in_decibels_are_recognised_and_answered(tmp_path, capsys):
         (row,) = (row for row in cells if row[:2] == [item["record"], "viscous"])
         sizes = [1e-7 * item["quality_factor"]["value"], item["exponent"]["value"]]
         assert [float(row[i]) for i in (6, 9)] == pytest.approx(sizes, abs=6e-4)
-    rates = [rate["value"] for item in verdicts[:2] for rate in item["decay_rate"]]
-    assert [float(row[4]) for row in cells if row[2:3] == ["dBm"]] == pytest.approx(rates, abs=6e-5)
+    rates = [(rate["amplitude"], rate["value"]) for item in verdicts[:2] for rate in item["decay_rate"]]
+    shown = [[float(row[i].replace("−", "-")) for i in (1, 4)] for row in cells if row[2:3] == ["dBm"]]
+    assert np.array(shown) == pytest.approx(np.array(rates), rel=1e-3)
     assert (verdicts[2]["record"], verdicts[2]["records"]) == ("specimen", 2)
     rows = list(csv.DictReader((out / "verdicts.csv").read_text().splitlines()))
     assert [row["record"] for row in rows] == ["r1", "r2", "specimen"]

@@ -58,10 +58,14 @@ def test_posteriors_contain_the_truth_and_the_right_model_is_first(run):
     rows = [r for r in rows_of(run, "evidence.csv", signal="noisy") if r["method"] != "smc"]
     evidence = {r["model"]: r for r in rows}
     assert evidence["viscous"]["probability"] > 0.99
-    assert evidence["quadratic"]["log_bayes_factor"] < -20
-    verdicts = {r["model"]: r["verdict"] for r in rows_of(run, "fits.csv", signal="noisy")}
-    assert verdicts["viscous"] == "fits"
-    assert verdicts["quadratic"].startswith("does not fit")
+    behind = evidence["quadratic"]["log_evidence"] - evidence["viscous"]["log_evidence"]
+    assert -20 > evidence["quadratic"]["log_bayes_factor"] == pytest.approx(behind)
+    fits = {r["model"]: r for r in rows_of(run, "fits.csv", signal="noisy")}
+    assert fits["viscous"]["verdict"] == "fits"
+    assert fits["viscous"]["rms"] == pytest.approx(Store(run).read("mode/noisy/0/viscous").meta["rms"])
+    assert fits["quadratic"]["verdict"].startswith("does not fit")
+    estimated = rows_of(run, "estimates.csv", signal="noisy", model="viscous", parameter="zeta")
+    assert all(r["error_pct"] == pytest.approx(2000 * abs(r["value"] - 0.05)) for r in estimated)
 
 
 def test_a_posterior_has_derived_quantities(run):

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from bayesdamp.report.terminal import VerdictPrinter
 from bayesdamp.types import UNITS
-from bayesdamp.verdict.parts import DampingRatio, Grade
+from bayesdamp.verdict.parts import DampingRatio, Grade, Oscillation
 from bayesdamp.verdict.types import Verdict
 from bayesdamp.verdict.units import LENGTH_ARRAYS, picture_in_unit
 
@@ -37,6 +37,13 @@ def test_the_noise_is_on_the_terminal_and_in_the_table() -> None:
     assert "Noise: 0.34 % of the first amplitude." in printed(verdict)
     assert verdict.row()["noise_pct"] == 0.345
     assert "Noise" not in printed(SURE)  # control: not known, not shown
+
+
+def test_other_motions_are_in_a_table() -> None:
+    mode = Oscillation(1.1, 0.01, 0.009, 0.011, 0.2, 0.13, "rad")
+    lines = printed(replace(SURE, grade=Grade.NO_FREE_DECAY, modes=(mode,))).splitlines()
+    cells = [[cell.strip() for cell in line.split("│")[1:-1]] for line in lines if line.startswith("│")]
+    assert cells == [["1.1 Hz", "1.00 % (0.90 to 1.10)", "0.2 rad", "0.13 rad"]]
 
 
 def test_the_sampled_sentence_is_printed_too() -> None:
