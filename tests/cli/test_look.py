@@ -162,6 +162,13 @@ def test_init_writes_the_study_of_compare(tmp_path) -> None:
     assert compared == written
 
 
+def test_the_first_four_of_many_records_are_listed(tmp_path) -> None:
+    names = ",".join(f"{name} Run #{i}" for i in range(1, 8) for name in ("t (s)", "x (m)"))
+    path = write_table(tmp_path / "a.csv", names, *(T, Y) * 7)
+    note = select_records([path], ReadingOptions()).notes[0]
+    assert re.fullmatch(r"a.csv: 7 records: (run \d[^;]*; ){3}run \d[^;]* and 3 more", note)
+
+
 def test_a_file_without_a_free_decay_is_refused(tmp_path, capsys) -> None:
     names = ",".join(f"{name} Run #{i}" for i in (1, 2) for name in ("t (s)", "x (m)"))
     write_table(tmp_path / "a.csv", names, T, NOISE, T, NOISE)
