@@ -45,9 +45,7 @@ STUDY = study_text(
         ("amplitude = 0.3, frequency = 4.5, ", "", "amplitude and frequency", ("--models",)),
     ],
 )
-def test_a_study_that_cannot_be_calibrated_is_refused_in_one_line(
-    tmp_path, capsys, old, new, message, options
-):
+def test_a_study_that_cannot_be_calibrated_is_refused(tmp_path, capsys, old, new, message, options):
     """And nothing is written."""
     assert old in STUDY
     text = STUDY.replace(old, new, 1).replace("simulate = {", "simulate = { theta0 = 0.3, stiffness = 20.0,")
@@ -161,10 +159,13 @@ def test_only_a_wrong_likelihood_fails(tmp_path, monkeypatch, misjudged, right):
         assert 0 <= min(ranked) <= max(ranked) <= 255
     if not right:
         return
+    counts |= {"refused": {"few": 3, "many": 5}, "counted": 4, "seconds": {"nuts": 36}}
     info = json.loads((out / "run.json").read_text())
-    info["result"]["counts"]["viscous"]["refused"] = {"few": 3, "many": 5}
-    (out / "run.json").write_text(json.dumps(info))
-    assert "5: many; 3: few" in render(out).read_text(encoding="utf-8")
+    (out / "run.json").write_text(json.dumps(info | {"result": result}))
+    page = render(out).read_text(encoding="utf-8")
+    assert all(text in page for text in ("<td>12</td><td>4</td>", "<td>3.0 s</td>", ">5: many; 3: few<"))
+    coverage = read_rows(out / "calibration.csv").dropna(subset="level")["value"]
+    assert all(f"<td>{100 * share:.1f}" in page for share in coverage)
     before, calls, compute = (out / "ranks.csv").read_bytes(), [], ranks.compute_chunk
     monkeypatch.setattr(ranks, "compute_chunk", lambda *given: calls.append(given[2]) or compute(*given))
     lost = sorted((out / "cells").rglob("viscous/*.npz"))[-1]
@@ -226,6 +227,9 @@ def test_overconfident_probabilities_are_detected(tmp_path, monkeypatch, capsys,
     assert read_rows(out / "recovery.csv").query("outcome != 'ok'")["record"].tolist() == [21]
     page = (out / "report.html").read_text(encoding="utf-8")
     assert ("is inside the 99 % band" in page) is inside
-    assert f"95 % interval {100 * hits['share_low']:.1f} to {100 * hits['share_high']:.1f} %" in page
+    share = f"95 % interval {100 * hits['share_low']:.1f} to {100 * hits['share_high']:.1f} %"
+    assert f"{share}); {hits['expected']:.1f} are expected" in page
+    assert f"{result['doubtful']} of {result['evidences']} evidence values" in page
     for b in result["bins"]:
+        assert f">{b['from']:g} to {b['to']:g}</td><td>{b['records']}</td>" in page
         assert "".join(f"<td>{b[n]:.3f}</td>" for n in ("probability", "share", "low", "high")) in page

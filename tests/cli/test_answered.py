@@ -41,6 +41,8 @@ def test_a_quick_comparison_samples_nothing(folder: Path, capsys: pytest.Capture
     assert "Viscous damping" in printed
     assert "ampling" not in printed
     assert read_table(folder / "out" / "posteriors.csv") == []
+    amplitudes = [float(r["amplitude"]) for r in read_table(folder / "out" / "damping_curves.csv")]
+    assert 0.03 < max(amplitudes) < 0.5  # in degrees
     assert [path.stem for path in (folder / "out" / "figures").glob("*.svg")] == ["answer-ok"]
 
 

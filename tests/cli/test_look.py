@@ -45,7 +45,9 @@ def test_look_shows_columns_units_clock_and_the_free_decay(tmp_path, capsys) -> 
     printed = capsys.readouterr().out
     flat = " ".join(printed.split())
     assert "rig.csv: text" in printed
-    assert "run 1, Angle, left (deg): column 'Angle, left (deg) Run #1' as angle in deg" in flat
+    read = r"run 1, Angle, left \(deg\): column 'Angle.* #1' as angle in deg, times from column 'T.* #1', 600 samples"
+    assert re.search(read, flat)
+    assert f"time 0 to {T[-1]} s, values {40 * Y.min():.4g} to {40 * Y.max():.4g}" in flat
     assert "No free decay" in flat
     assert "11.5 cycles of 1.047 s" in flat or "11.4 cycles of 1.047 s" in flat
     assert sum(0x2800 < ord(c) < 0x2900 for c in printed) > 100
@@ -73,6 +75,7 @@ def test_look_reports_a_gap_in_the_samples(tmp_path, capsys) -> None:
         printed = output_of_look(path, capsys)
         shown = "No samples for 1.04 s from 23.98 s on; the fit bridges the gap." in printed
         assert shown is (name == "gap")
+    assert " as angle in rad, 50 Hz, " in output_of_look(path, capsys, "--angle", "2", "--rate", "50")
 
 
 def test_times_in_an_unlikely_unit_are_refused_unless_the_unit_is_given(tmp_path) -> None:
@@ -157,6 +160,13 @@ def test_init_writes_the_study_of_compare(tmp_path) -> None:
     for signal in (*compared["signals"], *written["signals"]):
         signal["source"].pop("file")
     assert compared == written
+
+
+def test_the_first_four_of_many_records_are_listed(tmp_path) -> None:
+    names = ",".join(f"{name} Run #{i}" for i in range(1, 8) for name in ("t (s)", "x (m)"))
+    path = write_table(tmp_path / "a.csv", names, *(T, Y) * 7)
+    note = select_records([path], ReadingOptions()).notes[0]
+    assert re.fullmatch(r"a.csv: 7 records: (run \d[^;]*; ){3}run \d[^;]* and 3 more", note)
 
 
 def test_a_file_without_a_free_decay_is_refused(tmp_path, capsys) -> None:

@@ -20,10 +20,8 @@ FULL = Path("/dev/full")
 def test_a_full_disk_behind_the_output_is_named():
     with FULL.open("w") as full:
         process = subprocess.run(HELP, stdout=full, stderr=subprocess.PIPE, text=True)
-    assert process.returncode == 2
-    assert (
-        process.stderr == "the output: the disk is full; make room there, then run the same command again\n"
-    )
+    line = "the output: the disk is full; make room there, then run the same command again\n"
+    assert (process.returncode, process.stderr) == (2, line)
 
 
 def test_a_reader_that_closes_the_output_is_not_an_error():

@@ -8,10 +8,7 @@ import pytest
 from bayesdamp.cli import main
 from bayesdamp.cli.commands import simulate
 
-WRITING = {
-    "mine.csv": ("simulate", "--samples", "400", "--duration", "8", "--out"),
-    "mine.md": ("claims", "--out"),
-}
+WRITING = {"mine.csv": "simulate --samples 400 --duration 8 --out", "mine.md": "claims --out"}
 """The name of a file, and a command that writes such a file."""
 SIMILAR = "# Mine\n\nMade by `bayesdamp claims`. So he said.\n"
 CONTENTS = (b"precious\n", b"", b"\xff\x00", SIMILAR.encode(), b"t,x\n0,0.3\n# simulated by bayesdamp\n")
@@ -23,7 +20,7 @@ def test_a_user_s_file_is_not_replaced(
 ) -> None:
     """Controls: a new name, and a file that the same command has written."""
     monkeypatch.setattr("bayesdamp.cli.commands.claims.CLAIMS", ())  # the claims take seconds to compute
-    words = WRITING[name]
+    words = WRITING[name].split()
     line = "already exists and was not made by bayesdamp; give another name, or delete that file"
     for content in CONTENTS:
         (folder / name).write_bytes(content)
@@ -33,7 +30,7 @@ def test_a_user_s_file_is_not_replaced(
     assert [main([*words, name]) for _ in range(2)] == [0, 0]
     written = (folder / name).read_bytes()
     for command in (command for other, command in WRITING.items() if other != name):
-        assert main([*command, name]) == 2
+        assert main([*command.split(), name]) == 2
     assert (folder / name).read_bytes() == written
 
 

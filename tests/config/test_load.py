@@ -15,9 +15,7 @@ from tests.config.studies import FILE_SIGNAL, GOOD, SIGNAL, SYSTEM, write
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 PAGE = (STUDIES.parent / "docs" / "studies.md").read_text(encoding="utf-8")
 FREE = SYSTEM.replace("omega0 = 0.0", 'omega0 = "free"') + FILE_SIGNAL
-OWN_SYSTEM = (
-    'system = { rest_angle = { prior = "normal", mean = 0.1, sd = 1 }, amplitude = 2.0, inertia = 3 }\n'
-)
+OWN_SYSTEM = 'system = { rest_angle = { prior = "normal", mean = 0, sd = 1 }, amplitude = 2, inertia = 3 }\n'
 OWN_MODELS = 'compare = ["quadratic + viscous", "coulomb"]\nestimate = ["coulomb"]\n'
 SWEEPS = """
 [[sweep]]

@@ -29,13 +29,12 @@ def test_envelopes_in_decibels_are_recognised_and_answered(tmp_path, capsys):
     assert main(["compare", *map(str, files), "--repeats", "--out", str(out)]) == 0
     text = capsys.readouterr().out.splitlines()
     cells = [line.split() for line in text]
-    assert [line.partition(" (")[0] for line in text if " damping (prob" in line] == [
-        "r1: Viscous damping",
-        "r2: Viscous damping",
-        "specimen: 2 records: Viscous damping",
-    ]
-    assert any("One more record would have Q = " in line for line in text)
+    answers = [line.partition(" damping (")[0] for line in text if " damping (prob" in line]
+    assert answers == ["r1: Viscous", "r2: Viscous", "specimen: 2 records: Viscous"]
     verdicts = json.loads((out / "verdict.json").read_text())
+    (more,) = (row for row in cells if row[1:4] == ["One", "more", "record"])
+    next_q = [verdicts[2]["next_value"][part] for part in ("value", "low", "high")]
+    assert [1e7 * float(more[i].strip("(")) for i in (8, 11, 15)] == pytest.approx(next_q, rel=1e-3)
     truth = np.pi * 1562325.84 / 0.2
     for item in verdicts[:2]:
         assert item["quality_factor"]["low"] <= truth <= item["quality_factor"]["high"]
@@ -46,8 +45,9 @@ def test_envelopes_in_decibels_are_recognised_and_answered(tmp_path, capsys):
         (row,) = (row for row in cells if row[:2] == [item["record"], "viscous"])
         sizes = [1e-7 * item["quality_factor"]["value"], item["exponent"]["value"]]
         assert [float(row[i]) for i in (6, 9)] == pytest.approx(sizes, abs=6e-4)
-    rates = [rate["value"] for item in verdicts[:2] for rate in item["decay_rate"]]
-    assert [float(row[4]) for row in cells if row[2:3] == ["dBm"]] == pytest.approx(rates, abs=6e-5)
+    rates = [(rate["amplitude"], rate["value"]) for item in verdicts[:2] for rate in item["decay_rate"]]
+    shown = [[float(row[i].replace("−", "-")) for i in (1, 4)] for row in cells if row[2:3] == ["dBm"]]
+    assert np.array(shown) == pytest.approx(np.array(rates), rel=1e-3)
     assert (verdicts[2]["record"], verdicts[2]["records"]) == ("specimen", 2)
     rows = list(csv.DictReader((out / "verdicts.csv").read_text().splitlines()))
     assert [row["record"] for row in rows] == ["r1", "r2", "specimen"]
@@ -92,7 +92,7 @@ def test_envelopes_and_motions_in_one_call_are_refused(tmp_path):
     assert are_envelopes([other], None, None, "envelope")
 
 
-def test_the_frequency_and_the_unit_are_read_from_the_head(tmp_path):
+def test_the_frequency_and_the_unit_are_read_from_the_head(tmp_path, capsys):
     """The sampling frequency is not that of the oscillation."""
     for head, frequency in (
         ("# resonance frequency: 1.5 MHz\n# sampling rate: 100 Hz\n# time [s], power [dBm]\n", 1.5e6),
@@ -102,6 +102,8 @@ def test_the_frequency_and_the_unit_are_read_from_the_head(tmp_path):
     ):
         record = read_envelope(written(tmp_path / "r.txt", head=head))
         assert record.frequency == pytest.approx(frequency)
+        assert main(["look", str(tmp_path / "r.txt")]) == 0
+        assert (f"is {frequency:.9g} Hz." if frequency else "--frequency") in capsys.readouterr().out
     assert [unit_in(f"power [{unit}]") for unit in ("MW", "mW", "µW", "DBM")] == ["MW", "mW", "uW", "dBm"]
 
 

@@ -63,7 +63,12 @@ def test_a_comparison_in_python_saves_plots_and_reports_the_analysis(tmp_path: P
     assert bd.load(result.save(tmp_path / "r.npz")).verdict.to_dict() == result.verdict.to_dict()
     page = result.report(tmp_path / "r.html").read_text(encoding="utf-8")
     assert page.count("data:image/svg+xml") == 1
-    assert result.plot()[0].get_ylabel() == "level / dBm"
+    short = bd.compare(make_record("short", t, -40.0 - 0.12 * t + 20 * noise, "dBm", 1e6))
+    listed = short.report(tmp_path / "short.html").read_text(encoding="utf-8").partition("in a sum: ")[2]
+    assert all(f" {term.probability:.2f}" in listed[:90] for term in short.verdict.energy)
+    (whole, rest), curve = result.plot(), analyse(record).curve
+    assert whole.get_ylabel() == "level / dBm"
+    assert rest.lines[0].get_ydata() == pytest.approx(curve.level - curve.fit)
     in_volts = replace(record, unit="V", level=record.level + 60)
     assert bd.compare(in_volts).plot()[0].get_ylabel() == "level / dB of 1 V"
     many = bd.compare([record, make_record("s", t, record.level + noise[::-1], "dBm", 1e6)], repeats=True)

@@ -54,11 +54,10 @@ def test_standard_errors_of_weak_sindy_are_near_the_bound():
     Negative control: errors of plain regression.
     """
     records = [pendulum({"zeta": 0.05}, noise=0.003, samples=1000, seed=seed) for seed in range(12)]
-    estimates, plain = (
-        [initial(name, *record) for record in records] for name in ("weak_sindy", "least_squares")
-    )
+    by_name = {n: [initial(n, *record) for record in records] for n in ("weak_sindy", "least_squares")}
+    estimates = by_name["weak_sindy"]
     errors, plain_errors = (
-        np.array([100 * (e.values["zeta"] / 0.05 - 1) for e in each]) for each in (estimates, plain)
+        np.array([100 * (e.values["zeta"] / 0.05 - 1) for e in x]) for x in by_name.values()
     )
     stderr = [100 * estimate.stderr["zeta"] / 0.05 for estimate in estimates]
     assert np.mean(stderr) == pytest.approx(0.47, rel=0.2)

@@ -28,8 +28,7 @@ READ = {
 
 def test_arrays_that_are_not_real_numbers_are_refused() -> None:
     """Control: the same values in other forms are read."""
-    assert (
-        not_refused((partial(bd.signal, t, y), f"^signal: {line}") for t, y, line in REFUSED.values()) == []
-    )
+    cases = ((partial(bd.signal, t, y), f"^signal: {line}") for t, y, line in REFUSED.values())
+    assert not_refused(cases) == []
     for kind, y in READ.items():
         assert np.array_equal(bd.signal(TIMES, y, cleaned=False).y, Y), kind

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import logsumexp
 
 import bayesdamp as bd
-from tests.interface.test_deviation import fit, one_parameter
+from tests.interface.test_deviation import MODEL, fit, one_parameter
 
 LENGTHS = {"nuts": {"chains": 2, "warmup": 50, "draws": 300}, "emcee": {}}
 GRID = np.linspace(0.040, 0.060, 201)
@@ -60,6 +60,4 @@ def test_the_density_in_natural_units() -> None:
         sd = fit().sd[name]
         up, down = (density.log_posterior(x + s * sd * np.eye(x.size)[i]) for s in (0.01, -0.01))
         assert density.gradient(x)[i] * sd == pytest.approx((up - down) / 0.02, rel=0.02, abs=0.02)
-    assert bd.Model("viscous", "linear", deviation="law").bind(fit().signal).values == pytest.approx(
-        density.values
-    )
+    assert MODEL.bind(fit().signal).values == pytest.approx(density.values)

@@ -147,6 +147,8 @@ def test_a_drift_of_the_damping_is_detected_and_widens_the_intervals() -> None:
     """Damping deviates by 15 % at both ends, 7.5 % in the mean."""
     drift = one_parameter()
     assert drift.deviation.low < 0.075 < drift.deviation.high
+    value, high = (100 * size for size in (drift.deviation.value, drift.deviation.high))
+    assert f"The damping follows its law within {value:.2g} % (95 %: below {high:.2g} %)." in repr(drift)
     assert drift.sd_law["zeta"] > drift.sd_noise["zeta"]
     low, high = drift.intervals["zeta"]
     assert low < 0.05 < high

@@ -15,6 +15,9 @@ def test_a_refined_estimate_is_the_best_fit() -> None:
     assert estimate.initial.values["zeta"] == pytest.approx(TRUTH["zeta"], rel=0.1)
     assert estimate.initial.values["zeta"] != estimate.refined.values["zeta"]
     assert estimate.values == estimate.refined.values
+    for stage in (estimate.initial, estimate.refined):
+        columns = [estimate.summary()[f"{what}_{stage.stage}"].dropna() for what in ("value", "stderr")]
+        assert [dict(column) for column in columns] == [stage.values, stage.stderr]
     started = bd.fit(record(), MODEL, start=estimate.values)
     assert started.values["zeta"] == pytest.approx(fit().values["zeta"], rel=1e-4)
 

@@ -87,6 +87,7 @@ def test_intervals_are_normal_in_the_scores() -> None:
     """Under a normal prior value ± 1.96 sd; under a half-normal prior no limit is below zero."""
     value, half = fit().values["theta0"], 1.959964 * fit().sd["theta0"]
     assert fit().intervals["theta0"] == pytest.approx((value - half, value + half))
+    assert tuple(fit().summary().loc["theta0", ["low", "high"]]) == fit().intervals["theta0"]
     both = bd.fit(record(), bd.Model("viscous+coulomb", "linear", noise="gaussian", known={"epsilon": 0.02}))
     low, high = both.intervals["mu_c"]
     assert 0 <= low < both.values["mu_c"] < high
@@ -151,10 +152,9 @@ def test_the_width_of_friction_is_chosen_also_with_a_single_noise_model() -> Non
     noise = 1e-3 * np.random.default_rng(4).standard_normal(clean.t.size)
     signal = bd.signal(clean.t, clean.y + noise, name="dry friction", cleaned=False)
     known = {"stiffness": 25.0, "rest_angle": 0.0}
-    chosen, wide = (
-        bd.fit(signal, bd.Model("coulomb", "linear", noise="gaussian", known=known | width))
-        for width in ({}, {"epsilon": 0.02 * 0.4 * 5.0})
-    )
+    both = known, known | {"epsilon": 0.02 * 0.4 * 5.0}
+    models = (bd.Model("coulomb", "linear", noise="gaussian", known=values) for values in both)
+    chosen, wide = (bd.fit(signal, model) for model in models)
     assert any("was not given" in note for note in chosen.notes)
     assert abs(chosen.values["mu_c"] - 0.2) < 4 * chosen.sd["mu_c"]
     assert wide.log_posterior < chosen.log_posterior - 3

@@ -175,19 +175,16 @@ def test_a_study_without_a_verdict_says_what_is_wrong_with_a_record(
     (tmp_path / "study.toml").write_text(STUDY)
     for rate in (-0.012, 0.012):
         t, y = sum_of((0.1, 1.0, rate))
-        lines = (
-            write_table(tmp_path / "rig.csv", "t (s),angle (deg)", t, np.degrees(y)).read_text().splitlines()
-        )
+        path = write_table(tmp_path / "rig.csv", "t (s),angle (deg)", t, np.degrees(y))
+        lines = path.read_text().splitlines()
         lines[61] += ",7.5"
-        (tmp_path / "rig.csv").write_text("\n".join(lines))
+        path.write_text("\n".join(lines))
         out = tmp_path / f"out{rate}"
         words = ["--out", str(out), "--workers", "1", "--quick"]
         assert main(["study", str(tmp_path / "study.toml"), *words]) == 0
         printed = capsys.readouterr().out
         assert "Beware: line 62 has 3 cells where the table has 2:" in printed
-        assert ("rig: Not the free decay of one oscillator: its oscillation at 0.6366" in printed) == (
-            rate < 0
-        )
+        assert ("Not the free decay of one oscillator: its oscillation at 0.6366" in printed) == (rate < 0)
         assert (" grows from 5.7" in printed) == (rate < 0)
         anomalies = RecordContent.of(Store(out).read("signal/rig/0")).anomalies
         assert ("grows from 5.7" in " ".join(anomalies)) == (rate < 0)

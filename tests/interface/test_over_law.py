@@ -20,10 +20,8 @@ def decay(second: float) -> Signal:
 
 def test_a_change_of_the_damping_is_stated_with_its_size() -> None:
     """The law's damping is the mean over the energy, of which the later part has 5 %. Control: no change."""
-    changed, control = (
-        answer(s, compare_models(s, damping=["viscous"], restoring=["linear"]), sample=False).verdict
-        for s in (decay(0.04), decay(FIRST))
-    )
+    signals, models = [decay(0.04), decay(FIRST)], {"damping": ["viscous"], "restoring": ["linear"]}
+    changed, control = (answer(s, compare_models(s, **models), sample=False).verdict for s in signals)
     assert changed.over_law.low < (0.04 / FIRST) ** 0.95 < changed.over_law.high
     assert changed.over_law.amplitude < np.exp(-OMEGA * FIRST * 10)
     assert " times the law's" in changed.sentence

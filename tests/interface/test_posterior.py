@@ -21,6 +21,7 @@ def test_the_number_of_draws_is_the_requested_one(sampler: str, draws: int) -> N
     """Also if they are too few, which the outcome of NUTS says."""
     post = bd.sample(fit(), sampler, warmup=20, draws=draws)
     assert post.draws.shape[1] == post.log_likelihood.shape[1] == draws
+    assert f": {len(post.draws)} chains of {draws} draws" in repr(post)
     assert (post.divergences is None) == (sampler == "emcee")
     assert sampler != "nuts" or post.outcome.startswith(("too few draws", "not converged"))
 

@@ -14,6 +14,7 @@ from bayesdamp.types import InputError
 from bayesdamp.verdict.parts import DampingRatio, Grade
 from bayesdamp.verdict.types import Verdict
 from tests.interface.problems import MODEL, fit, record
+from tests.report.pages import numbers
 
 mpl.use("Agg")
 LINES, WIDTH = 20, 200
@@ -38,9 +39,7 @@ def results() -> dict[str, Any]:
     }
 
 
-def test_each_result_is_printed_in_a_few_lines_and_has_a_table(
-    results: dict[str, Any], verdict: Verdict
-) -> None:
+def test_each_result_is_printed_with_its_numbers(results: dict[str, Any], verdict: Verdict) -> None:
     for name, result in {**results, "verdict": verdict}.items():
         lines = repr(result).splitlines()
         assert len(lines) <= LINES, name
@@ -49,6 +48,13 @@ def test_each_result_is_printed_in_a_few_lines_and_has_a_table(
         table = result.summary()
         assert isinstance(table, pd.DataFrame), name
         assert len(table) > 0, name
+        rows = {str(label): row for label, row in (table if len(table) > 1 else table.T).iterrows()}
+        for label, *cells in map(str.split, filter(None, lines)):
+            stored = [v for v in rows.get(label, ()) if isinstance(v, float) and np.isfinite(v)]
+            shown = numbers(" ".join(cells))[: len(stored)]
+            assert all(n.is_right(v) for n, v in zip(shown, stored, strict=True)), (name, label)
+    prediction = repr(results["prediction"]).splitlines()
+    assert prediction[0].endswith(f": {len(prediction) - 2} of 50 times")
 
 
 def test_each_result_is_saved_and_loaded(results: dict[str, Any], verdict: Verdict, tmp_path: Path) -> None:

@@ -15,10 +15,8 @@ EXACT = closed_form(TIMES, TRUTH)
 
 def test_a_simulation_is_the_closed_form() -> None:
     """Control: a damping that is 0.2 % larger."""
-    exact, control = (
-        bd.simulate({"viscous": zeta}, "linear", stiffness=20.0, duration=6.0, samples=150).y
-        for zeta in (0.05, 0.0501)
-    )
+    options = {"stiffness": 20.0, "duration": 6.0, "samples": 150}
+    exact, control = (bd.simulate({"viscous": zeta}, "linear", **options).y for zeta in (0.05, 0.0501))
     assert np.max(np.abs(exact - EXACT)) < 1e-7
     assert np.max(np.abs(control - EXACT)) > 1e-5
     oscillator = bd.Oscillator("viscous", "linear")
@@ -47,10 +45,8 @@ def test_a_rate_may_replace_times_and_a_unit_may_be_written_out() -> None:
 
 
 def test_the_unit_determines_the_quantity() -> None:
-    quantities = {
-        unit: bd.signal(TIMES, EXACT, unit=unit, cleaned=False).quantity for unit in ("rad", "deg/s", "g")
-    }
-    assert quantities == {"rad": "angle", "deg/s": "velocity", "g": "acceleration"}
+    expected = {"rad": "angle", "deg/s": "velocity", "g": "acceleration"}
+    assert {u: bd.signal(TIMES, EXACT, unit=u, cleaned=False).quantity for u in expected} == expected
 
 
 def test_a_file_is_read_saved_and_printed(tmp_path: Path) -> None:

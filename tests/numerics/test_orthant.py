@@ -18,10 +18,8 @@ def test_the_probability_is_that_of_scipy(k: int) -> None:
     roots = rng.standard_normal((8, k, k + 1))
     covariances = roots @ roots.transpose(0, 2, 1)
     probability = np.exp(log_probability(means, covariances))
-    truth = [
-        multivariate_normal.cdf(m, np.zeros(k), c, abseps=1e-8, releps=1e-8, maxpts=10**6)
-        for m, c in zip(means, covariances)
-    ]
+    exactly = {"abseps": 1e-8, "releps": 1e-8, "maxpts": 10**6}
+    truth = [multivariate_normal.cdf(m, np.zeros(k), c, **exactly) for m, c in zip(means, covariances)]
     assert probability == pytest.approx(truth, abs=1e-4, rel=2e-3)
     assert np.max(np.abs(np.exp(log_probability(-means, covariances)) - truth)) > 0.1  # control
 

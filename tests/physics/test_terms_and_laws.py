@@ -86,9 +86,7 @@ def work_by_quadrature(force, rest, amplitude, frequency, breaks=(0.0,)):
 
     def power(phase: float, direction: float) -> float:
         speed = direction * amplitude * frequency * math.cos(phase)
-        return (
-            force(rest + amplitude * math.sin(phase), speed, 1e-12) * direction * amplitude * math.cos(phase)
-        )
+        return force(rest + amplitude * math.sin(phase), speed, 1e-12) * speed / frequency
 
     ends = [-math.pi / 2, *sorted(math.asin(x / amplitude) for x in breaks), math.pi / 2]
     return sum(

@@ -62,10 +62,8 @@ def test_probabilities_are_shared_by_the_candidates_with_evidence(tmp_path, monk
         evidence = {n: Evidence(n, method, log, 0.01, outcome=o) for n, log, o in zip(names, logs, outcomes)}
         return evidence | {names[3]: Evidence(names[3], method, outcome="pruned: far behind")}
 
-    methods = {
-        "importance": evidence_of("importance", -5.0, -7.0, nan),
-        "bridge": evidence_of("bridge", -5.0, nan, nan),
-    }
+    logs = {"importance": (-5.0, -7.0, nan), "bridge": (-5.0, nan, nan)}
+    methods = {method: evidence_of(method, *of_models) for method, of_models in logs.items()}
     methods["bridge"][names[1]] = Evidence(names[1], "bridge", outcome="no draws")
     monkeypatch.setattr(tables, "evidence_by_method", lambda *_: methods)
     rows = list(tables._evidence(study, Store(tmp_path / "run")))

@@ -34,6 +34,7 @@ def test_the_population_has_a_row_for_each_coefficient(run):
     assert (row["model"], row["restoring"], row["parameter"]) == ("viscous", "linear", "zeta")
     assert (row["unit"], row["specimens"]) == ("1/s", 3)
     assert row["mean_low"] < 0.0575 < row["mean_high"]
+    assert row["mean"] - row["mean_low"] == pytest.approx(row["mean_high"] - row["mean"])
     assert row["spread_low"] > 0.002
     page = (run / "report.html").read_text(encoding="utf-8")
     assert "Population of the specimens" in page

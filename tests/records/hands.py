@@ -49,14 +49,8 @@ def rig(rng: np.random.Generator, cycles: float) -> Rig:
     """Return a random damping under which an amplitude of 1 falls to about a tenth within the given cycles."""
     viscous, friction = rng.uniform(2, 3) / cycles, W * W / (4.6 * cycles)
     drag = 3 * rng.uniform(3, 8) / (8 * cycles)
-    laws = (
-        Rig(viscous),
-        Rig(mu_c=friction),
-        Rig(mu_q=drag),
-        Rig(viscous / 2, friction / 3),
-        Rig(viscous / 2, 0, drag / 2),
-    )
-    return laws[int(rng.integers(len(laws)))]
+    laws = [(viscous,), (0, friction), (0, 0, drag), (viscous / 2, friction / 3), (viscous / 2, 0, drag / 2)]
+    return Rig(*laws[int(rng.integers(len(laws)))])
 
 
 def held_then_released(rng: np.random.Generator, hold: float, tilt: float, per_cycle: float) -> Record:

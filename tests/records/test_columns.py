@@ -233,9 +233,7 @@ def test_a_rate_in_the_head_replaces_sample_numbers(tmp_path: Path) -> None:
 def test_missing_frames_are_gaps_in_the_times(tmp_path: Path) -> None:
     """Control: numbers of which none is missing."""
     kept = np.delete(INDEX, np.r_[50:60, 200])
-    raw, plain = (
-        read_record(write(tmp_path / "video.csv", {"frame": rows, "x_px": Y[kept]}), rate=50.0)
-        for rows in (kept, INDEX[: kept.size])
-    )
+    tables = ({"frame": rows, "x_px": Y[kept]} for rows in (kept, INDEX[: kept.size]))
+    raw, plain = (read_record(write(tmp_path / "video.csv", table), rate=50.0) for table in tables)
     assert raw.t == pytest.approx(kept / 50.0)
     assert (plain.t, plain.rate) == (None, 50.0)

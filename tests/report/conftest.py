@@ -83,6 +83,8 @@ VERDICTS = (
 QUANTILES = {"q2.5": 0.025, "q25": 0.25, "median": 0.5, "q75": 0.75, "q97.5": 0.975}
 CANDIDATES = {"viscous": (-812.34, -1204.6, 0.03127), "viscous+coulomb": (321.7, 298.2, 0.00213)}
 """Log evidence, log evidence under exact laws and rms residual in rad."""
+EPSILON = 0.0123
+"""The width of the sign change of friction in all answers, in rad/s."""
 OF_SPECIMENS = dict(zip(POPULATION, ("viscous", LAW, "zeta", "1/s", 4, 5, 3, 6, 1.4, 0.8, 2.7, 2.2, 9.1)))
 """A row of population.csv."""
 
@@ -129,7 +131,8 @@ class RunMaker:
         t = np.arange(5000) / 260.0 if kind == "bench" else np.linspace(0, 10, 1000)
         y = trajectory(kind, t) + self.rng.normal(0, 0.003, t.size)
         period = 0.25 if kind == "bench" else 1.405
-        meta: dict = {"features": asdict(FeatureValues(0.0, 0.3, 0.1, 4.5, period, 9.0, 140.0, 0.001))}
+        features = asdict(FeatureValues(0.0, 0.3, 0.1, 4.5, period, 9.0, 140.0, 0.001))
+        meta: dict = {"features": features, "known": {"epsilon": 0.05}}
         arrays = {"t": t, "y": y}
         if kind == "bench":  # deflected and at rest before its release, and at rest at the end
             raw = np.concatenate([np.full(520, y[0]), y, np.full(1300, 0.0088)])
@@ -174,17 +177,14 @@ class RunMaker:
                         "stderr": sd if stage == "refined" else math.nan,
                         "evaluations": 300 * i * repeats, "seconds": 0.3 * i * repeats,
                     })  # fmt: skip
-            stages = [
-                {"estimator": method, "stage": stage, "details": {}} for stage in ("initial", "refined")
-            ]
-            stages[0]["details"] = DETAILS.get(method, {})
+            of_both = {"estimator": method, "details": DETAILS.get(method, {})}
+            stages = [{**of_both, "stage": "initial"}, {**of_both, "stage": "refined", "details": {}}]
             self.put(f"estimate/{path}/{method}", {"stages": stages}, {})
 
     def posterior(self, place: dict, path: str, kind: str) -> None:
         own = [OWN[term] for term in place["model"].split("+")]
-        sizes = [(n, u, *SIZE[kind][n]) for n, u in own] + [
-            (n, u, v, s) for n, (v, s, u) in SHARED[kind].items()
-        ]
+        sizes = [(n, u, *SIZE[kind][n]) for n, u in own]
+        sizes += [(n, u, v, s) for n, (v, s, u) in SHARED[kind].items()]
         names, units, mean, sd = (list(column) for column in zip(*sizes))
         if kind == "sim" and "mu_c" in names:
             mean[names.index("mu_c")] = 0.0
@@ -194,7 +194,8 @@ class RunMaker:
             is_slow = sampler == "emcee" and place["model"] == "quadratic"
             outcome = "not converged: R̂ of stiffness is 1.034, above 1.01" if is_slow else "ok"
             stored = {"sampler": sampler, "names": names, "draws": [], "log_likelihood": []}
-            meta = {"posterior": stored, "units": dict(zip(names, units))}
+            without = {"decrement": 3, "half_life": 7} if is_slow else {}
+            meta = {"posterior": stored, "units": dict(zip(names, units)), "without": without}
             self.put(f"posterior/{path}/{sampler}", meta, {"draws": draws}, outcome)
             flat = draws.reshape(-1, len(names))
             derived = ("natural_frequency", "rad/s", np.sqrt(20 + 0.001 * self.rng.normal(size=len(flat))))
@@ -255,7 +256,7 @@ def write_answers(folder: Path) -> None:
     verdicts = [replace(v, sentence=sentence(v)) for v in VERDICTS]
     for v in verdicts:
         candidates = [asdict(ComparedCandidate(n, v.restoring, *each)) for n, each in CANDIDATES.items()]
-        meta = {"verdict": v.to_dict(), "candidates": candidates}
+        meta = {"verdict": v.to_dict(), "candidates": candidates, "epsilon": EPSILON}
         store.write(TaskResult(f"answer/{v.record}/0", "key", meta, {}))
     save_verdicts(folder, verdicts)
     write_table(folder / "population.csv", POPULATION, [OF_SPECIMENS])

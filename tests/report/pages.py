@@ -32,9 +32,8 @@ def numbers(text: str) -> list[Shown]:
     for bound, digits, decimals, e, raised, ms in _NUMBER.findall(text):
         power = 10.0 ** (int((e or raised or "0").translate(_RAISED)) - 3 * bool(ms))
         value = float(digits.translate(_RAISED).replace("\u202f", "")) * power
-        parsed.append(
-            Shown(bound.strip(), value, 0.0 if text == "0" else 0.5 * power * 10.0 ** -len(decimals))
-        )
+        half = 0.0 if text == "0" else 0.5 * power * 10.0 ** -len(decimals)
+        parsed.append(Shown(bound.strip(), value, half))
     return parsed
 
 
@@ -153,7 +152,7 @@ Stored = dict[str, float] | str
 
 IDENTIFYING = {
     "repeat", "record", "model", "damping", "restoring law", "method", "estimator", "stage", "parameter", "sampler",
-    "coefficient",
+    "coefficient", "signal", "origin", "recorded",
 }  # fmt: skip
 """Headers of the cells that say what a row is about."""
 

@@ -178,8 +178,24 @@ def of_population() -> dict[str, Stored]:
     return {**sizes, "one more specimen (95 %)": {"from": r["next_low"], "to": r["next_high"]}, "unit": "1/s"}
 
 
+def of_study(f: Folder, at: dict[str, Any], cells: dict[str, str]) -> dict[str, Stored]:
+    samples, duration = (5000, 4999 / 260) if cells["signal"] == "bench" else (1000, 10)
+    return {
+        "repeats": {"": COUNTS[cells["signal"]]}, "samples used": {"": samples}, "duration / s": {"": duration},
+    }  # fmt: skip
+
+
+def of_odds(f: Folder, at: dict[str, Any], cells: dict[str, str]) -> dict[str, Stored]:
+    """Return the probability of a damping with half, once and twice the prior odds of a second term."""
+    rows = f.rows("evidence", signal=at["signal"], repeat=0, method="bridge").set_index("model").probability
+    both, alone = rows[BOTH], rows["viscous"]
+    shares = [factor * both / (factor * both + alone) for factor in (0.5, 1, 2)]
+    shares = shares if MODEL[cells["damping"].lower()] == BOTH else [1 - p for p in shares]
+    return {header: {"": p} for header, p in zip([h for h in cells if h.startswith("factor")], shares)}
+
+
 OF_SECTION = {
-    "posteriors": ("sampler", of_posterior), "estimates": ("evaluations", of_estimate),
+    "posteriors": ("sampler", of_posterior), "estimates": ("evaluations", of_estimate), "study": ("origin", of_study),
     "evidence": ("method", of_evidence), "fit_quality": ("rms residual", of_fit),
 }  # fmt: skip
 """A header of each section's table of a CSV file, and the stored numbers of its rows."""

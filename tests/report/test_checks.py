@@ -35,10 +35,8 @@ def cell(kind: str, v: Verdict) -> TaskResult:
 
 
 def evidence(method: str = "importance", **probabilities: float) -> list[dict]:
-    return [
-        {**ROW, "method": method, "model": m, "probability": p, "log_evidence": 10 * p}
-        for m, p in probabilities.items()
-    ]
+    row = {**ROW, "method": method}
+    return [{**row, "model": m, "probability": p, "log_evidence": 10 * p} for m, p in probabilities.items()]
 
 
 def chain(sampler: str = "nuts", at: float = 0.05, outcome: str = "ok") -> list[dict]:

@@ -31,9 +31,10 @@ def folder(tmp_path: Path) -> Path:
     for damping, (parameter, truth) in TRUTHS.items():
         for level in LEVELS:
             name = f"{damping}-{NAMES[level]}"
-            signals.append({"name": name, "source": source(damping, level)})
+            system = {"known": {"stiffness": 20.05}}
+            signals.append({"name": name, "source": source(damping, level), "system": system})
             bound = {parameter: 0.002 * level * truth} if level else {}
-            about[name] = {"simulated": True, "unit": "rad", "reference": {"amplitude": 0.3}, "bound": bound}
+            about[name] = {"simulated": True, "unit": "deg", "reference": {"amplitude": 0.3}, "bound": bound}
             rest[name] = {"equilibrium": 0.05, "natural_frequency": 4.478}
             for repeat in (0, 1):
                 for method, errors in ERRORS.items():
@@ -69,10 +70,14 @@ def test_the_page_compares_errors_under_the_true_model_and_times_with_published_
     ]
     published = {"topological": "–", "least squares": "–", "genetic": "2–5 min"}
     assert times == [[method, "2.0 s", "2.0 s", text] for method, text in published.items()]
+    assert f"equilibrium {math.degrees(0.05):.4g} deg and the natural frequency 4.478 rad/s." in page
+    assert " = 20.05." in page  # the known stiffness
     assert "Errors against noise" in page
     assert "of the true values, over 2 repeats, against the noise" in page
     figures = {path.name: path.read_text(encoding="utf-8") for path in (folder / "figures").iterdir()}
     assert "topological, 2<" in figures["sweep-viscous-noise.svg"]  # the number of repeats
+    ticks = [figures["sweep-viscous-noise.svg"].index(f">{level:g}</text>") for level in LEVELS]
+    assert ticks == sorted(ticks)
     assert {"estimates-viscous-base-viscous.svg", "sweep-viscous-noise.svg"} <= set(figures)
 
 
@@ -90,3 +95,7 @@ def test_a_series_contains_records_that_differ_in_one_factor(folder):
         for signal in run.study["signals"][1:3]:
             signal["source"] |= change
         assert [(s.model, s.factor) for s in error_series(run)] == [("coulomb", "noise")]
+    # 70, 140, ... intervals in 7.0 periods.
+    for signal, samples in zip(run.study["signals"], (71, 141, 351, 701)):
+        signal["source"] = source("viscous", 1.0, samples)
+    assert [s.values for s in error_series(run) if s.factor == "sampling"] == [[10, 20, 50, 100]]

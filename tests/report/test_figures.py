@@ -12,7 +12,7 @@ from bayesdamp.report.drawing import RC, Drawings, fix_margins
 from bayesdamp.report.figures.answer import answer, overview
 from bayesdamp.report.figures.estimators import estimate_panels
 from bayesdamp.report.figures.posterior import marginals
-from bayesdamp.report.figures.record import draw_raw_record, thin_line
+from bayesdamp.report.figures.record import ModelFit, draw_raw_record, record, thin_line
 from bayesdamp.report.results.estimators import CoefficientEstimates
 
 
@@ -80,7 +80,9 @@ def test_a_histogram_has_the_area_one_where_the_draws_are() -> None:
 def test_a_damping_ratio_and_its_interval_are_drawn_in_per_cent() -> None:
     a, ratio = np.array([0.1, 0.2]), np.array([0.01, 0.02])
     curve = {"amplitude": a, "ratio": ratio, "low": 0.9 * ratio, "high": 1.2 * ratio}
-    of_record = answer({"t": a, "record": a, "work/viscous": a, **curve}, "rad", "viscous", "")
+    laws = {"work/viscous": a, "law/viscous": 3 * ratio}
+    of_record = answer({"t": a, "record": a, **laws, **curve}, "rad", "viscous", "")
+    assert of_record.axes[1].lines[1].get_ydata() == pytest.approx([3, 6])
     for ax in (of_record.axes[1], *overview({"a": list(curve.values())}, "rad").axes):
         ends = ax.collections[0].get_datalim(ax.transData).intervaly
         assert [*ax.lines[0].get_ydata(), *ends] == pytest.approx([1, 2, 0.9, 2.4])
@@ -89,7 +91,19 @@ def test_a_damping_ratio_and_its_interval_are_drawn_in_per_cent() -> None:
 def test_a_panel_of_estimates_says_which_name_is_the_records() -> None:
     """Also if the record has the name of another model."""
     estimate = CoefficientEstimates(
-        "viscous", "coulomb", "mu_c", "rad/s²", 0.03, {"envelope": 0.031}, {}, None
+        "viscous", "coulomb", "mu_c", "rad/s²", 0.03, {"envelope": 0.031}, {"envelope": 0.05}, None
     )
     (ax,) = (ax for ax in estimate_panels([estimate]).axes if ax.get_visible())
     assert ax.get_title() == "record viscous,\nmodel Coulomb"
+    assert [line.get_xdata() for line in ax.lines if line.get_marker() == "o"] == [[0.031]]
+    assert [text.get_text() for text in ax.texts] == ["0.0500 ▸"]
+
+
+def test_the_parts_of_a_record_and_the_band_of_white_noise_are_where_they_belong() -> None:
+    """95 % of the autocorrelation of white noise is within 2/√n; here n is 400."""
+    t = np.linspace(0.0, 20.0, 400)
+    used, other = draw_raw_record(t, t, "", 2.0, 15.0, [slice(16.0, 19.0)]).axes[0].patches
+    assert [used.get_x(), used.get_width(), other.get_x(), other.get_width()] == [2, 13, 16, 3]
+    figure = record(t, t, [ModelFit("viscous", t, t, np.ones(3), "1 rad")], "", "rad", 1.0)
+    (band,) = figure.axes[-1].patches
+    assert [band.get_y(), band.get_height()] == pytest.approx([-0.1, 0.2])

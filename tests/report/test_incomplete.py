@@ -55,6 +55,7 @@ SPOILED: list[tuple[Callable[[Path], None], str]] = [
     (refused, "No fit of viscous: not applicable: a record without noise"),
     (refused, "1 task ended without a result"),
     (lambda folder: refused(folder, 5), "mode/sim/2/viscous and 2 more"),
+    (lambda folder: refused(folder, 5), "5 tasks ended without a result"),
 ]
 
 
@@ -93,10 +94,7 @@ def test_a_damaged_verdict_is_one_line(maker, content):
 
 def test_a_sampler_without_doubts_is_preferred_and_then_nuts() -> None:
     for nuts, emcee, chosen in (("ok", "ok", "nuts"), ("no", "ok", "emcee"), ("no", "no", "nuts")):
-        outcomes = {"emcee": emcee, "nuts": nuts}
-        rows = [
-            {"signal": "s", "repeat": 0, "model": "viscous", "sampler": s, "mean": 1.0, "outcome": o}
-            for s, o in outcomes.items()
-        ]
+        row = {"signal": "s", "repeat": 0, "model": "viscous", "mean": 1.0}
+        rows = [{**row, "sampler": s, "outcome": o} for s, o in (("emcee", emcee), ("nuts", nuts))]
         run = SimpleNamespace(posteriors=rows)
         assert [row["sampler"] for row in summary_rows(run, "s", 0, "viscous")] == [chosen]

@@ -17,7 +17,7 @@ from bayesdamp.report.sections import render
 from bayesdamp.report.terminal import VerdictPrinter
 from bayesdamp.verdict.types import load_verdicts
 from tests.report import stored as expected
-from tests.report.conftest import RunMaker, write_answers
+from tests.report.conftest import EPSILON, RunMaker, write_answers
 from tests.report.pages import Comparison, Tables, numbers
 from tests.report.stored import MODEL, UNIT
 
@@ -49,6 +49,8 @@ def compare_page(c: Comparison, folder: Path) -> None:
                 section, stored = "population", expected.of_population()
             elif section == "overview":
                 stored = expected.of_overview(f.verdicts[cells["record"]], UNIT[cells["record"]])
+            elif section == "evidence" and "damping" in cells:
+                stored = expected.of_odds(of_answers, at, cells)
             elif section in expected.OF_SECTION and expected.OF_SECTION[section][0] in headers:
                 stored = expected.OF_SECTION[section][1](f, at, cells)
             else:
@@ -60,6 +62,8 @@ def compare_page(c: Comparison, folder: Path) -> None:
         own = [(tag, text) for path, tag, text in page.texts if path[:2] == ["answer", signal]]
         compare_answer(c, "page", v, UNIT[signal], [text for tag, text in own if tag in ("claim", "p")])
         at = {"signal": signal, "repeat": 0, "model": v["damping"]}
+        (width,) = (t for p, _, t in page.texts if p[:2] == ["record", signal] and "compared with ε" in t)
+        c.check("ε", width, {"": EPSILON, "of the peak velocity": 2.0})
         by = {m: of_answers.row("evidence", **at, method=m)["probability"] for m in ("bridge", "importance")}
         by["answer"] = v["probability"] / (v["probability"] + v["rivals"][0]["probability"])
         c.check("check of the probability", next(t for _, t in own if t.startswith("Probability of")), by)

@@ -47,6 +47,7 @@ def test_warnings_are_on_the_page(page):
         "changes by up to 4.1 times the standard deviation that is expected by chance",
         "predictive p 0.0030",
         "emcee: not converged: R̂ of stiffness is 1.034",
+        "are not shown, because for 7 draws they do not exist",
         "The study names 4 damping models",
         "ε, within which friction changes its sign, was not given; it is assumed.",
     ):

@@ -17,6 +17,8 @@ def test_every_parameter_of_a_shipped_term_or_law_has_a_symbol():
         assert all(parameter_symbol(name) is not None for name in law.parameters)
     assert words.symbol("mu_c").text == "μc"
     assert words.axis("zeta", "1/s") == r"$\zeta$ / (1/s)"
+    units = {"m/s^2": "m/s²", "1/m**2": "1/m²", "rad^3": "rad³", "1/s2": "1/s²"}
+    assert {text: words.unit(text) for text in units} == units
 
 
 def test_a_user_s_term_without_a_symbol_is_written_with_the_name_of_its_parameter(tmp_path):

@@ -12,6 +12,8 @@ def test_a_value_has_the_digits_of_its_error():
         (-243.1, 12.0): "−243 ± 12",
         (3e-9, 0.12): "0.00 ± 0.12",
         (2.1e-7, 3e-9): "2.1 × 10⁻⁷ ± 3 × 10⁻⁹",
+        (21234567.0, 3000.0): "2.12346 × 10⁷ ± 3000",
+        (0.05, 1e-9): "0.05000000",
         (0.05, math.nan): "0.05000",
         (0.05, 0.0): "0.05000",
         (math.nan, 0.1): "–",
@@ -42,6 +44,7 @@ def test_intervals_have_the_digits_of_their_width():
     assert fmt.interval(0.128204, 0.130211) == "[0.12820, 0.13021]"
     assert fmt.interval(-243.3, -200.1) == "[−243, −200]"
     assert fmt.interval(math.nan, 1.0) == "–"
+    assert fmt.with_interval(0.0123, math.nan, 0.02, " %", 100) == "1.23 %, interval unbounded"
 
 
 def test_durations():

@@ -39,9 +39,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize(("text", "why"), NO_RUN.items(), ids=lambda text: text[:20])
-def test_commands_that_read_a_run_refuse_another_description(
-    tmp_path: Path, refused, text: str, why: str
-) -> None:
+def test_commands_refuse_another_description(tmp_path: Path, refused, text: str, why: str) -> None:
     folder, page = written(tmp_path / "run", text), tmp_path / "claims.md"
     before = sorted(folder.iterdir())
     for words in (("report", str(folder)), ("claims", "--paper", str(folder), "--out", str(page))):

@@ -61,7 +61,11 @@ def test_an_envelope_and_a_motion_have_the_same_fields(envelope: Verdict, tmp_pa
     for row, v in zip(rows, (motion, envelope), strict=True):
         assert float(row["ratio_1"]) == v.damping_ratio[0].value
         assert [float(row[s.term]) for s in v.energy] == [s.probability for s in v.energy]
-    assert float(rows[1]["quality_factor"]) == envelope.quality_factor.value
+        shares = [f"{s.term}:{s.share:.4g}({s.low:.4g},{s.high:.4g})" for s in v.energy]
+        rivals = [f"{r.damping}:{r.probability:.4g}" for r in v.rivals]
+        assert (row["energy"].split(), row["rivals"].split()) == (shares, rivals)
+    sizes = [float(rows[1][name]) for name in ("quality_factor", "cycles")]
+    assert sizes == [envelope.quality_factor.value, envelope.window.cycles]
     assert (rows[0]["quality_factor"], rows[1]["restoring"]) == ("", "")
 
 

@@ -18,6 +18,7 @@ from bayesdamp.verdict.parts import Bound, DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.specimen import RecordAnswer, common_verdict, pool_coefficients, pool_records, specimen
 from bayesdamp.verdict.types import Verdict
 from tests.inference.runs import by_quadrature, run_of
+from tests.report.pages import numbers
 
 AMPLITUDE = np.array([0.1, 0.2, 0.4])
 REFERENCE = Reference(1.0, 1.0)
@@ -152,7 +153,11 @@ def test_ratio_spread_and_prediction_are_those_of_quadrature() -> None:
     assert (following.low, following.high) == pytest.approx(tuple(ends), abs=0.1 * np.ptp(ends))
     assert following.high - following.low > 1.3 * (high - low)
     assert np.hypot(following.sd_noise, following.sd_law) == pytest.approx(np.ptp(ends) / 3.92, rel=0.25)
-    assert verdict.remarks[0].startswith("The damping differs between records by")
+    assert verdict.row()["ratio_2_next_low"] == following.low
+    differs, more = (numbers(text) for text in verdict.remarks[:2])
+    for shown, of, percents in ((differs, verdict.spread, (0, 2, 3)), (more, following, (0, 1, 2))):
+        stored = 100 * of.value, 100 * of.low, 100 * of.high
+        assert all(shown[i].is_right(size) for i, size in zip(percents, stored)), verdict.remarks
 
 
 def test_coefficients_of_specimens_are_pooled_if_all_have_the_same_damping() -> None:

@@ -12,11 +12,13 @@ from bayesdamp.verdict.parts import (
     FrequencyAt,
     Grade,
     Interval,
+    MeasuredNumber,
     MotionKind,
     Oscillation,
     OverLaw,
     Rival,
     Share,
+    UsedWindow,
     quality_of,
 )
 from bayesdamp.verdict.types import Verdict
@@ -84,9 +86,7 @@ def test_the_exponent_in_words(interval: tuple[float, ...], damping: str, text: 
         ((-0.01, -0.02, -0.005), "–"),
     ],
 )
-def test_the_quality_factor_of_a_damping_ratio_that_may_be_zero(
-    ratio: tuple[float, float, float], text: str
-) -> None:
+def test_the_quality_factor_of_a_ratio_that_may_be_zero(ratio: tuple[float, float, float], text: str) -> None:
     assert quality_of(DampingRatio(0.2, "rad", ratio[0], 1e-4, 1e-4, *ratio[1:])) == text
 
 
@@ -140,7 +140,8 @@ def declined(motion: MotionKind, *modes: tuple[float, float, float, float]) -> V
 
 
 def steady(*ratio: float) -> Verdict:
-    return replace(DECLINED, motion=MotionKind.STEADY, modes=(Oscillation(1.1, *ratio, 0.2, 0.2, "rad"),))
+    mode, window = Oscillation(1.1, *ratio, 0.2, 0.2, "rad"), UsedWindow(0.0, 30.0, 33.0, "")
+    return replace(DECLINED, motion=MotionKind.STEADY, modes=(mode,), window=window)
 
 
 SLOW, FAST = "1.1000 Hz (damping ratio 1.000 %, 0.900 to 1.100)", "(damping ratio 2.00 %, 1.90 to 2.10)"
@@ -174,6 +175,8 @@ DEVIATES = Interval(0.05, 0.0, 0.1)
         (replace(MISFIT, unexplained_pct=9.0), "which leaves 9 % of the amplitude unexplained."),
         # A steady oscillation has an upper limit of its damping; a negative ratio counts as 0.
         (steady(-1e-4, -1.5e-4, -5e-5), "damping ratio is below 0.005 % (95 %), Q above 10,000."),
+        (steady(0.0, 0.0, 0.0), " of 0.2 rad over 33 cycles"),
+        (replace(SURE, rate=MeasuredNumber(0.21, 0.01, 0.01, 0.185, 0.215, "1/s")), "0.210 1/s (0.185 to 0.215)"),
         # Records that are not the free decay of one oscillator.
         (
             declined(MotionKind.TWO_MODES, (1.1, 0.01, 0.2, 0.1), (3.3, 0.02, 0.01, 0.02)),
@@ -197,6 +200,7 @@ DEVIATES = Interval(0.05, 0.0, 0.1)
             "; no deviation from the law is detected (95 %: below 4 %).",
         ),
         (replace(ABOUT, deviation=DEVIATES), "; the law holds within 5 % (95 %: below 10 %)."),
+        (replace(ABOUT, deviation=DEVIATES, over_law=OVER), "the damping is 2.00 (1.50 to 2.50) times the law's."),
         # At most three dampings, the most probable first, also if it is another form; two certain terms.
         (
             replace(OPEN, rivals=FORMS, energy=SHARES),

@@ -76,9 +76,7 @@ def test_recurrent_layers_are_those_of_torch(cell):
     rng = np.random.default_rng(0)
     network = RecurrentNetwork(cell, 5)
     weights, sequences = 2.0 * network.draw(rng), rng.normal(size=(7, 9, 2))
-    reference = {"lstm": torch.nn.LSTM, "gru": torch.nn.GRU}[cell](
-        2, 5, batch_first=True, dtype=torch.float64
-    )
+    reference = getattr(torch.nn, cell.upper())(2, 5, batch_first=True, dtype=torch.float64)
     blocks = weights[:-6].reshape(-1, 5, 8)
     # torch has the gates in the orders input, forget, new, output, and reset, update, new.
     matrix = np.concatenate(blocks[[0, 1, 3, 2] if cell == "lstm" else [1, 0, 2]])

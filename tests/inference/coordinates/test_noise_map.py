@@ -70,8 +70,6 @@ def test_log_likelihoods_do_not_contain_the_volume_of_the_map(sampler: Sampler) 
     posterior = sampler.sample(target, mode, few)
     residual, gaps = mode.likelihood.residual(mode.z), mode.likelihood.gaps
     values = dict(zip(posterior.names, np.moveaxis(posterior.draws[:3, -1], -1, 0), strict=True))
-    expected = [
-        target.noise_model.log_likelihood(residual, gaps, {n: v[i] for n, v in values.items()})
-        for i in range(3)
-    ]
+    draws = [{n: v[i] for n, v in values.items()} for i in range(3)]
+    expected = [target.noise_model.log_likelihood(residual, gaps, draw) for draw in draws]
     assert posterior.log_likelihood[:3, -1] == pytest.approx(np.array(expected, float), abs=1e-6)

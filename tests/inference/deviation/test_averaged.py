@@ -172,9 +172,8 @@ def test_phases_of_thousands_of_cycles_are_accurate() -> None:
     at, active = np.array([p.get(n, 0.0) for n in solver.names]), np.arange(3) == 2
 
     def error(tolerance: float) -> float:
-        y, exact = (
-            solver.solve(at, active, tangents=NONE, tolerance=x).y for x in (tolerance, 1e-2 * TOLERANCE)
-        )
+        both = tolerance, 1e-2 * TOLERANCE
+        y, exact = (solver.solve(at, active, tangents=NONE, tolerance=x).y for x in both)
         return float(np.max(np.abs(y - exact)) / data.averaged.noise)
 
     assert error(TOLERANCE) < MOST_SHIFT
@@ -239,7 +238,6 @@ def test_another_form_of_damping_is_fitted_with_its_own_motion() -> None:
     y = motion.y[0] + 0.003 * np.random.default_rng(3).standard_normal(t.size)
     comparison = compare_signal(Signal(t, y, unit="m"), restoring=["linear"])
     assert comparison.data.averaged is not None
-    ahead = {
-        "+".join(r.candidate.damping): r.log_evidence - comparison.best.log_evidence for r in comparison.forms
-    }
+    best = comparison.best.log_evidence
+    ahead = {"+".join(r.candidate.damping): r.log_evidence - best for r in comparison.forms}
     assert ahead["viscous+displacement"] > 5.0

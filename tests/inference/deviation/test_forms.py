@@ -70,10 +70,8 @@ def test_the_exponent_has_the_width_of_the_fisher_information() -> None:
     steps = np.array([1e-3, 1e-2, 1e-2, 1e-3, 1e-2, 1e-3])
     jacobian = np.array([(motion(at + d) - motion(at - d)) / (2 * d.max()) for d in np.diag(steps)]) / sd
     expected = math.sqrt(np.linalg.inv(jacobian @ jacobian.T)[1, 1])
-    y = motion(at) + sd * np.random.default_rng(3).standard_normal(TIMES.size)
-    comparison = compare_signal(
-        Signal(TIMES, y), restoring=["linear"], approximate=False, noises=["gaussian"]
-    )
+    signal = Signal(TIMES, motion(at) + sd * np.random.default_rng(3).standard_normal(TIMES.size))
+    comparison = compare_signal(signal, restoring=["linear"], approximate=False, noises=["gaussian"])
     low, high = np.quantile(exponent_quantiles(comparison), [0.16, 0.84])
     assert (high - low) / 2 == pytest.approx(expected, rel=0.2)
 

@@ -39,9 +39,8 @@ def test_the_true_damping_is_named_at_any_rate(kind: str, rate: int) -> None:
     noise = NOISE * np.sqrt(rate / 70) * np.random.default_rng(5).standard_normal(t.size)
     signal = Signal(12.5 + t, trajectory(LAW, {**KNOWN, **TRUTHS[kind]}, t)[:, 0] + noise, name=kind)
     asked = {"damping": list(TRUTHS), "restoring": [LAW], "known": KNOWN, "deviation": "none"}
-    verdict = answer(
-        signal, compare_models(signal, **asked), [AMPLITUDE], measured=False, sample=False
-    ).verdict
+    comparison = compare_models(signal, **asked)
+    verdict = answer(signal, comparison, [AMPLITUDE], measured=False, sample=False).verdict
     data = prepare_data(signal)
     assert (data.rows is not None) == (rate >= 64)
     assert data.times[0] == pytest.approx((data.thinned - 1) / 2 * PERIOD / rate)  # of the picture

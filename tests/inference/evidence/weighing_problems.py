@@ -17,11 +17,7 @@ KNOWN = {"stiffness": 20.0, "rest_angle": 0.0, "epsilon": 0.1, "theta0": 0.3, "o
 TIMES = np.linspace(0.0, 6.0, 151)
 LIMIT = 0.05
 """nats"""
-PRIORS = {
-    "zeta": HalfNormal(scale=0.45),
-    "mu_c": HalfNormal(scale=0.9),
-    "noise_sd": LogNormal(median=0.01, sigma=1.0),
-}
+PRIORS = {"zeta": HalfNormal(0.45), "mu_c": HalfNormal(0.9), "noise_sd": LogNormal(0.01, sigma=1.0)}
 PER_RATIO = {"zeta": 20.0**0.5, "mu_c": 0.5 * np.pi * 20.0 * 0.3}
 """Coefficients with a damping ratio of 1, which is ζ/ω, and 2μ/(π ω² A) for an energy loss of 4μA in a cycle."""
 

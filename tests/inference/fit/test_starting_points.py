@@ -49,9 +49,8 @@ def test_without_aliasing_other_modes_have_no_probability():
 def test_noise_that_explains_the_oscillation_is_no_mode() -> None:
     """The known start has the wrong sign, so that only noise can explain the record. Control: the right sign."""
     t = 0.05 * np.arange(200)
-    y = 0.3 * np.exp(-RATE * t) * np.cos(FREQUENCY * t) + SD * np.random.default_rng(5).standard_normal(
-        t.size
-    )
+    noise = SD * np.random.default_rng(5).standard_normal(t.size)
+    y = 0.3 * np.exp(-RATE * t) * np.cos(FREQUENCY * t) + noise
     known = {"zeta": RATE, "stiffness": FREQUENCY**2, "omega0": 0.0}
     wrong, right = (linear_target(t, y, "viscous", {**known, "theta0": x}, "correlated") for x in (-0.3, 0.3))
     start = {"noise_sd": SD, "noise_time": 0.05}

@@ -78,9 +78,8 @@ def test_evidence_and_mode_against_quadrature():
     assert result.values["noise_sd"] == pytest.approx(sd[np.argmax(log)], rel=0.004)
 
     r = SD * rng.standard_t(3.0, 301)
-    sd_scores, dof_scores = np.meshgrid(
-        np.linspace(-1.6, -0.4, 61), np.linspace(-2.5, 1.5, 61), indexing="ij"
-    )
+    axes = np.linspace(-1.6, -0.4, 61), np.linspace(-2.5, 1.5, 61)
+    sd_scores, dof_scores = np.meshgrid(*axes, indexing="ij")
     sd, dof = FEATURES.roughness * np.exp(sd_scores), 6.0 * np.exp(0.8 * dof_scores)
     log = stats.t.logpdf(r, dof[..., None], scale=sd[..., None]).sum(axis=-1)
     log += stats.norm.logpdf(sd_scores) + stats.norm.logpdf(dof_scores)

@@ -123,9 +123,8 @@ def test_coefficients_from_rates_are_those_of_the_equation_of_motion():
     omega, amplitude, zeta, mu_c, mu_q = 7.0, 0.2, 0.05, 0.3, 0.4
     friction, drag = 2 * mu_c / (np.pi * omega), 4 * mu_q * omega * amplitude**2 / (3 * np.pi)
     losses = np.array([zeta * amplitude, friction, drag])
-    coefficients = [
-        coefficient_from_rate(*pair, amplitude, omega) for pair in zip(SUMS[-1], losses / amplitude)
-    ]
+    rates = zip(SUMS[-1], losses / amplitude)
+    coefficients = [coefficient_from_rate(*rate, amplitude, omega) for rate in rates]
     assert {name: float(value) for name, value, _ in coefficients} == pytest.approx(
         {"zeta": zeta, "mu_c": mu_c, "mu_q": mu_q}
     )

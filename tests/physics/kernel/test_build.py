@@ -83,9 +83,8 @@ def test_the_oldest_kernels_are_removed(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_warm_compiles_the_terms_and_laws_of_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     calls, kernel = [], build.kernel_of(SHIPPED, SHIPPED_LAWS)
-    monkeypatch.setattr(
-        "bayesdamp.physics.kernel.solve.kernel_of", lambda *args: calls.append(args) or kernel
-    )
+    kernel_of = "bayesdamp.physics.kernel.solve.kernel_of"
+    monkeypatch.setattr(kernel_of, lambda *args: calls.append(args) or kernel)
     warm()
     assert calls == [(SHIPPED, SHIPPED_LAWS)]
     assert len(kernel.march.signatures) == 1

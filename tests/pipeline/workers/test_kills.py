@@ -63,9 +63,7 @@ def damage(out: Path, rng: np.random.Generator) -> bool:
 
 
 @pytest.mark.slow
-def test_a_study_killed_at_random_moments_has_the_same_tables(
-    undisturbed: Undisturbed, tmp_path: Path
-) -> None:
+def test_a_study_killed_at_random_has_the_same_tables(undisturbed: Undisturbed, tmp_path: Path) -> None:
     rng = np.random.default_rng(SEED)
     killed, whole, damaged = 0, 0, 0
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}

@@ -44,10 +44,8 @@ def test_a_clock_in_bursts_is_rebuilt_and_the_release_is_the_start():
 @pytest.mark.parametrize("rate", [1.5, 1.7])
 def test_a_body_may_be_held_before_it_is_released_and_heavily_damped(rate):
     t = np.arange(1000) * 0.005 - 1.75
-    signal = clean(
-        record(t, decay(t, rate) + 0.001 * np.random.default_rng(1).standard_normal(t.size)), name="x"
-    )
-    assert features(signal).period == pytest.approx(2 * np.pi / 9, rel=0.03)
+    y = decay(t, rate) + 0.001 * np.random.default_rng(1).standard_normal(t.size)
+    assert features(clean(record(t, y), name="x")).period == pytest.approx(2 * np.pi / 9, rel=0.03)
 
 
 @pytest.mark.parametrize(("ratio", "before"), [(0.27, 2.0), (0.27, 0.0), (0.3, 0.0)])
@@ -205,11 +203,9 @@ def test_the_refusal_of_too_few_turning_points_gives_the_part():
     """A slide with friction turns three times within 0.3 s after its release, then it sticks."""
     swing = (1 - np.cos(np.pi * np.arange(14) / 14)) / 2
     ends = [3.43, 0.155, 2.605, 0.89, 1.46]
-    y = np.concatenate(
-        [np.full(60, 3.43), *(a + (b - a) * swing for a, b in pairwise(ends)), np.full(150, 1.46)]
-    )
+    slide = [a + (b - a) * swing for a, b in pairwise(ends)]
+    y = np.concatenate([np.full(60, ends[0]), *slide, np.full(150, ends[-1])])
     y += 0.005 * np.random.default_rng(1).standard_normal(y.size)
-    with pytest.raises(
-        InputError, match=r"the part from 0\.3\d* to 0\.5\d* s .* fewer than three turning points"
-    ):
+    message = r"the part from 0\.3\d* to 0\.5\d* s .* fewer than three turning points"
+    with pytest.raises(InputError, match=message):
         clean(record(np.arange(y.size) / 200, y), name="x")

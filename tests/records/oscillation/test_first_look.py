@@ -9,6 +9,7 @@ import pytest
 from bayesdamp.interface.first_words import change_in_words, first_words
 from bayesdamp.types import Signal
 from tests.records.hands import Rig, W
+from tests.report.pages import numbers
 
 T = np.arange(0, 20, 1 / 40)
 LAWS = {"viscous": Rig(0.1), "coulomb": Rig(mu_c=0.4), "quadratic": Rig(mu_q=0.3)}
@@ -42,6 +43,10 @@ def test_the_damping_ratio_and_its_error_are_right(law: str) -> None:
         assert np.all(np.diff(words.amplitude) < 0)
         assert words.frequency.mean() == pytest.approx(1.0, abs=2e-3)
         assert f"Q about {float(f'{0.5 / words.ratio[1]:.2g}'):g}" in words.sentence
+        cycles, _, _, _, ratio, half = numbers(words.sentence)[2:8]
+        assert 15 < cycles.value <= 20
+        assert ratio.is_right(100 * words.ratio[0])
+        assert half.is_right(196 * words.ratio_sd[0])
     each = [first_words(record(law, 1e-2, seed)) for seed in range(12)]
     scores = [(words.ratio - truth(LAWS[law], words.amplitude)) / words.ratio_sd for words in each]
     rms = np.sqrt(np.mean(np.square(scores), axis=0))

@@ -130,9 +130,7 @@ def test_intervals_are_right_in_spite_of_a_second_mode() -> None:
     assert np.count_nonzero(5 * np.abs(scores) < 1.96) < 77
 
 
-def test_standard_errors_of_frequency_and_damping_ratio_are_large_enough(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_standard_errors_of_frequency_and_ratio_are_large_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     """The mean square scores of 20 records are below the 99.95 % point of a chi-square over its degrees of freedom.
 
     Negative control: with a quarter of the standard errors they are not. The damping is viscous, so that the frequency

@@ -84,11 +84,8 @@ def test_tables_side_by_side_are_records_with_their_own_times(tmp_path: Path, la
         ("\t", ("soft", "stiff", "none"), [""] * 3, ["soft.", "stiff.", "none."]),
         (",", (), [""] * 3, ["pair 1.", "pair 2.", "pair 3."]),
     ):
-        top = [cell for label in labels for cell in (label, "", "")][:-2]
-        lines = [
-            separator.join(row)
-            for row in [top if labels else ["Operator", "Smith", "rig"], names[:-1], *rows]
-        ]
+        top = [cell for label in labels for cell in (label, "", "")][:-2] or ["Operator", "Smith", "rig"]
+        lines = [separator.join(row) for row in [top, names[:-1], *rows]]
         raws = read_records(write_lines(tmp_path / "a.csv", lines))
         assert [(raw.unit, raw.run) for raw in raws] == [("deg", run) for run in runs]
         assert [raw.channel for raw in raws] == [f"{table}Angle (deg)" for table in tables]

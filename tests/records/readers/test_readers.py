@@ -68,9 +68,7 @@ def test_cells_and_structs_of_matlab_are_runs(tmp_path: Path) -> None:
     assert_times(single, RATE)
 
 
-def test_a_mat_file_with_more_than_the_limit_is_refused_before_it_is_read(
-    tmp_path: Path, monkeypatch
-) -> None:
+def test_a_mat_file_above_the_limit_is_refused_before_it_is_read(tmp_path: Path, monkeypatch) -> None:
     """64 MiB of zeros in 64 KiB. It is read in this process because a child process would have the normal limit."""
     savemat(path := tmp_path / "a.mat", {"y": np.zeros(2**23)}, do_compression=True)
     monkeypatch.setattr(contents, "LARGEST_FILE", 2**25)
