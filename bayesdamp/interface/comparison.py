@@ -286,7 +286,7 @@ def compare(
         damping are tried in addition (not for envelopes).
     known
         Known values of parameters other than damping coefficients, by name, in base units: rad, m or the sensor's unit,
-        and s.
+        and s. The stiffness is the squared angular frequency of small oscillations: g/L of a pendulum, k/m of a spring.
     priors
         Priors by name of the damping term or of the parameter, in base units; other parameters have default priors.
     sensor
