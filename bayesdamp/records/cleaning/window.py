@@ -56,6 +56,9 @@ the fall) is at least this fraction of that of the part that is used; with less 
 MIN_POWER_SHARE = 0.01
 """A record is refused if the half cycles of its decay have less than this fraction of the power (sum of squared ranges)
 of all half cycles, except those of other free decays in the record (conventional)."""
+LITTLE_INFORMATION = 1.0
+"""The search for decays is repeated in the rate of change if the best has less `information` than this (conventional;
+ten half cycles in which the amplitude falls by a tenth have 1.3)."""
 LISTED_DECAYS = 3
 """Largest number of other free decays in the record whose times a note lists."""
 MAX_DELAY, REST_FRACTION = 1.0, 0.2
@@ -278,8 +281,9 @@ def _find_decays(
     """Return the free decays with the best of the possible periods.
 
     The best period is that for which the best decay has the most `information` on the damping. Periods that explain
-    less than `LEAST_SHARE` of the variance are not tried. The arguments are those of `free_decay`. Raises InputError if
-    there is no free decay with any of the periods.
+    less than `LEAST_SHARE` of the variance are not tried. If there is hardly a free decay with any of them
+    (`LITTLE_INFORMATION`), the periods of the rate of change are tried too. The arguments are those of `free_decay`.
+    Raises InputError if there is no free decay.
     """
     options: list[_Decays] = []
 
@@ -290,13 +294,15 @@ def _find_decays(
             if share > CLEAR_SHARE and options:
                 break
 
+    def amount(decays: _Decays) -> float:
+        return information(decays.turns, decays.best)
+
     search(periods)
-    if (
-        not options
-    ):  # a slow pull before the release may be larger than the oscillation, but its rate is small
+    # A slow pull before the release may be larger than the oscillation, but its rate is small.
+    if max(map(amount, options), default=0.0) < LITTLE_INFORMATION:
         search(coarse_periods(t[1:], np.diff(y) / np.diff(t)))
     if options:
-        return max(options, key=lambda decays: information(decays.turns, decays.best))
+        return max(options, key=amount)
     share = max(share for _, share in periods)
     each = samples_a_cycle(t, y)
     if each < FEWEST_A_CYCLE:
