@@ -279,9 +279,9 @@ def answer(
     # Nats of log likelihood that the best law lacks. Search for two close modes only if they can be this far ahead.
     lacking = 0.5 * signal.t.size * (findings.unexplained / max(findings.noise, 1e-12)) ** 2
     # Specified values that are slightly wrong also leave much unexplained.
-    first_model = comparison.results[0]
-    names = {*LAWS.get(first_model.candidate.restoring).parameters, *START}
-    specified = sorted(names & first_model.fit.parameters.known.keys())
+    best = comparison.best
+    names = {*LAWS.get(best.candidate.restoring).parameters, *START}
+    specified = sorted(names & best.fit.parameters.known.keys())
     search = lacking > NATS_AHEAD and not specified
     unexplained = findings.unexplained * comparison.data.recorded_amplitude if search else 0.0
     noise, phase = _noise_remark(comparison.noise), _phase_remark(comparison.data, first)
