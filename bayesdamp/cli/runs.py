@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from bayesdamp.cli.border import one_line, print_error
-from bayesdamp.cli.options import check_folder
+from bayesdamp.cli.files import check_folder
 from bayesdamp.config import Study, load_study
 from bayesdamp.config.load import has_other_study, study_file
 from bayesdamp.machine import cache_folder

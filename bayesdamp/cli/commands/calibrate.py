@@ -7,6 +7,7 @@ from rich.console import Console
 
 from bayesdamp.calibrate.run import run_calibration
 from bayesdamp.cli import options as o
+from bayesdamp.cli.files import check_folder
 from bayesdamp.cli.runs import read_study
 
 
@@ -37,7 +38,7 @@ def calibrate(
 ) -> int:
     """Check the credible intervals on simulated records, whose true parameters are drawn from the study's prior."""
     loaded = read_study(file)
-    folder = o.check_folder(out, loaded.name)
+    folder = check_folder(out, loaded.name)
     status = run_calibration(
         loaded,
         folder,

@@ -7,7 +7,7 @@ import typer
 
 from bayesdamp.claims import CLAIMS
 from bayesdamp.claims.judge import TITLE, Runs, page_of_verdicts
-from bayesdamp.cli.options import check_replaceable
+from bayesdamp.cli.files import check_replaceable
 from bayesdamp.report.results.estimators import error_series
 from bayesdamp.report.results.run import RunFolder
 from bayesdamp.store.files import write_bytes

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from bayesdamp.cli import options as o, records as r
+from bayesdamp.cli.files import check_folder, check_names
 from bayesdamp.config import Recording, Study
 from bayesdamp.config.load import RecordOptions, comparison_study
 from bayesdamp.interface.first_words import first_words, no_free_decay
@@ -92,9 +93,9 @@ def compare(
     **reading: Any,
 ) -> int:
     """Find the kind of damping in records, how large it is, how well its law holds, and how certain that is."""
-    o.check_names([*records, *(plugin or ()), *([out] if out is not None else [])])
+    check_names([*records, *(plugin or ()), *([out] if out is not None else [])])
     if out is not None:
-        o.check_folder(out, "")
+        check_folder(out, "")
     if quick and exact:
         raise InputError("--quick and --exact cannot be combined; give only one of them")
     if deviation == "none" and sensor is not None:
@@ -158,7 +159,7 @@ def compare(
             deviation=deviation,
             sensor=SENSOR if sensor is None else sensor,
         )
-        o.check_folder(out, study.name)
+        check_folder(out, study.name)
         for record, spec in zip(chosen.records, study.signals, strict=not envelopes):
             if record.signal is not None and isinstance(spec.source, Recording):
                 keep_free_decay(spec.source, spec.name, replace(record.signal, name=spec.name))

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from bayesdamp.cli.border import printable
-from bayesdamp.cli.options import check_names
+from bayesdamp.cli.files import check_names
 from bayesdamp.cli.records import ReadingOptions, select_records, study_signals, with_reading_options
 from bayesdamp.config.load import RecordOptions, comparison_tables, resolve_study
 from bayesdamp.config.study import (

@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 from bayesdamp.cli import options as o
+from bayesdamp.cli.files import check_replaceable
 from bayesdamp.formatting import show
 from bayesdamp.interface.signal import Signal
 from bayesdamp.interface.simulate import START, simulate as simulate_record
@@ -179,7 +180,7 @@ def simulate(
         terms, system, restoring, noise_sd, duration=duration, samples=samples, seed=seed
     )
     content = as_csv(record).encode()
-    o.check_replaceable(out, FIRST_LINE)
+    check_replaceable(out, FIRST_LINE)
     write_bytes(out, content)
     if defaults := defaults_used(terms, system, restoring):
         typer.echo(f"defaults used: {defaults}", err=True)

@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 
 from bayesdamp.cli import options as o
+from bayesdamp.cli.files import check_folder
 from bayesdamp.cli.runs import FEW_RECORDS, read_study, run_and_print
 from bayesdamp.config import in_keys
 from bayesdamp.pipeline.jobs import Depth
@@ -33,7 +34,7 @@ def study(
 ) -> int:
     """Run the tasks of a study file that have no stored result yet, and write the report."""
     loaded = read_study(file, plugin)
-    folder = o.check_folder(out, loaded.name)
+    folder = check_folder(out, loaded.name)
 
     def finish(folder: Path, console: Console) -> None:
         if not (page := folder / "report.html").is_file():
