@@ -147,10 +147,7 @@ class Registry(Generic[T]):
         _EXTENDED.append(name)
 
     def remove(self, name: str) -> None:
-        """Remove a plug-in that a user added; do nothing if there is no added plug-in with this name.
-
-        A shipped plug-in cannot be removed.
-        """
+        """Remove a plug-in that a user added; do nothing for other names, also those of shipped plug-ins."""
         self._added.pop(name, None)
         self._sources.pop(name, None)
 

@@ -303,7 +303,7 @@ class NoiseMap:
         return np.log(self._rate(level[..., self.second])[..., 0])
 
     def volume_slope(self, level: np.ndarray) -> np.ndarray:
-        """Return the derivatives of `log_volume` by the d level scores, (d,), at one point `level`, (d,)."""
+        """Return the derivatives of `log_volume` by the level scores (see the class) at a point `level`, (d,) each."""
         slope = np.zeros(level.size)
         if self.table is not None:
             x = level[self.second]

@@ -156,7 +156,8 @@ class Density(ResultView):
         """Return `log_posterior` at each of m vectors x, (m, d), as an array (m,)."""
         many = np.array(x, float)
         if many.ndim != 2 or many.shape[1] != len(self.names):
-            raise types.InputError(f"density: x has shape {many.shape}; it must be (m, {len(self.names)})")
+            what = f"log_posteriors: x has shape {many.shape}"
+            raise types.InputError(f"{what}; it must be (m, {len(self.names)})")
         return np.array([self.log_posterior(x) for x in many])
 
     def gradient(self, x: ArrayLike) -> Vector:

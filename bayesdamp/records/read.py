@@ -294,7 +294,7 @@ def _read_head(path: Path) -> bytes:
         raise InputError("the file is empty; export the record again")
     if size > file_contents.LARGEST_FILE:
         most = f"files of more than {file_contents.LARGEST_FILE / 2**30:g} GiB are not read"
-        raise InputError(f"has {size / 2**30:.1f} GiB; {most}: give a part")
+        raise InputError(f"has {size / 2**30:.1f} GiB; {most}; split it, and give a smaller file")
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
     if not head.strip(b" \t\r\n\0\xef\xbb\xbf"):
@@ -520,7 +520,7 @@ def _complete_rows(value: Column, time: Column | None, content: Contents) -> tup
     if not complete.any():
         both = "in both the column of times and that of values; give columns of the same table"
         alone = "in the column of values; give another column"
-        raise InputError(f"no row has an entry {alone if time is None else both}")
+        raise InputError(f"no row has a filled cell {alone if time is None else both}")
     bad = np.flatnonzero(complete & ~np.all([np.isfinite(c.values) for _, c in columns], axis=0))
     if bad.size:
         row = int(bad[0])

@@ -60,7 +60,7 @@ needs besides its text (both measured)."""
 RIGHT_MARGIN = 0.2
 """Space to the right of the panels of a figure, in inches."""
 LARGEST_SVG = 80_000
-"""Largest size in bytes of an SVG that is embedded in the page; larger figures are embedded and saved as PNG."""
+"""Largest size in bytes of an SVG that is embedded in the page; a larger figure is a PNG, in the page and as a file."""
 NARROW_WIDTH, LEAST_ZOOM = 440, 0.8
 """A figure that is wider than `NARROW_WIDTH` CSS pixels scrolls sideways on a phone, so that it is never scaled below
 `LEAST_ZOOM`, where its letters would be too small to read."""

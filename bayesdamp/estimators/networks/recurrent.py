@@ -34,7 +34,7 @@ class RecurrentNetwork:
         return (4 if self.cell == "lstm" else 3) * self.units
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw random weights (k,), uniform in ±1/√units: those of the matrix, then those of the linear layer."""
+        """Draw random weights (k,), uniform in ±1/√units: recurrent layer (with its bias) first, then linear layer."""
         count = self.gates * (self.inputs + self.units + 1) + self.units + 1
         return rng.uniform(-1.0, 1.0, count) / self.units**0.5
 

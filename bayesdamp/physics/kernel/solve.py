@@ -193,7 +193,8 @@ class Solver:
     def at(self, t: np.ndarray, quantity: str) -> Solver:
         """Return a solver for another quantity at other times t in s, (n,), without averages over windows.
 
-        The times must not be after the last knot. quantity: "angle" (the displacement), "velocity" or "acceleration".
+        No time may be after the last of the knots, the times at which deviations from the laws are given. quantity:
+        "angle" (the displacement), "velocity" or "acceleration".
         """
         return replace(self, t=t, quantity=quantity, samples=None)
 

@@ -152,7 +152,7 @@ class Reader(Protocol):
 def refuse_large(size: float) -> None:
     """Raise InputError if `size`, the size of a file's unpacked data in bytes, is more than LARGEST_FILE."""
     if size > LARGEST_FILE:
-        right = f"files of more than {LARGEST_FILE / 2**30:.3g} GiB are not read: give a part of it"
+        right = f"files of more than {LARGEST_FILE / 2**30:.3g} GiB are not read; split it, and give a smaller file"
         raise InputError(f"unpacks to {size / 2**30:.3g} GiB; {right}")
 
 
@@ -629,9 +629,9 @@ def header_facts(lines: Iterable[str]) -> dict[str, Fact]:
 
 
 def trim_facts(facts: Mapping[str, object]) -> dict[str, Fact]:
-    """Return the first MOST_FACTS facts (named numbers and texts) of a file, cut to LONGEST_FACT characters each.
+    """Return the first MOST_FACTS usable facts of a file; names and texts are cut to LONGEST_FACT characters.
 
-    facts: values by name. Values other than finite numbers and texts are left out.
+    A usable fact is a finite number or a text, with its name. facts: values by name.
     """
     trimmed: dict[str, Fact] = {}
     for name, value in facts.items():

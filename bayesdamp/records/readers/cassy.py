@@ -60,7 +60,7 @@ class CassyReader(Reader):
         else:
             data = path.read_bytes()
         if len(data) > LARGEST_TEXT:
-            raise InputError(f"the file has more than {LARGEST_TEXT >> 20} MiB of text; give a part of it")
+            raise InputError(f"the file has more than {LARGEST_TEXT >> 20} MiB of text; split it")
         if b"<!DOCTYPE" in data:
             raise InputError("has a document type, which no CASSY Lab file has; export it again, or as CSV")
         quantities = [list(channels) for channels in ElementTree.fromstring(data).iter("channels")]

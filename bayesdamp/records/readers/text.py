@@ -426,7 +426,7 @@ def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
     """
     if path.stat().st_size > largest:
         raise InputError(
-            f"the file has more than {largest >> 20} MiB of text; give a part of it, or save it as .npy or HDF5"
+            f"the file has more than {largest >> 20} MiB of text; split it, or save it as .npy or HDF5"
         )
     data = path.read_bytes()
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
