@@ -625,9 +625,9 @@ def score_normals(model: LinearModel, grid: Grid, variance: float, samples: floa
 
     g is the deviation of the log damping, and h is the relative deviation of the frequency, both at knots in time. A
     grid point is one combination of sizes (prior sds) and correlation lengths of g and h. The parameters are
-    transformed so that their priors are standard normal (scores). Scores of damping coefficients may be
-    negative here, because the posterior would not be normal with a bound. The arguments are those of `linear_posterior`. The
-    result contains, for each of the c grid points, the log of evidence times prior probability, and the mean and the
+    transformed so that their priors are standard normal (scores). Scores of damping coefficients may be negative here,
+    because the posterior would not be normal with a bound. The arguments are those of `linear_posterior`. The result
+    contains, for each of the c grid points, the log of evidence times prior probability, and the mean and the
     covariance of the scores.
     """
     principal, triangles = _factorised(model, grid, variance)
@@ -642,8 +642,9 @@ def log_evidences(model: LinearModel, grid: Grid, variance: float, samples: floa
     """Return the log of evidence times prior probability at each of the c points of `grid`, in nats, (c,).
 
     A grid point is one combination of sizes (prior sds) and correlation lengths of the deviations, which are integrated
-    out with the parameters. Damping coefficients may be negative here. The result is the field `log` of `score_normals`,
-    which has the same arguments. The search for the mode uses it to choose the most probable grid point.
+    out with the parameters. Damping coefficients may be negative here. The result is the field `log` of
+    `score_normals`, which has the same arguments. The search for the mode uses it to choose the most probable grid
+    point.
     """
     return _factorised(model, grid, variance)[1].log_evidence(model, grid, variance, samples)
 
