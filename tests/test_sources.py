@@ -58,9 +58,8 @@ def test_direct_imports_are_those_of_the_parser():
     """A module may contain a program for another process that imports the module itself. Control: another module."""
     for name, path in MODULES.items():
         assert by_parser(path) - {name} == set(direct_imports(name)) & set(MODULES) - {name}, name
-    assert by_parser(MODULES["bayesdamp.pipeline.run"]) != direct_imports(
-        "bayesdamp.pipeline.candidates.tasks"
-    )
+    other = direct_imports("bayesdamp.pipeline.candidates.tasks")
+    assert by_parser(MODULES["bayesdamp.pipeline.run"]) != other
 
 
 def test_the_code_of_each_kind_of_task_contains_physics_and_nothing_unrelated():
@@ -68,13 +67,10 @@ def test_the_code_of_each_kind_of_task_contains_physics_and_nothing_unrelated():
         assert set(CODE[kind]) <= set(MODULES)
         modules = import_closure(CODE[kind])
         assert any(name.startswith("bayesdamp.physics.") for name in modules)
-        assert "bayesdamp.pipeline.run" not in modules, (
-            "it imports everything, so any change would change every key"
-        )
+        assert "bayesdamp.pipeline.run" not in modules, "any change would change every key"
         assert not [name for name in modules - set(CODE[kind]) if name.startswith(UNRELATED_MODULES)]
-        assert (
-            "bayesdamp.physics.damping.viscous" not in modules
-        )  # a plug-in is added to the keys where it is used
+        # A plug-in is added to the keys where it is used.
+        assert "bayesdamp.physics.damping.viscous" not in modules
 
 
 @pytest.fixture(scope="module")

@@ -89,18 +89,16 @@ def compound(path: Path, stream: str) -> None:
 
 def wav_head(path: Path, rate: int = 50, channels: int = 1, bits: int = 16) -> None:
     block = channels * bits // 8
-    form = struct.pack(
-        "<4sIHHIIHH", b"fmt ", 16, 1, channels, rate, (rate * block) % 2**32, block % 2**16, bits
-    )
+    sizes = rate, (rate * block) % 2**32, block % 2**16, bits
+    form = struct.pack("<4sIHHIIHH", b"fmt ", 16, 1, channels, *sizes)
     data = (Y * 32767).astype("<i2").tobytes()
     body = b"WAVE" + form + struct.pack("<4sI", b"data", len(data)) + data
     path.write_bytes(struct.pack("<4sI", b"RIFF", len(body)) + body)
 
 
 def as_json(value: object) -> Callable[[Path], object]:
-    return lambda path: path.write_text(
-        value if isinstance(value, str) else json.dumps(value), encoding="utf-8"
-    )
+    text = value if isinstance(value, str) else json.dumps(value)
+    return lambda path: path.write_text(text, encoding="utf-8")
 
 
 def arrays(**named: object) -> Callable[[Path], object]:

@@ -79,8 +79,7 @@ def test_simulated_records_have_the_prior_and_the_noise_that_the_posterior_uses(
     assert generator.draw(ranks.record_rng(1, "b"), "b").truth["zeta"] != drawn.truth["zeta"]
     p, rng = {**generator.blank.known, **drawn.truth}, np.random.default_rng(0)
     clean = simulate_signal(generator.blank.oscillator, p, duration=10.0, samples=401, rng=rng)
-    ratio = np.std(drawn.signal.y - clean.y) / drawn.truth["noise_sd"]
-    assert abs(ratio - 1) < 4 / np.sqrt(2 * 401)
+    assert abs(np.std(drawn.signal.y - clean.y) / drawn.truth["noise_sd"] - 1) < 4 / np.sqrt(2 * 401)
 
 
 @pytest.mark.parametrize(
@@ -147,9 +146,8 @@ def test_only_a_wrong_likelihood_fails(tmp_path, monkeypatch, misjudged, right):
     posterior = result["families"]["posterior"]
     assert (posterior["wrong"] == 0) is right
     assert result["families"]["classical"]["wrong"] == 0
-    sentence = f"{posterior['wrong'] or 'None'} of {posterior['tests']} checks of the posteriors failed"
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert sentence in page
+    assert f"{posterior['wrong'] or 'None'} of {posterior['tests']} checks of the posteriors failed" in page
     assert '<th class="t">records left out, and why</th>' in page  # text is aligned to the left
     counts = result["counts"]["viscous"]
     assert sum(counts["refused"].values()) == counts["tried"] - counts["counted"]

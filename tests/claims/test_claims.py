@@ -77,9 +77,8 @@ def test_the_page_counts_judgements_and_escapes_bars():
 def test_least_squares_must_be_the_fastest_and_accurate(error: float, seconds: float, expected: str) -> None:
     """The other method takes 1 s for an error of 0.05 %; the fastest one has no estimate, so it does not count."""
     methods = ["least_squares", "sindy", "envelope"]
-    errors = pd.DataFrame({("a", "initial"): [error, 0.05, np.nan]}, methods).rename_axis(
-        columns=["signal", "stage"]
-    )
+    errors = pd.DataFrame({("a", "initial"): [error, 0.05, np.nan]}, methods)
+    errors = errors.rename_axis(columns=["signal", "stage"])
     times = pd.DataFrame({"initial": [seconds, 1.0, 0.01]}, methods)
     compared = EstimatorComparison(errors, set(), times, pd.DataFrame(), {})
     judgement = _best_clean(SimpleNamespace(compared=compared))

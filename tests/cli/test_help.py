@@ -24,5 +24,4 @@ def test_help_has_an_example(name: str, capsys: pytest.CaptureFixture[str]) -> N
 def test_options_are_in_groups() -> None:
     for name in ("compare", "look", "init", "study"):
         options = [p for p in LOADED[name].params if p.param_type_name == "option" and p.name != "help"]
-        ungrouped = {p.name for p in options if getattr(p, "rich_help_panel", None) is None}
-        assert ungrouped <= {"html"}, name
+        assert {p.name for p in options if getattr(p, "rich_help_panel", None) is None} <= {"html"}, name

@@ -164,8 +164,7 @@ def test_init_writes_the_study_of_compare(tmp_path) -> None:
 
 def test_the_first_four_of_many_records_are_listed(tmp_path) -> None:
     names = ",".join(f"{name} Run #{i}" for i in range(1, 8) for name in ("t (s)", "x (m)"))
-    path = write_table(tmp_path / "a.csv", names, *(T, Y) * 7)
-    note = select_records([path], ReadingOptions()).notes[0]
+    note = select_records([write_table(tmp_path / "a.csv", names, *(T, Y) * 7)], ReadingOptions()).notes[0]
     assert re.fullmatch(r"a.csv: 7 records: (run \d[^;]*; ){3}run \d[^;]* and 3 more", note)
 
 
@@ -189,8 +188,7 @@ def levels(path: Path, head: str) -> Path:
     """Write 30 s of an amplitude that falls by 1 dB/s from 2 s on, in dB or as a linear quantity."""
     t = np.arange(0.0, 30.0, 0.05)
     fall = -1.0 * np.maximum(t - 2.0, 0.0) + np.where(t < 2.0, 3.0, 0.0)
-    values = fall if "dB" in head else 10.0 ** (fall / 20)
-    return write_table(path, f"t (s),{head}", t, values)
+    return write_table(path, f"t (s),{head}", t, fall if "dB" in head else 10.0 ** (fall / 20))
 
 
 def test_look_shows_the_decay_of_an_envelope(tmp_path, capsys) -> None:

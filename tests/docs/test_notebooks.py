@@ -33,9 +33,8 @@ def count_pictures(cells: list[str], monkeypatch: pytest.MonkeyPatch, backend: s
     """Return the number of pictures that each cell shows in a kernel with this backend."""
     monkeypatch.setenv("MPLBACKEND", backend)
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in cells])
-    NotebookClient(
-        book, timeout=300, kernel_name="python3", resources={"metadata": {"path": NOTEBOOKS}}
-    ).execute()
+    resources = {"metadata": {"path": NOTEBOOKS}}
+    NotebookClient(book, timeout=300, kernel_name="python3", resources=resources).execute()
     return [sum("image/png" in o.get("data", {}) for o in cell.outputs) for cell in book.cells]
 
 

@@ -100,8 +100,7 @@ def test_the_frequency_and_the_unit_are_read_from_the_head(tmp_path, capsys):
         ("% Sampling frequency [kHz]: 50\n" + HEAD, 1562325.84),
         (HEAD.replace("Frequency [Hz]", "Sampling frequency [Hz]"), None),
     ):
-        record = read_envelope(written(tmp_path / "r.txt", head=head))
-        assert record.frequency == pytest.approx(frequency)
+        assert read_envelope(written(tmp_path / "r.txt", head=head)).frequency == pytest.approx(frequency)
         assert main(["look", str(tmp_path / "r.txt")]) == 0
         assert (f"is {frequency:.9g} Hz." if frequency else "--frequency") in capsys.readouterr().out
     assert [unit_in(f"power [{unit}]") for unit in ("MW", "mW", "µW", "DBM")] == ["MW", "mW", "uW", "dBm"]

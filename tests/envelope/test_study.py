@@ -61,8 +61,7 @@ def test_a_comparison_in_python_saves_plots_and_reports_the_analysis(tmp_path: P
     result = bd.compare(record)
     assert result.verdict.to_dict() == analyse(record).verdict.to_dict()
     assert bd.load(result.save(tmp_path / "r.npz")).verdict.to_dict() == result.verdict.to_dict()
-    page = result.report(tmp_path / "r.html").read_text(encoding="utf-8")
-    assert page.count("data:image/svg+xml") == 1
+    assert result.report(tmp_path / "r.html").read_text(encoding="utf-8").count("data:image/svg+xml") == 1
     short = bd.compare(make_record("short", t, -40.0 - 0.12 * t + 20 * noise, "dBm", 1e6))
     listed = short.report(tmp_path / "short.html").read_text(encoding="utf-8").partition("in a sum: ")[2]
     assert all(f" {term.probability:.2f}" in listed[:90] for term in short.verdict.energy)

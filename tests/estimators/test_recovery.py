@@ -114,8 +114,7 @@ def linear_motion(quantity: str) -> Signal:
 
 @pytest.mark.parametrize("name", ["least_squares", "envelope"])
 def test_an_acceleration_does_not_determine_the_position(name: str) -> None:
-    problem = Problem(("viscous",), System("linear"))
-    refined = run(name, linear_motion("acceleration"), problem, seed=1)[1]
+    refined = run(name, linear_motion("acceleration"), Problem(("viscous",), System("linear")), seed=1)[1]
     assert refined.values["theta0"] - refined.values["rest_angle"] == pytest.approx(0.3, rel=0.01)
     assert set(refined.stderr) == {"zeta", "stiffness", "omega0"}
     assert abs(refined.values["zeta"] - 0.05) < 4 * refined.stderr["zeta"] < 0.002

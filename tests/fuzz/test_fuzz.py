@@ -29,7 +29,10 @@ TEXTS = {
     "csv": "\n".join(["time,angle", *(f"{t},{y}" for t, y in zip(T, Y))]).encode(),
     "logger.csv": LOGGER.encode(),
     "txt": LOGGER.replace(".", ",").replace(";", "\t").encode(),
+    "toml": GOOD.encode(),
 }
+READS = {"toml": "check"}
+"""The command that reads a form, if it is not `look`."""
 FORMS = (*TEXTS, *binaries.FORMATS)
 OPTIONS = (
     "--time", "--angle", "--rate", "--unit", "--quantity", "--clock", "--time-unit", "--runs", "--channel", "--start",
@@ -49,14 +52,8 @@ def whole(form: str) -> bytes:
 @pytest.mark.parametrize("form", FORMS)
 @FEW
 @given(edits=DAMAGES)
-def test_a_damaged_record_is_read_or_refused_in_one_line(form: str, edits: list[Edit]) -> None:
-    judge(("look", "FILE"), f"a.{form}", raw(damaged(whole(form), edits)))
-
-
-@FEW
-@given(edits=DAMAGES)
-def test_a_damaged_study_is_valid_or_refused_in_one_line(edits: list[Edit]) -> None:
-    judge(("check", "FILE"), "a.toml", raw(damaged(GOOD.encode(), edits)))
+def test_a_damaged_record_or_study_is_read_or_refused_in_one_line(form: str, edits: list[Edit]) -> None:
+    judge((READS.get(form, "look"), "FILE"), f"a.{form}", raw(damaged(whole(form), edits)))
 
 
 @FEW
@@ -85,7 +82,7 @@ def test_files_without_a_fault_are_read() -> None:
     """Control: an edit without an effect. Binary files without a fault are read in tests/bad_input."""
     for form in TEXTS:
         content = damaged(whole(form), [Edit("remove", 1.0, 5, b"")])
-        judge(("look", "FILE"), f"a.{form}", raw(content), statuses=(0,))
+        judge((READS.get(form, "look"), "FILE"), f"a.{form}", raw(content), statuses=(0,))
 
 
 def test_a_command_with_a_wrong_exit_status_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:

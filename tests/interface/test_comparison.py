@@ -84,8 +84,7 @@ def test_a_model_far_behind_is_in_the_table_without_a_remark(tmp_path: Path) -> 
     y = np.exp(-0.05 * t) * np.cos(4.0 * t) + 1e-3 * np.random.default_rng(3).standard_normal(t.size)
     result = quick(bd.signal(t, y), "viscous", "quadratic", restoring=["linear"])
     assert result.verdict.damping == "viscous"
-    outcomes = result.table.set_index("damping")["outcome"]
-    assert outcomes["quadratic"] == FAR_BEHIND
+    assert result.table.set_index("damping")["outcome"]["quadratic"] == FAR_BEHIND
     page = result.report(tmp_path / "page.html").read_text(encoding="utf-8")
     assert f"Not fitted ({FAR_BEHIND}): quadratic (linear)" in page
     assert not any("not weighed" in remark for remark in result.verdict.remarks)
@@ -246,12 +245,12 @@ def test_a_law_that_contradicts_the_record_is_not_in_the_report(tmp_path: Path) 
     result = bd.compare(signal, damping=["viscous"], restoring=["linear"])
     assert result.verdict.contradicted
     late = result.curve[result.curve["amplitude"].between(0.02, 0.08)]
-    true = 0.15 / (2 * np.pi * 1.95)
+    omega = 2 * np.pi * 1.95
+    true = 0.15 / omega
     assert (late["ratio_low"] < true).all()
     assert (true < late["ratio_high"]).all()
-    assert late["lost"].to_numpy() == pytest.approx(
-        2 * np.pi * true * (2 * np.pi * 1.95 * late["amplitude"]) ** 2, rel=0.1
-    )
+    squares = (omega * late["amplitude"]) ** 2
+    assert late["lost"].to_numpy() == pytest.approx(2 * np.pi * true * squares, rel=0.1)
     assert result.law_curve.empty
     text = re.sub("<[^>]+>", " ", result.report(tmp_path / "page.html").read_text(encoding="utf-8"))
     assert "contradicts this, so none is named" in text

@@ -59,10 +59,9 @@ REFUSED: list[tuple[dict, str]] = [
 
 
 def test_misuse_is_refused_in_one_line() -> None:
-    models = ((partial(bd.Model, **{"damping": "viscous", **options}), line) for options, line in REFUSED)
-    assert not_refused(models) == []
-    priors = [
+    cases = [
+        *((partial(bd.Model, **{"damping": "viscous", **options}), line) for options, line in REFUSED),
         (lambda: bd.HalfNormal(-1.0), "HalfNormal: scale is -1.0: input should be greater than 0"),
         (lambda: bd.Uniform(2.0, 1.0), r"Uniform: low \(2\) must be below high \(1\)"),
     ]
-    assert not_refused(priors) == []
+    assert not_refused(cases) == []

@@ -43,9 +43,8 @@ def test_the_prior_of_two_terms_has_one_scale() -> None:
     priors = post.fit.priors
     terms = [n for n, p in priors.items() if isinstance(p, SharedHalfNormal)]
     draws = {n: post.draws[..., i] for i, n in enumerate(post.names)}
-    shared = np.prod(
-        [halfnorm.pdf(draws[n][..., None], scale=SHARED_SCALES * priors[n].per_ratio) for n in terms], axis=0
-    )
+    each = [halfnorm.pdf(draws[n][..., None], scale=SHARED_SCALES * priors[n].per_ratio) for n in terms]
+    shared = np.prod(each, axis=0)
     others = sum(priors[n].log_density(x) for n, x in draws.items() if n not in terms)
     assert len(terms) == 2
     assert post.log_prior == pytest.approx(np.log(shared.mean(axis=-1)) + others)

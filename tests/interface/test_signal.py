@@ -26,9 +26,8 @@ def test_a_simulation_is_the_closed_form() -> None:
 
 def test_a_signal_is_cut_from_arrays_or_has_all_their_values() -> None:
     t, y = TIMES + 7.0, np.degrees(EXACT)
-    rest = np.linspace(13.05, 20.0, 100)
     assert bd.signal(t, y, unit="deg", cleaned=False).y == pytest.approx(EXACT)
-    signal = bd.signal(np.r_[t, rest], np.r_[y, np.full(100, y[-1])], unit="deg")
+    signal = bd.signal(np.r_[t, np.linspace(13.05, 20.0, 100)], np.r_[y, np.full(100, y[-1])], unit="deg")
     assert signal.t[0] == 0.0
     assert signal.t[-1] < 6.5
     assert signal.whole_t.size == 250
@@ -57,8 +56,7 @@ def test_a_file_is_read_saved_and_printed(tmp_path: Path) -> None:
     assert bd.read(path, unit="degrees").unit == "deg"
     assert rig.signal().y == pytest.approx(EXACT)
     assert len(rig.signals()) == 1
-    loaded = bd.Record.load(rig.save(tmp_path / "rig.record"))
-    assert np.array_equal(loaded.signal().y, rig.signal().y)
+    assert np.array_equal(bd.Record.load(rig.save(tmp_path / "rig.record")).signal().y, rig.signal().y)
     assert "phi" in repr(rig)
     assert "<table>" in rig._repr_html_()
 

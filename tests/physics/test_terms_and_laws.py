@@ -44,10 +44,8 @@ def test_the_force_on_arrays_is_the_kernel(name):
     further = [known_of(term)[n] for n in term.further]
     force = term.force(np.full_like(v, 0.2), v, 0.1, *further)
     assert force.shape == v.shape
-    np.testing.assert_allclose(
-        force, [term.kernel(0.2, float(value), 0.1, *further) for value in v], atol=1e-12
-    )
-    other = [term.kernel(0.2, float(value), 0.11, *further) for value in v]
+    own, other = ([term.kernel(0.2, float(x), width, *further) for x in v] for width in (0.1, 0.11))
+    np.testing.assert_allclose(force, own, atol=1e-12)
     assert np.allclose(force, other, atol=1e-9) != term.switches
 
 
@@ -164,8 +162,7 @@ def test_the_linear_form_recovers_the_unknown_parameters(name):
         for known in itertools.combinations(p, count):
             form = law.linear_form(GRID, {n: p[n] for n in known})
             values = form.decode(np.linalg.lstsq(form.columns, force - form.offset, rcond=None)[0])
-            unknown = {n: p[n] for n in p if n not in known}
-            assert values == pytest.approx(unknown, rel=1e-7, abs=1e-9), known
+            assert values == pytest.approx({n: p[n] for n in p if n not in known}, rel=1e-7, abs=1e-9), known
 
 
 @pytest.mark.parametrize("name", LAW_PLUGINS.names())

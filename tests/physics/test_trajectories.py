@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from bayesdamp.physics.damping import all_sums
 from bayesdamp.physics.kernel.solve import QUANTITIES
@@ -80,15 +81,12 @@ def test_a_missing_parameter_and_an_unknown_quantity_are_refused() -> None:
 
 
 def about_rest(p: dict[str, float]) -> np.ndarray:
-    """Return the angle under c (θ − rest)² θ̇ on a horizontal pendulum by SciPy, with the rest by bisection."""
+    """Return the angle under c (θ − rest)² θ̇ on a horizontal pendulum by SciPy, with the rest by its root finder."""
     spring = restoring("horizontal_pendulum", p)
-    low, high = -2.0, 2.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if spring(middle) < 0 else (low, middle)
+    rest = brentq(spring, -2.0, 2.0, xtol=1e-15)
 
     def slope(_: float, y: np.ndarray) -> list[float]:
-        return [y[1], -p["c_xxv"] * (y[0] - low) ** 2 * y[1] - spring(y[0])]
+        return [y[1], -p["c_xxv"] * (y[0] - rest) ** 2 * y[1] - spring(y[0])]
 
     fine = {"rtol": 1e-12, "atol": 1e-14, "max_step": 0.05}
     return solve_ivp(slope, (0.0, TIMES[-1]), (p["theta0"], p["omega0"]), "DOP853", TIMES, **fine).y[0]

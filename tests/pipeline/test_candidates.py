@@ -92,10 +92,8 @@ def test_candidates_are_pruned_and_sampled_by_the_evidence_of_the_answer(tmp_pat
     assert run_study(every, out, workers=1) == 0
     record = StudyRecord(every, every.signals[0], 0, Store(out))
     assert choose_candidates(record) == (every.compare(record.spec),) * 2
-    limited = text.replace('+quadratic"] }', '+quadratic"], prune = 50.0 }').replace(
-        '["nuts"]', '["nuts"], best = 1'
-    )
-    study = write_study(tmp_path, limited)
+    limited = text.replace('+quadratic"] }', '+quadratic"], prune = 50.0 }')
+    study = write_study(tmp_path, limited.replace('["nuts"]', '["nuts"], best = 1'))
     assert run_study(study, out, workers=1) == 0
     rows = {(r["model"], r["method"]): r["outcome"] for r in read_table(out / "evidence.csv")}
     assert rows["viscous", "bridge"] == rows["viscous+quadratic", "importance"] == "ok"

@@ -54,8 +54,7 @@ def test_the_evidence_and_the_draws_are_those_of_the_interface(deviation: str) -
     assert not np.array_equal(sample(seed=seed + 1).draws, draws)
     if deviation == "law":
         assert row["sd_noise"] ** 2 + row["sd_law"] ** 2 == pytest.approx(row["sd"] ** 2)
-        exact = bd.evidence(finished()[1].fit, "laplace").log_evidence
-        assert exact != pytest.approx(evidence, abs=0.1)
+        assert bd.evidence(finished()[1].fit, "laplace").log_evidence != pytest.approx(evidence, abs=0.1)
 
 
 def test_a_candidate_s_model_has_the_priors_and_known_values_of_the_study() -> None:

@@ -163,8 +163,7 @@ def test_an_estimator_that_kills_its_process_loses_only_its_own_tasks(tmp_path, 
     printed = " ".join(capsys.readouterr().err.split())
     store = Store(tmp_path / "out")
     outcomes = {n: store.read(n).outcome for n in store.names()}
-    lost = [f"estimate/rig/0/{model}/killer" for model in ("viscous", "quadratic")]
-    for name in lost:
+    for name in [f"estimate/rig/0/{model}/killer" for model in ("viscous", "quadratic")]:
         assert outcomes.pop(name).startswith("failed: the process that computed it was killed")
         assert f"{name}: failed: the process" in printed
     assert len(outcomes) == 3

@@ -179,9 +179,8 @@ def test_crosstalk_of_an_acceleration_with_gravity_is_not_the_record(tmp_path: P
 def test_a_channel_with_one_spike_is_not_preferred(tmp_path: Path) -> None:
     for width, first in ((1, 300), (30, 580)):
         spike = 0.01 * NOISE
-        spike[first : first + width] += (
-            20 * np.sin(np.pi * (np.arange(width) + 0.5) / width)[: T.size - first]
-        )
+        pulse = 20 * np.sin(np.pi * (np.arange(width) + 0.5) / width)
+        spike[first : first + width] += pulse[: T.size - first]
         columns = {"t (s)": T, "first (m)": Y, "second (m)": spike}
         assert read_record(write(tmp_path / "a.csv", columns)).channel == "first (m)"
 

@@ -12,9 +12,8 @@ SWING = np.exp(-0.1 * T) * np.cos(6 * T)
 
 
 def test_the_jumps_of_a_wrapped_swing_are_counted() -> None:
-    for turn, begin, noise, size in product(
-        (360.0, 2 * np.pi), (0.0, -0.5), (0.0, 0.003), (0.02, 0.05, 0.45)
-    ):
+    cases = product((360.0, 2 * np.pi), (0.0, -0.5), (0.0, 0.003), (0.02, 0.05, 0.45))
+    for turn, begin, noise, size in cases:
         y = size * SWING + noise * np.random.default_rng(5).standard_normal(T.size) - begin
         wrapped = turn * ((y - begin) % 1.0 + begin)
         crossings = int(np.sum(np.abs(np.diff(wrapped)) > turn / 2))

@@ -32,9 +32,8 @@ class Folder:
     """The tables and verdicts of a run's folder, read without the program, and the rows that were looked up."""
 
     def __init__(self, folder: Path) -> None:
-        self.tables = {
-            n: pd.read_csv(folder / f"{n}.csv") for n in ("estimates", "posteriors", "evidence", "fits")
-        }
+        names = "estimates", "posteriors", "evidence", "fits"
+        self.tables = {name: pd.read_csv(folder / f"{name}.csv") for name in names}
         self.looked_up: dict[str, set[int]] = {name: set() for name in self.tables}
         self.verdicts = {v["record"]: v for v in json.loads((folder / "verdict.json").read_text())}
 
@@ -113,12 +112,11 @@ def of_answer_table(v: Any, signal: str, i: int, cells: dict[str, str]) -> dict[
 
 def of_posterior(f: Folder, at: dict[str, Any], cells: dict[str, str]) -> dict[str, Stored]:
     name = PARAMETER[cells["parameter"]]
-    true = f.truth(at["signal"], name)
     r = f.row("posteriors", **at, parameter=name, sampler=METHOD[cells["sampler"]])
     each = {"R̂": "rhat", "ESS bulk": "ess_bulk", "ESS tail": "ess_tail", "divergences": "divergences"}
     return {
         "mean ± sd": {"mean": r["mean"], "sd": r["sd"]}, "95 % interval": {"low": r["q2.5"], "high": r["q97.5"]},
-        "truth": {"": true}, "unit": r["unit"], "outcome": r["outcome"],
+        "truth": {"": f.truth(at["signal"], name)}, "unit": r["unit"], "outcome": r["outcome"],
         **{header: {"": r[column]} for header, column in each.items()},
     }  # fmt: skip
 

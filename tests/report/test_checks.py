@@ -175,8 +175,7 @@ def test_the_damping_ratio_of_chains_confirms_or_contradicts() -> None:
 def test_probabilities_under_other_prior_odds_of_a_further_term() -> None:
     """With the factor halved, 0.6 to 0.4 for the sum becomes 0.3 to 0.4; sums over two laws are moved together."""
     probabilities = {"viscous+coulomb": 0.6, "viscous@linear": 0.3, "viscous@pendulum": 0.1}
-    result = rank_models(run_of(evidence=evidence(**probabilities)), "a", 0)
-    shares = probabilities_by_odds(result)
+    shares = probabilities_by_odds(rank_models(run_of(evidence=evidence(**probabilities)), "a", 0))
     assert list(shares) == [0.5 * FURTHER_TERM, FURTHER_TERM, 2 * FURTHER_TERM]
     lower, own, higher = shares.values()
     assert own == pytest.approx({"viscous+coulomb": 0.6, "viscous": 0.4})

@@ -43,9 +43,7 @@ def test_labels_of_any_size_are_inside_a_figure_with_fixed_margins(scale: float)
     y = scale * np.exp(-0.1 * t) * np.cos(6 * t)
     arrays = {"t": t, "record": y, "fit": y, "residual": 0.01 * y}
     arrays |= {name: scale * (1 + t) for name in ("amplitude", "free/amplitude")}
-    arrays |= {
-        name: 0.01 + 0.001 * t for name in ("ratio", "low", "high", "free/ratio_low", "free/ratio_high")
-    }
+    arrays |= dict.fromkeys(("ratio", "low", "high", "free/ratio_low", "free/ratio_high"), 0.01 + 0.001 * t)
     arrays |= {f"law/{name}": 0.01 + 0.0 * t for name in all_sums()} | {"work/viscous": scale**2 * (1 + t)}
     with rc_context(RC):
         figure = answer(arrays, "m", "viscous", "m/s²")
@@ -58,9 +56,8 @@ def test_labels_of_any_size_are_inside_a_figure_with_fixed_margins(scale: float)
 
 
 def test_a_figure_has_its_size_an_escaped_caption_and_a_name_inside_the_folder(tmp_path):
-    figure = Drawings(tmp_path / "figures").add(
-        "../up/x", "a < b", lambda: Figure(figsize=(3, 2)).add_subplot().figure
-    )
+    drawings = Drawings(tmp_path / "figures")
+    figure = drawings.add("../up/x", "a < b", lambda: Figure(figsize=(3, 2)).add_subplot().figure)
     assert "a &lt; b" in figure
     (path,) = tmp_path.rglob("*.svg")
     assert path.parent.name == "figures"
@@ -90,9 +87,8 @@ def test_a_damping_ratio_and_its_interval_are_drawn_in_per_cent() -> None:
 
 def test_a_panel_of_estimates_says_which_name_is_the_records() -> None:
     """Also if the record has the name of another model."""
-    estimate = CoefficientEstimates(
-        "viscous", "coulomb", "mu_c", "rad/s²", 0.03, {"envelope": 0.031}, {"envelope": 0.05}, None
-    )
+    values = {"envelope": 0.031}, {"envelope": 0.05}
+    estimate = CoefficientEstimates("viscous", "coulomb", "mu_c", "rad/s²", 0.03, *values, None)
     (ax,) = (ax for ax in estimate_panels([estimate]).axes if ax.get_visible())
     assert ax.get_title() == "record viscous,\nmodel Coulomb"
     assert [line.get_xdata() for line in ax.lines if line.get_marker() == "o"] == [[0.031]]

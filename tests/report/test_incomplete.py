@@ -18,8 +18,7 @@ from tests.report.pages import Page
 def test_the_page_of_an_empty_run_says_that_it_has_no_results(tmp_path):
     claim(tmp_path)
     write_json(tmp_path / "run.json", {})
-    words = Page(render(tmp_path).read_text()).words
-    assert "does not contain any results yet" in words
+    assert "does not contain any results yet" in Page(render(tmp_path).read_text()).words
 
 
 def without(kinds: str, *tables: str) -> Callable[[Path], None]:

@@ -62,9 +62,8 @@ def test_the_caption_says_how_the_damping_ratio_was_measured(folder: Path) -> No
     store = Store(folder)
     result = store.read("answer/rig_run_1/0")
     arrays = {n: values for n, values in result.arrays.items() if n not in ("ratio", "low", "high")}
-    arrays |= {
-        f"free/{n}": arrays["amplitude"] for n in ("amplitude", "ratio", "ratio_low", "ratio_high", "lost")
-    }
+    measured = "amplitude", "ratio", "ratio_low", "ratio_high", "lost"
+    arrays |= {f"free/{n}": arrays["amplitude"] for n in measured}
     store.write(replace(result, arrays=arrays))
     page = sections.render(folder).read_text(encoding="utf-8")
     once, twice = "both measured without assuming a damping law", "both averaged over the compared models"

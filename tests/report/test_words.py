@@ -21,23 +21,29 @@ def test_a_value_has_the_digits_of_its_error():
     assert {at: fmt.with_error(*at) for at in texts} == texts
 
 
-def test_a_number_has_four_digits():
-    texts = {12.3456: "12.35", 9.9996: "10.00", 1e-7: "1.000 × 10⁻⁷", -math.inf: "−∞", None: "–", 0.0: "0"}
-    texts |= {123456.0: "123456", 1234567.0: "1.235 × 10⁶"}
-    assert {value: fmt.number(value) for value in texts} == texts
+def test_single_values():
+    """Numbers have four digits, percentages no exponent; probabilities are never rounded to certainty."""
+    of_numbers = {
+        12.3456: "12.35",
+        9.9996: "10.00",
+        1e-7: "1.000 × 10⁻⁷",
+        -math.inf: "−∞",
+        None: "–",
+        0.0: "0",
+    }
+    for write, texts in (
+        (fmt.number, of_numbers | {123456.0: "123456", 1234567.0: "1.235 × 10⁶"}),
+        (fmt.percentage, {0.9987: "100", 0.0994: "9.9", 0.26: "26", 0.00123: "0.12"}),
+        (fmt.probability, {1.0: "> 0.999", 0.0: "< 0.001", 0.9994: "0.999", math.nan: "–"}),
+        (fmt.duration, {0.0: "0 ms", 3.04: "3.0 s", 59.9: "60 s", 125: "2 min 05 s", 7265: "2 h 01 min"}),
+    ):
+        assert {value: write(value) for value in texts} == texts
 
 
-def test_percentages_and_times_have_no_exponent():
-    texts = {0.9987: "100", 0.0994: "9.9", 0.26: "26", 0.00123: "0.12"}
-    assert {value: fmt.percentage(value) for value in texts} == texts
+def test_times_and_rounded_digits_have_no_needless_exponent():
     assert [fmt.digits(x, n=2) for x in (12744.5, 0.0000123, 2e10)] == ["13000", "1.2 × 10⁻⁵", "2 × 10¹⁰"]
     assert fmt.time_span(36000.0, 36014.99) == "36000 to 36014.99 s"
     assert fmt.time_span(0.001155, 14.25) == "0 to 14.25 s"
-
-
-def test_probabilities_are_never_rounded_to_certainty():
-    texts = {1.0: "> 0.999", 0.0: "< 0.001", 0.9994: "0.999", math.nan: "–"}
-    assert {value: fmt.probability(value) for value in texts} == texts
 
 
 def test_intervals_have_the_digits_of_their_width():
@@ -45,11 +51,6 @@ def test_intervals_have_the_digits_of_their_width():
     assert fmt.interval(-243.3, -200.1) == "[−243, −200]"
     assert fmt.interval(math.nan, 1.0) == "–"
     assert fmt.with_interval(0.0123, math.nan, 0.02, " %", 100) == "1.23 %, interval unbounded"
-
-
-def test_durations():
-    texts = {0.0: "0 ms", 3.04: "3.0 s", 59.9: "60 s", 125: "2 min 05 s", 7265: "2 h 01 min"}
-    assert {seconds: fmt.duration(seconds) for seconds in texts} == texts
 
 
 def test_a_list_has_commas_and_a_word_before_its_last_item():

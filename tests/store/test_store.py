@@ -164,9 +164,8 @@ def test_a_cell_that_is_not_a_number_is_refused_with_its_place(tmp_path):
 def test_json_is_strict_and_exact(tmp_path):
     content = {"x": 1 / 3, "nan": math.nan, "inf": -math.inf, "a": np.arange(2), "p": (1, 2)}
     write_json(tmp_path / "run.json", content)
-    text = (tmp_path / "run.json").read_text()
 
-    back = json.loads(text, parse_constant=Mock(side_effect=AssertionError))
+    back = json.loads((tmp_path / "run.json").read_text(), parse_constant=Mock(side_effect=AssertionError))
     assert back == {"x": 1 / 3, "nan": None, "inf": "-inf", "a": [0, 1], "p": [1, 2]}
 
 

@@ -16,8 +16,7 @@ SPRINGS = {
 
 
 def curve_of(oscillator: Oscillator, cycles: float, amplitude: float = A) -> RatioCurve:
-    motion = solve_motion(oscillator, amplitude, W, 2 * np.pi * cycles / W)
-    return ratio_curve(motion, oscillator.potential())
+    return ratio_curve(solve_motion(oscillator, amplitude, W, 2 * np.pi * cycles / W), oscillator.potential())
 
 
 def inner(curve: RatioCurve) -> np.ndarray:
@@ -50,8 +49,7 @@ def test_the_ratio_of_a_force_in_harmonic_motion_has_its_closed_form() -> None:
 
 def test_damping_that_drifts_has_the_ratio_of_each_time() -> None:
     odd = Discrepancy(scale=lambda t: 1 + 0.05 * t / 60)
-    zeta = 0.003 * W
-    curve = curve_of(Oscillator("linear", LINEAR, {"viscous": zeta}, discrepancy=odd), 30)
+    curve = curve_of(Oscillator("linear", LINEAR, {"viscous": 0.003 * W}, discrepancy=odd), 30)
     at = inner(curve)
     times = 2 * np.pi * curve.cycles[at] / W
     assert curve.ratio[at] == pytest.approx(0.003 * (1 + 0.05 * times / 60), rel=1e-4)

@@ -46,8 +46,7 @@ def test_a_record_is_its_motion_with_white_noise_of_its_size(number: int) -> Non
 
     Variance and first autocorrelation are within 5 standard deviations."""
     c = case(FAMILY, 5, number)
-    motion = trajectory(c.restoring, c.parameters, c.signal.t)[:, 0]
-    residual = (c.signal.y - motion) / c.noise_sd
+    residual = (c.signal.y - trajectory(c.restoring, c.parameters, c.signal.t)[:, 0]) / c.noise_sd
     n = residual.size
     assert abs(np.mean(residual**2) - 1) < 5 * np.sqrt(2 / n)
     assert abs(np.mean(residual[1:] * residual[:-1])) < 5 / np.sqrt(n)
@@ -58,8 +57,7 @@ def test_a_case_is_determined_by_its_seed_and_survives_pickling() -> None:
     assert np.array_equal(c.signal.y, again.signal.y)
     assert c.amplitudes == again.amplitudes
     assert not np.array_equal(c.signal.y[:50], other.signal.y[:50])
-    copy = pickle.loads(pickle.dumps(c))
-    assert copy.ratio(c.amplitudes[1]) == c.ratio(c.amplitudes[1])
+    assert pickle.loads(pickle.dumps(c)).ratio(c.amplitudes[1]) == c.ratio(c.amplitudes[1])
 
 
 W, A, ZETA = 5.0, 0.3, 0.1
@@ -76,9 +74,8 @@ def test_discrepancies_of_the_damping_have_their_stated_size() -> None:
     values = [scale(2 * np.pi / W * 2 * 3) for scale in many]  # at a knot: sd 0.03, within 5 of its own sd
     assert np.std(values) == pytest.approx(0.03, rel=5 / np.sqrt(600))
     friction = odd.angle_friction(rng, draw).damping
-    assert max(abs(friction(x, 1.0, 1.0)) for x in np.linspace(-A, A, 400)) == pytest.approx(
-        0.1 * 0.02, rel=1e-3
-    )
+    largest = max(abs(friction(x, 1.0, 1.0)) for x in np.linspace(-A, A, 400))
+    assert largest == pytest.approx(0.1 * 0.02, rel=1e-3)
     stribeck = odd.stribeck(rng, draw).damping
     assert stribeck(0.0, 0.0, 1.0) == pytest.approx(0.5 * 0.02)
     assert stribeck(0.0, 0.3 * A * W, 1.0) == pytest.approx(0.5 * 0.02 / np.e)

@@ -61,9 +61,8 @@ def test_numbers_read_back_with_six_digits(tmp_path: Path) -> None:
 
 def test_a_refusal_is_a_row_and_an_exception_ends_the_run(tmp_path: Path) -> None:
     table = tmp_path / "rows.csv"
-    todo = {f"family-{i}/bayesdamp": (i,) for i in range(2)}
     with pytest.raises(RuntimeError, match="a fault"):
-        complete_rows(table, todo, refused_or_failed, workers=1)
+        complete_rows(table, {f"family-{i}/bayesdamp": (i,) for i in range(2)}, refused_or_failed, workers=1)
     assert list(read_rows(table)["outcome"]) == ["too many samples for this test"]
 
 

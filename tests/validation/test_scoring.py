@@ -85,10 +85,8 @@ def test_the_interval_of_a_share_is_wilsons_of_scipy() -> None:
 
 
 def test_a_row_has_the_numbers_of_its_verdict() -> None:
-    at = DampingRatio(0.2, "rad", 0.02, 0.0, 0.0, 0.01, 0.03)
-    verdict = Verdict(
-        "a", Grade.EXACT, True, "coulomb+viscous", 0.7, (Rival("viscous", 0.2),), damping_ratio=(at,)
-    )
+    at, rivals = DampingRatio(0.2, "rad", 0.02, 0.0, 0.0, 0.01, 0.03), (Rival("viscous", 0.2),)
+    verdict = Verdict("a", Grade.EXACT, True, "coulomb+viscous", 0.7, rivals, damping_ratio=(at,))
     assert probability_of(verdict, "viscous+coulomb") == 0.7
     assert probability_of(verdict, "viscous") == 0.2
     assert probability_of(verdict, "quadratic") == pytest.approx(0.1 / 5)

@@ -101,8 +101,7 @@ def test_a_damping_is_named_if_it_is_probable_enough_and_first_under_exact_laws_
     verdict = verdict_of(damping={"viscous": p, "coulomb": 1 - p}, damping_if_exact=by_probability)
     assert (verdict.damping, verdict.decided) == ("viscous", decided)
     assert verdict.sentence.startswith("Viscous damping") is decided
-    another = any("would be the most probable" in remark for remark in verdict.remarks)
-    assert another is (p_if_exact < 0.5)
+    assert any("would be the most probable" in remark for remark in verdict.remarks) is (p_if_exact < 0.5)
 
 
 def test_probabilities_of_measured_records_are_capped() -> None:
@@ -193,8 +192,7 @@ def test_a_damping_is_not_decided_while_its_twin_is_possible() -> None:
 
 def law_free(middle: Sequence[float] = (0.0102, 0.0101, 0.0103), hertz: float = 0.7118) -> LawFreeDamping:
     """Return what is measured without a law at the amplitudes of FINDINGS."""
-    rows = [(0.3, 0.0101, 0.0099, 0.0103), (0.1, *middle), (0.03, 0.0103, 0.0098, 0.0108)]
-    return measured(rows, hertz)
+    return measured([(0.3, 0.0101, 0.0099, 0.0103), (0.1, *middle), (0.03, 0.0103, 0.0098, 0.0108)], hertz)
 
 
 def measured(rows: Sequence[Sequence[float]], hertz: float, half: float = 1e-4) -> LawFreeDamping:
@@ -327,9 +325,8 @@ def test_the_narrower_frequency_at_the_same_amplitude_is_given(
 
 
 def test_numbers_are_passed_on_in_their_units() -> None:
-    given = {"other_forms": {"power": 0.3}, "midline": -0.0123}
     window = UsedWindow(1.0, 41.0, 30.0, "after the release")
-    verdict = verdict_of(**given, unit="m", window=window)
+    verdict = verdict_of(other_forms={"power": 0.3}, midline=-0.0123, unit="m", window=window)
     assert (verdict.restoring, verdict.restoring_probability) == ("linear", 0.8)
     percentages = (verdict.unexplained_pct, verdict.noise_pct, verdict.midline_drift_pct)
     assert percentages == pytest.approx((0.1, 0.4, -1.23))

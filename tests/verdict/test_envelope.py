@@ -35,8 +35,7 @@ def verdict(record: EnvelopeRecord, window: EnvelopeWindow | None = None) -> Ver
     ],
 )
 def test_the_damping_that_made_a_record_is_named(rates, damping, power):
-    fall = 30.0 if damping == "quadratic" else 45.0
-    result = verdict(ringdown(rates, 11, fall=fall)[0])
+    result = verdict(ringdown(rates, 11, fall=30.0 if damping == "quadratic" else 45.0)[0])
     assert result.damping == damping
     assert result.probability > 0.7
     if power is not None:

@@ -49,10 +49,8 @@ def test_other_motions_are_in_a_table() -> None:
 def test_the_sampled_sentence_is_printed_too() -> None:
     """Once each, so that the terminal has the numbers of the page; also if it corrects the first one."""
     first = DampingRatio(0.1, "rad", 0.02, 1e-4, 0.0, 0.0198, 0.0202)
-    moved = replace(first, value=0.02004), "The sampled."
-    text = printed(
-        *(replace(SURE, sentence=s, damping_ratio=(r,)) for r, s in ((first, "The first."), moved))
-    )
+    answers = (first, "The first."), (replace(first, value=0.02004), "The sampled.")
+    text = printed(*(replace(SURE, sentence=s, damping_ratio=(r,)) for r, s in answers))
     assert text.count("The first.") == text.count("The sampled.") == 1
     confirmed = text.index("the damping ratios differ by at most 0.4 standard deviations.")
     assert confirmed < text.index("The sampled.")

@@ -67,9 +67,8 @@ def answered(
 
 def test_probabilities_are_those_of_all_records_together() -> None:
     """By hand: the log evidences of two dampings with the same ratio add up over two records."""
-    verdict = specimen(
-        "rig", [answered("a", 0.01, {V: 0.0, Q: -1.0}), answered("b", 0.01, {V: -0.5, Q: 0.0})]
-    )
+    records = [answered("a", 0.01, {V: 0.0, Q: -1.0}), answered("b", 0.01, {V: -0.5, Q: 0.0})]
+    verdict = specimen("rig", records)
     assert verdict.damping == "viscous"
     assert verdict.probability == pytest.approx(1 / (1 + np.exp(-0.5)), rel=1e-4)
     (rival,) = verdict.rivals
@@ -119,8 +118,7 @@ def test_log_evidence_of_another_form_adds_up_over_records() -> None:
         assert (verdict.damping, verdict.rivals[0].damping) == ("viscous", "displacement")
         assert verdict.probability == pytest.approx(1 / (1 + ahead), rel=1e-3)
         assert not verdict.decided
-    behind = specimen("rig", [first, answered("b", 0.01, {V: 0.0, hard: -40.0})])
-    assert behind.probability == thresholds.CAP
+    assert specimen("rig", [first, answered("b", 0.01, {V: 0.0, hard: -40.0})]).probability == thresholds.CAP
 
 
 def test_ratio_spread_and_prediction_are_those_of_quadrature() -> None:
@@ -129,9 +127,8 @@ def test_ratio_spread_and_prediction_are_those_of_quadrature() -> None:
     places, sd = [0.0100, 0.0112, 0.0106], 0.0002
     verdict = specimen("rig", [answered(n, r, {V: 0.0}, sd=sd) for n, r in zip("abc", places, strict=True)])
     x = np.geomspace(0.4 * min(places), 2.5 * max(places), 1201)
-    runs = [run_of(["zeta"], [p], np.array([[sd**2]])) for p in places]
     log_prior = SharedHalfNormal(per_ratio=1.0).log_density(x) + np.log(np.gradient(x))
-    truth = by_quadrature(runs, x[:, None], log_prior)
+    truth = by_quadrature([run_of(["zeta"], [p], np.array([[sd**2]])) for p in places], x[:, None], log_prior)
     below = np.cumsum(truth.mass)
     low, middle, high = (float(np.interp(q, below, x)) for q in (0.025, 0.5, 0.975))
     for r in verdict.damping_ratio:
@@ -218,8 +215,7 @@ def test_frequencies_of_records_are_pooled_and_a_specified_frequency_stays() -> 
 
     def with_frequencies(*frequencies: Interval | None) -> Verdict:
         """A specimen whose records have these natural frequencies."""
-        each = [answered(n, 0.01, {V: 0.0}) for n in "ab"]
-        pairs = zip(each, frequencies, strict=True)
+        pairs = zip([answered(n, 0.01, {V: 0.0}) for n in "ab"], frequencies, strict=True)
         return specimen("rig", [replace(a, verdict=replace(a.verdict, frequency=f)) for a, f in pairs])
 
     sd, first = 0.1 / 1.959963984540054, Interval(2.0, 1.9, 2.1, "Hz")

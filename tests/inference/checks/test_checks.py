@@ -41,8 +41,7 @@ def mode_of(
     y = clean(truth) + NOISE * drawn
     name, value = TRUTHS[model]
     target = linear_target(TIMES, y, model, {"stiffness": 20.0}, noise)
-    start = {name: value, "theta0": 0.3, "omega0": 0.0}
-    return target, find_mode(target, [start], noise_level=NOISE)
+    return target, find_mode(target, [{name: value, "theta0": 0.3, "omega0": 0.0}], noise_level=NOISE)
 
 
 def fit(truth: str, model: str, seed: int, **noise: Any) -> tuple[Target, FitCheck, dict[str, np.ndarray]]:
@@ -108,12 +107,10 @@ def test_laplace_draws_near_a_wall_have_the_mean_of_the_truncated_posterior():
     y = 0.3 * np.exp(0.004 * TIMES) * np.cos(np.sqrt(20.0) * TIMES)
     y = y + NOISE * np.random.default_rng(3).standard_normal(TIMES.size)
     known = {"stiffness": 20.0, "theta0": 0.3, "omega0": 0.0, "noise_sd": NOISE}
-    target = linear_target(TIMES, y, "viscous", known)
-    mode = find_mode(target, [{"zeta": 0.01}], noise_level=NOISE)
+    mode = find_mode(linear_target(TIMES, y, "viscous", known), [{"zeta": 0.01}], noise_level=NOISE)
     assert abs(mode.z[0]) < 1e-6
     grid = np.linspace(0.0, 8 * float(mode.sd()[0]), 2001)
     height = mode.likelihood.log_posteriors(grid[:, None])
     mean = np.average(grid, weights=np.exp(height - height.max()))
     assert laplace_draws(mode, 20_000, 1).mean() == pytest.approx(mean, rel=0.05)
-    half = np.sqrt(2 / np.pi) * float(mode.sd()[0])
-    assert half > 1.1 * mean
+    assert np.sqrt(2 / np.pi) * float(mode.sd()[0]) > 1.1 * mean

@@ -57,8 +57,7 @@ def test_the_correlation_time_and_the_evidence_are_those_of_quadrature(
     below = drawn < median
     error = 0.5 / np.sqrt(posterior.summaries["noise_time"]["ess_bulk"])
     assert abs(below.mean() - 0.5) < 4 * error
-    draws = Draws.of(target, posterior.draws, OK)
-    bridged = bridge.PLUGIN.evidence("m", target, mode, 5, draws)
+    bridged = bridge.PLUGIN.evidence("m", target, mode, 5, Draws.of(target, posterior.draws, OK))
     assert bridged.stderr < 0.05
     assert abs(bridged.log_evidence - log_evidence) < 4 * bridged.stderr
 
@@ -66,8 +65,7 @@ def test_the_correlation_time_and_the_evidence_are_those_of_quadrature(
 @pytest.mark.parametrize("sampler", [nuts.PLUGIN, emcee.PLUGIN])
 def test_log_likelihoods_do_not_contain_the_volume_of_the_map(sampler: Sampler) -> None:
     target, mode = of_noise_alone(0.03)
-    few = Settings(chains=4, warmup=20, draws=20, seed=1, grows=False)
-    posterior = sampler.sample(target, mode, few)
+    posterior = sampler.sample(target, mode, Settings(chains=4, warmup=20, draws=20, seed=1, grows=False))
     residual, gaps = mode.likelihood.residual(mode.z), mode.likelihood.gaps
     values = dict(zip(posterior.names, np.moveaxis(posterior.draws[:3, -1], -1, 0), strict=True))
     draws = [{n: v[i] for n, v in values.items()} for i in range(3)]

@@ -22,9 +22,8 @@ def test_no_restoring_law_is_left_out_for_a_frequency_that_wanders():
     """At its fit without deviations the true law is 107 nats behind; at its mode it is the best."""
     rng, n = np.random.default_rng(27), 320
     t, knots = np.arange(n) / 16, np.linspace(0, (n - 1) / 16, 12)
-    h, g = (
-        np.interp(t, knots, size * smooth_root(12, 0.3) @ rng.standard_normal(12)) for size in (0.03, 0.2)
-    )
+    root = smooth_root(12, 0.3)
+    h, g = (np.interp(t, knots, size * root @ rng.standard_normal(12)) for size in (0.03, 0.2))
     phase, decay = (np.append(0, np.cumsum(rate[1:])) * 2 * np.pi / 16 for rate in (1 + h, 0.02 * np.exp(g)))
     noise = 1e-3 * rng.standard_normal(n)
     comparison = compare_signal(Signal(t, 0.5 * np.exp(-decay) * np.cos(phase) + noise, "angle"))

@@ -20,21 +20,16 @@ SD, MU = 0.001, 0.05
 TIMES = np.arange(900) * 2 * math.pi / W / 30
 
 
-def drift(t: float) -> float:
-    """Return the factor by which the damping differs from its law."""
-    return 1 + 0.2 * math.sin(2 * math.pi * t / float(TIMES[-1]))
-
-
 def record(kind: str, exponent: float = 1.0) -> Signal:
     """Return a record of damping c |v|^p, or of viscous damping and friction that both change over the record."""
 
     def force(t: float, x: float, v: float) -> float:
         if kind == "drifting":
-            return drift(t) * (2 * 0.05 * v + MU * math.tanh(v / (0.001 * A * W)))
+            off = 1 + 0.2 * math.sin(2 * math.pi * t / float(TIMES[-1]))  # damping over that of its law
+            return off * (2 * 0.05 * v + MU * math.tanh(v / (0.001 * A * W)))
         return 0.08 * A * W * abs(v / (A * W)) ** exponent * math.copysign(1.0, v)
 
-    y = decay(force, TIMES)[0] + SD * np.random.default_rng(3).standard_normal(TIMES.size)
-    return Signal(TIMES, y)
+    return Signal(TIMES, decay(force, TIMES)[0] + SD * np.random.default_rng(3).standard_normal(TIMES.size))
 
 
 @lru_cache

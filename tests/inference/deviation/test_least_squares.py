@@ -32,9 +32,8 @@ def test_the_fit_is_the_truth(law: str) -> None:
     nearly the same effect as the angle of the spring."""
     p = {**PAPER, **LAWS[law]}
     y = trajectory(law, p, TIMES)[:, 0]
-    solver = Solver(
-        PAPER_TERMS, law, TIMES, "angle", abs(p["theta0"]), W, p["epsilon"], np.linspace(0, 12, 4)
-    )
+    knots = np.linspace(0, 12, 4)
+    solver = Solver(PAPER_TERMS, law, TIMES, "angle", abs(p["theta0"]), W, p["epsilon"], knots)
     priors = {n: prior_of(n, p[n]) for n in solver.names if n != "gravity"}
     parameters = Parameters(solver.names, priors, {"gravity": 1.0})
     rough = PLUGINS.get(law).start(1.02 * W, 0.0, {})

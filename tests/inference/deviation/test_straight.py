@@ -37,10 +37,9 @@ def test_evidence_is_that_of_quadrature_over_gravity(monkeypatch: pytest.MonkeyP
     osc, rng = Oscillator(("viscous",), "horizontal_pendulum"), np.random.default_rng(5)
     signal = simulate_signal(osc, TRUTH, duration=12.0, samples=700, noise_sd=NOISE, rng=rng)
     comparison, result = compared(signal)
-    place = result.fit.parameters.free_names.index("gravity")
     prior = result.fit.parameters.priors["gravity"]
     sampled = sampling.sampled_result(comparison, result).sampled
-    drawn = prior.value(sampled.draws[:, place])
+    drawn = prior.value(sampled.draws[:, result.fit.parameters.free_names.index("gravity")])
     grid = np.linspace(drawn.mean() - 5 * drawn.std(), drawn.mean() + 5 * drawn.std(), 13)
     logs = [compared(signal, comparison.reference, gravity=float(g))[1].log_evidence for g in grid]
     density = np.exp(np.array(logs) + prior.log_density(grid) - max(logs))

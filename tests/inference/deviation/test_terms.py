@@ -21,13 +21,8 @@ def answer_on(term: str) -> tuple[Verdict, dict[str, float], float]:
     energy."""
     simulated = case(term, {"structural": 1009}.get(term, 1001 if term in ("cubic", "stribeck") else 1000))
     damping = ["viscous", "coulomb", "quadratic", term, f"viscous+{term}"]
-    return (
-        answer(
-            simulated.signal, compare_models(simulated.signal, damping=damping, restoring=["linear"])
-        ).verdict,
-        simulated.parameters,
-        simulated.shares[term],
-    )
+    comparison = compare_models(simulated.signal, damping=damping, restoring=["linear"])
+    return answer(simulated.signal, comparison).verdict, simulated.parameters, simulated.shares[term]
 
 
 @pytest.mark.parametrize(
@@ -54,8 +49,7 @@ def test_an_exponent_that_is_not_determined_is_reported() -> None:
     osc, k = Oscillator(("power",), "linear"), 20.0
     p = {"c_power": 0.003, "exponent": 1.4, "stiffness": k, "rest_angle": 0.0, "theta0": 0.3}
     p |= {"omega0": 0.0, "epsilon": 0.001}
-    rng = np.random.default_rng(1)
-    signal = simulate_signal(osc, p, duration=25.0, samples=900, noise_sd=0.006, rng=rng)
+    signal = simulate_signal(osc, p, duration=25.0, samples=900, noise_sd=0.006, rng=np.random.default_rng(1))
     verdict = answer(signal, compare_models(signal, damping=["power"], restoring=["linear"])).verdict
     assert any("does not determine the exponent" in remark for remark in verdict.remarks)
     assert not any("does not determine" in remark for remark in answer_on("cubic")[0].remarks)  # control

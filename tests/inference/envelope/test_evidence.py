@@ -75,8 +75,7 @@ def test_the_evidence_of_two_terms_is_the_integral_over_rates_and_scale():
 def test_probabilities_do_not_depend_on_how_small_the_damping_is(monkeypatch):
     """The damping is 7,700 times smaller at the same frequency, by thirteen steps of the scales, which have no ends.
     Negative control: half-normals with one fixed scale."""
-    scales = 1e-8 * STEP ** np.arange(-40, 66)
-    monkeypatch.setattr(linear, "SHARED_SIGMAS", scales / SCORE_RATIO)
+    monkeypatch.setattr(linear, "SHARED_SIGMAS", 1e-8 * STEP ** np.arange(-40, 66) / SCORE_RATIO)
     here, other = (probabilities(all_candidates(blocks(STEP**steps, 0.02))) for steps in (0, 13))
     assert 0.05 < here.max() < 0.999
     assert other == pytest.approx(here, abs=1e-6)

@@ -18,24 +18,18 @@ def test_means_of_readings_are_corrected_for_the_curvature_of_the_decay():
     t = np.arange(each * n) * (10.0 / (each * n))
     x = quadratic_decay(t).reshape(n, each).mean(axis=1)
     times = t.reshape(n, each).mean(axis=1)
-    start = times[0]
     scatter = 1e-4 * np.random.default_rng(1).standard_normal(n)
-    b = Blocks(times - start, x + scatter, 10.0, float(x[0] - x[-1]) / 10.0, None, each)
-    result = infer_noises(b)[0]
+    b = Blocks(times - times[0], x + scatter, 10.0, float(x[0] - x[-1]) / 10.0, None, each)
     truth = quadratic_decay(times) + scatter
     assert np.abs(b.x - truth).max() > 5e-3
-    assert result.x == pytest.approx(truth, abs=1e-3)
+    assert infer_noises(b)[0].x == pytest.approx(truth, abs=1e-3)
 
 
-def test_the_means_of_a_straight_decay_are_not_changed():
-    t, noise = np.linspace(0.0, 10.0, 60), 0.01 * np.random.default_rng(2).standard_normal(60)
-    x = 1.0 - 0.3 * t + noise
-    assert infer_noises(Blocks(t, x, 10.0, 0.3, None, 20))[0].x == pytest.approx(x, abs=1e-4)
-
-
-def test_means_of_readings_at_rest_are_not_corrected():
-    """Friction stops the motion within the last block. Control: with ln A = -60 at rest, its mean changed by 26."""
-    t, noise = np.linspace(0.0, 10.0, 60), 0.01 * np.random.default_rng(3).standard_normal(60)
-    x = np.log1p(-t / 10.02) + noise
-    b = Blocks(t, x, 10.0, float(x[0] - x[-1]) / 10.0, None, 20)
-    assert infer_noises(b)[0].x == pytest.approx(x, abs=0.1)
+def test_means_of_a_straight_decay_and_of_readings_at_rest_are_not_corrected():
+    """Friction stops the second motion within the last block. Control: with ln A = -60 at rest, its mean changed by
+    26."""
+    t, rng = np.linspace(0.0, 10.0, 60), np.random.default_rng(2)
+    for decay, tolerance in ((1.0 - 0.3 * t, 1e-4), (np.log1p(-t / 10.02), 0.1)):
+        x = decay + 0.01 * rng.standard_normal(60)
+        b = Blocks(t, x, 10.0, float(x[0] - x[-1]) / 10.0, None, 20)
+        assert infer_noises(b)[0].x == pytest.approx(x, abs=tolerance)

@@ -101,8 +101,7 @@ def test_a_bridge_is_not_trusted_if_the_halves_of_the_chains_disagree():
 
 def test_evidence_of_laplaces_method_is_that_of_quadrature():
     for case in ("one far", "one shared", "two shared"):
-        mode = problem(case)[1]
-        assert log_evidence_about(mode) == pytest.approx(quadrature(case), abs=2 * LIMIT)
+        assert log_evidence_about(problem(case)[1]) == pytest.approx(quadrature(case), abs=2 * LIMIT)
 
 
 def test_draws_of_nuts_under_a_shared_scale_are_those_of_quadrature():

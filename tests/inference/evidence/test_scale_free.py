@@ -45,8 +45,7 @@ def sampled_evidence(damping: tuple[str, ...], factor: float, separate: bool = F
     target = build_target(signal, damping, system, features(signal), REFERENCE)
     if separate:
         target = replace(target, scales=(1.0,) * SHARED_SCALES.size)
-    seeds = [{"zeta": 0.04 * factor, "mu_c": 0.03 * factor}]
-    mode = find_mode(target, seeds, noise_level=NOISE * factor)
+    mode = find_mode(target, [{"zeta": 0.04 * factor, "mu_c": 0.03 * factor}], noise_level=NOISE * factor)
     evidence = EVIDENCES.get("importance").evidence("m", target, mode, 1)
     assert evidence.outcome == "ok"
     assert evidence.stderr < 0.01

@@ -99,8 +99,7 @@ def test_several_records_at_once_have_the_values_of_single_ones(name, method):
     for i in np.ndindex(2, 3):
         own = {n: float(v[i]) for n, v in p.items()}
         np.testing.assert_allclose(together[i], getattr(model, method)(r[i], GAPS, own), rtol=1e-12)
-    first = {n: float(v[0, 0]) for n, v in p.items()}
-    shared = getattr(model, method)(r, GAPS, first)
+    shared = getattr(model, method)(r, GAPS, {n: float(v[0, 0]) for n, v in p.items()})
     assert shared.shape == together.shape
     np.testing.assert_allclose(shared[0, 0], together[0, 0], rtol=1e-12)
     assert not np.allclose(shared[0, 1], together[0, 1], rtol=1e-6)

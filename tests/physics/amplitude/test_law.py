@@ -125,9 +125,8 @@ def test_coefficients_from_rates_are_those_of_the_equation_of_motion():
     losses = np.array([zeta * amplitude, friction, drag])
     rates = zip(SUMS[-1], losses / amplitude)
     coefficients = [coefficient_from_rate(*rate, amplitude, omega) for rate in rates]
-    assert {name: float(value) for name, value, _ in coefficients} == pytest.approx(
-        {"zeta": zeta, "mu_c": mu_c, "mu_q": mu_q}
-    )
+    truth = {"zeta": zeta, "mu_c": mu_c, "mu_q": mu_q}
+    assert {name: float(value) for name, value, _ in coefficients} == pytest.approx(truth)
     free = [coefficient_from_rate(*pair, amplitude, None) for pair in zip(SUMS[-1], losses / amplitude)]
     total = sum(float(c) * amplitude**p for (_, c, _), p in zip(free, (1, 0, 2)))
     assert total == pytest.approx(losses.sum())

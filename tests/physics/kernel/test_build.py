@@ -25,8 +25,7 @@ print(sum(march.stats.cache_hits.values()), sum(march.stats.cache_misses.values(
 
 
 def start(cache: Path) -> Popen[str]:
-    paths = os.pathsep.join(filter(None, sys.path))
-    env = os.environ | {"BAYESDAMP_CACHE": str(cache), "PYTHONPATH": paths}
+    env = os.environ | {"BAYESDAMP_CACHE": str(cache), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     return Popen([sys.executable, "-c", SOLVE], env=env, text=True, stdout=PIPE, stderr=PIPE)
 
 

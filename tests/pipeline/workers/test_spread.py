@@ -42,12 +42,9 @@ def alone(study, tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
     """The address of a Dask cluster of two worker processes on this machine."""
-    dask = pytest.importorskip("dask")
+    config = pytest.importorskip("dask").config
     settings = {"distributed.worker.daemon": False, "distributed.scheduler.allowed-failures": 0}
-    with (
-        dask.config.set(settings),
-        local_cluster(2, tmp_path_factory.mktemp("dask"), processes=True) as cluster,
-    ):
+    with config.set(settings), local_cluster(2, tmp_path_factory.mktemp("dask"), processes=True) as cluster:
         yield cluster.scheduler_address
 
 

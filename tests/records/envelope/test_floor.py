@@ -16,8 +16,7 @@ def floor(slow: float, constant: float, decay: float, seed: int) -> NoiseFloor:
     for share, time in ((1 - slow, 0.01), (slow, 1.0)):
         part = wandering(t.size, 0.02, time, rng) + 1j * wandering(t.size, 0.02, time, rng)
         complex_noise += np.sqrt(share * (2.0 - constant) / 2) * part
-    power = np.abs(decay + complex_noise) ** 2 + constant
-    return measure_floor(t, power, np.full(t.size, decay**2), 1.0)
+    return measure_floor(t, np.abs(decay + complex_noise) ** 2 + constant, np.full(t.size, decay**2), 1.0)
 
 
 @pytest.mark.parametrize("slow", [0.0, 0.9])
@@ -41,12 +40,10 @@ def test_the_share_of_thermal_motion_is_weighed_by_the_readings():
 
 def test_means_of_readings_have_the_simulated_covariance():
     """Negative control: each mean is taken for one reading."""
-    rng = np.random.default_rng(3)
     each, apart, time = 12, 0.1, 0.4
-    values = wandering(each * 40_000, apart, time, rng).reshape(-1, each).mean(axis=1)
+    values = wandering(each * 40_000, apart, time, np.random.default_rng(3)).reshape(-1, each).mean(axis=1)
     t = each * apart * np.arange(4)
-    noise = Noise(1e-9, 1.0, 2.0, time, 0.0, each=each, apart=apart)
-    first, second = noise.covariance(t, np.zeros(4))[0, :2]
+    first, second = Noise(1e-9, 1.0, 2.0, time, 0.0, each=each, apart=apart).covariance(t, np.zeros(4))[0, :2]
     assert first == pytest.approx(np.var(values), rel=0.03)
     assert second == pytest.approx(np.mean(values[1:] * values[:-1]), rel=0.06)
     single = Noise(1e-9, 1.0, 2.0, time, 0.0, each=1.0, apart=each * apart)

@@ -124,8 +124,7 @@ def test_a_damaged_uff_file_is_not_read_as_a_table(tmp_path: Path) -> None:
 
 def test_a_column_that_begins_like_a_uff_file_is_read_as_a_table(tmp_path: Path) -> None:
     """Negative control: -1 above 58 without the six columns of a data set's mark."""
-    lines = ["-1", "58", *(f"{y:.6f}" for y in Y)]
-    (tmp_path / "a.txt").write_text("\n".join(lines), encoding="utf-8")
+    (tmp_path / "a.txt").write_text("\n".join(["-1", "58", *(f"{y:.6f}" for y in Y)]), encoding="utf-8")
     assert read_contents(tmp_path / "a.txt").format == "text"
 
 
@@ -147,8 +146,7 @@ def test_the_refusal_without_a_library_says_how_to_install_it(
 
 
 def test_each_run_of_an_hdf5_has_its_own_rate(tmp_path: Path) -> None:
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(tmp_path / "a.h5", "w") as file:
+    with pytest.importorskip("h5py").File(tmp_path / "a.h5", "w") as file:
         for i, place in enumerate(("run1", "run2"), start=1):
             group = file.create_group(f"measured/{place}")
             group.attrs["fs"] = RATE * i
