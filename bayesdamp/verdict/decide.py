@@ -26,7 +26,7 @@ from bayesdamp.verdict.parts import (
     UsedWindow,
 )
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import frequency_remark, remarks, sentence, spring_remark
+from bayesdamp.verdict.words import frequency_remark, remarks, sentence, spring_is_doubtful, spring_remark
 
 
 def decide(
@@ -102,7 +102,7 @@ def decide(
     by_law = FrequencyAt(smallest, unit, q.value, q.low, q.high) if q and smallest is not None else None
     contradicted = off = narrower = False
     restoring = next(iter(findings.restoring))
-    spring_doubtful = restoring != "linear" and findings.restoring_deviation.low > thresholds.SPRING_DEVIATES
+    spring_doubtful = spring_is_doubtful(restoring, interval_of(findings.restoring_deviation))
     least = thresholds.CONTRADICTS_THEN if spring_doubtful else thresholds.CONTRADICTS
     own_ratios, own_frequency = (), None
     if law_free is not None:
@@ -128,7 +128,7 @@ def decide(
         frequency_at = own_frequency
     twins = possible_twins(findings, first)
     certain = findings.damping[first] >= thresholds.DECIDED and same and not twins
-    decided = grade is not Grade.DEVIATES and certain and not spring_doubtful
+    decided = grade is not Grade.DEVIATES and certain and not (spring_doubtful or off)
     shares = [Share(t, q.value, q.low, q.high, findings.term[t]) for t, q in findings.energy.items()]
     # The parameters of the best damping and restoring law, but not those of the start of the motion and of the noise.
     law, terms = findings.best.restoring, [TERMS.get(t) for t in findings.best.damping]

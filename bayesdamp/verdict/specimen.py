@@ -20,7 +20,7 @@ from bayesdamp.verdict.decide import rivals_of, twin_pairs
 from bayesdamp.verdict.parts import NAN, Coefficient, DampingRatio, Grade, Interval, Share
 from bayesdamp.verdict.thresholds import AGREEMENT_SDS, WIDTHS_AGREE
 from bayesdamp.verdict.types import Verdict
-from bayesdamp.verdict.words import named, sentence, twin_remark
+from bayesdamp.verdict.words import named, sentence, spring_is_doubtful, twin_remark
 
 SPREAD_VALUES = 400
 """Number of values of the standard deviation between records in the numerical integration of `pool_records`."""
@@ -233,8 +233,8 @@ def common_verdict(
     """Return a specimen's verdict with the fields that do not depend on the kind of its records (motions or envelopes).
 
     One damping is named without reservation (`decided`) if its probability is at least `thresholds.DECIDED`, the grade
-    is not `DEVIATES`, and no twin of its terms is possible. A twin is another term with the same energy loss at every
-    amplitude; it is possible if no record excludes it.
+    is not `DEVIATES`, no record's spring is doubtful (`spring_is_doubtful`), and no twin of its terms is possible. A
+    twin is another term with the same energy loss at every amplitude; it is possible if no record excludes it.
 
     The grade is the worst grade of all records. The deviation is the one with the largest upper limit, and the
     unexplained residual is the largest one. The energy fractions and the noise are medians over the records. The
@@ -253,6 +253,7 @@ def common_verdict(
     """
     first, probability = next(iter(damping.items()))
     grade = max((v.grade for v in own), key=list(Grade).index)
+    doubtful = any(spring_is_doubtful(v.restoring, v.restoring_deviation) for v in own)
     shares = []
     for term in dict.fromkeys(s.term for v in own for s in v.energy):
         each = [s for v in own for s in v.energy if s.term == term]
@@ -276,7 +277,7 @@ def common_verdict(
     return Verdict(
         record=name,
         grade=grade,
-        decided=probability >= thresholds.DECIDED and grade is not Grade.DEVIATES and not twins,
+        decided=probability >= thresholds.DECIDED and grade is not Grade.DEVIATES and not (twins or doubtful),
         damping=first,
         probability=min(probability, thresholds.CAP),
         rivals=tuple(

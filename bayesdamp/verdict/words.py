@@ -92,7 +92,21 @@ def _answer(v: Verdict) -> str:
     dampings = " or ".join(f"{named(name)} ({probability(p)})" for name, p in shown)
     sure = [words_of(s.term) for s in v.energy if s.probability >= thresholds.TERM_SURE]
     certain = f"; among the compared models it surely contains {' and '.join(sure)} damping" if sure else ""
-    return f"{answer}; damping {dampings}{certain}{power}{_law_quality(v)}."
+    doubtful = spring_is_doubtful(v.restoring, v.restoring_deviation)
+    holds = "" if doubtful else f"{certain}{power}{_law_quality(v)}"
+    return f"{answer}; damping {dampings}{holds}."
+
+
+def spring_is_doubtful(restoring: str, deviation: Interval | None) -> bool:
+    """Return whether the frequency surely deviates from a nonlinear restoring law; then nothing surely holds.
+
+    restoring: name of the law; "" for an envelope. deviation: relative deviation from it, or None.
+    """
+    return (
+        restoring not in ("", "linear")
+        and deviation is not None
+        and deviation.low > thresholds.SPRING_DEVIATES
+    )
 
 
 def _percentages(i: Interval) -> str:

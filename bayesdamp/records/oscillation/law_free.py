@@ -64,6 +64,7 @@ many amplitudes (conventional)."""
 POOR_FIT = 9.0
 """In a short record, the frequency is a polynomial with one coefficient more if the mean squared error of the phases is
 more than this many times what their noise explains (conventional: three standard deviations)."""
+IRREGULAR = "the amplitudes of the cycles differ too much for a curve without a law"
 PROBABILITY_NO_WALK = 0.2
 """Prior probability that no random walk is added to the straight line that models a power of the amplitude in time. The
 other variances in `WALKS` share the rest equally. With 0.5 and smaller walks, the intervals at the ends of a record
@@ -392,11 +393,16 @@ def law_free(signal: Signal) -> LawFree:
         try:
             curve = scipy.interpolate.CubicSpline(x, _smooth(windows, sizes)(x)[0])
         except np.linalg.LinAlgError:  # the last correction was too large
-            raise Refusal("the amplitudes of the cycles differ too much for a curve without a law") from None
+            raise Refusal(IRREGULAR) from None
         inside = np.exp(curve(x[:, None] + share * width[:, None]) - curve(x)[:, None])
         sizes = averages - np.log(inside @ (weight / weight.sum()))
     windows, line = replace(windows, phases=phases), _fit_line(windows, sizes)
-    return LawFree(windows, sizes, backbone, line, HARMONIC_ERROR * (1 + order))
+    fit = LawFree(windows, sizes, backbone, line, HARMONIC_ERROR * (1 + order))
+    try:
+        _ = fit._curves
+    except np.linalg.LinAlgError:
+        raise Refusal(IRREGULAR) from None
+    return fit
 
 
 def _fit_line(windows: Sinusoids, sizes: np.ndarray) -> np.polynomial.Polynomial:
