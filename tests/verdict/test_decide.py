@@ -132,6 +132,7 @@ SURE = {"viscous": thresholds.TERM_SURE, "coulomb": 0.6, "quadratic": 0.0}
             {"damping": BOTH, "damping_if_exact": BOTH, "term": SURE}, {"term": {**SURE, "viscous": 0.9}},
             "; among the compared models it surely contains viscous damping",
         ),
+        ({"damping": OPEN, "damping_if_exact": OPEN}, BENT, "; the law holds"),
         ({"unexplained": thresholds.REMARK}, {"unexplained": thresholds.REMARK - TINY}, "explained neither by"),
         ({"midline": -0.0123}, {"midline": 0.5 * thresholds.MIDLINE}, "The midline drifts by 1.2 % of the first"),
         (BENT, {"restoring_deviation": Quantity(0.01, 0.0019, 0.02)}, ", by 1 % (0.21 to 2). Check unit and scale"),

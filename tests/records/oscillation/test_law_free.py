@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 import bayesdamp as bd
 from bayesdamp.records.oscillation.features import Features, features
-from bayesdamp.records.oscillation.law_free import law_free
+from bayesdamp.records.oscillation.law_free import LawFree, law_free
 from bayesdamp.types import LawFreeDamping, Refusal, Signal
 from tests.physics.independent import trajectory, viscous as viscous_decay
 
@@ -30,9 +30,14 @@ def test_amplitudes_that_differ_too_much_are_refused(monkeypatch: pytest.MonkeyP
         raise np.linalg.LinAlgError
 
     record = bd.simulate({"viscous": 0.16}, stiffness=K, theta0=0.2, duration=6.0, samples=80, noise_sd=0.001)
-    monkeypatch.setattr("scipy.interpolate.CubicSpline", fail)
-    with pytest.raises(Refusal, match="differ too much"):
-        law_free(bd.signal(record.t, record.y))
+    for name, fault in {
+        "scipy.interpolate.CubicSpline": fail,
+        f"{LawFree.__module__}.LawFree._curves": property(fail),
+    }.items():
+        with monkeypatch.context() as patch:
+            patch.setattr(name, fault)
+            with pytest.raises(Refusal, match="differ too much"):
+                law_free(bd.signal(record.t, record.y))
 
 
 def test_the_backbone_of_a_pendulum_is_the_elliptic_integral() -> None:
