@@ -241,6 +241,9 @@ def test_a_specimen_has_the_worst_grade_and_the_largest_deviation_of_its_records
     assert verdict.deviation == Interval(0.04, 0.0, 0.1)
     undetected = [replace(records[0].verdict, deviation=Interval(0.0, 0.0, high)) for high in (0.1, 0.2)]
     assert common_verdict("rig", undetected, {"viscous": 1.0}, {}).deviation == undetected[1].deviation
+    for law, decided in (("duffing", False), ("linear", True)):  # the spring of a record may be doubtful
+        bent = replace(undetected[0], restoring=law, restoring_deviation=Interval(0.01, 0.0021, 0.02))
+        assert common_verdict("rig", [undetected[1], bent], {"viscous": 1.0}, {}).decided is decided
     shares = [("viscous", 0.6, 0.5, 0.7), ("quadratic", 0.4, 0.3, 0.5)]
     assert [(s.term, s.share, s.low, s.high) for s in verdict.energy] == shares
 
