@@ -10,6 +10,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from scipy.integrate import quad, solve_ivp
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation import model_comparison
@@ -107,6 +108,24 @@ def test_a_remark_says_where_cycles_cannot_be_counted() -> None:
         if count:
             at = float(remarks[0].removeprefix("The cycles in the gap at ").split(" s ")[0])
             assert 215 < at < 221
+
+
+def test_the_ratio_of_a_power_law_is_right_at_small_amplitudes() -> None:
+    """SciPy's solution of a spring with the force 0.9 |v|^0.4, whose ratio under a sinusoid follows by quadrature."""
+    t, w, p = np.linspace(0, 14, 700), 2 * np.pi, 0.4
+
+    def slope(_: float, s: np.ndarray) -> list[float]:
+        return [s[1], -(w**2) * s[0] - 0.9 * np.sign(s[1]) * abs(s[1]) ** p]
+
+    x = solve_ivp(slope, (0, 14), [0.5, 0.0], t_eval=t, rtol=1e-9, atol=1e-11, max_step=0.01).y[0]
+    signal = bd.signal(t, x + 1e-3 * np.random.default_rng(2).standard_normal(t.size), unit="m")
+    verdict = bd.compare(signal, sample=False).verdict
+    assert verdict.rivals[0].damping == "power"
+    turn, _ = quad(lambda a: abs(np.sin(a)) ** (p + 1), 0, 2 * np.pi)
+    for r in verdict.damping_ratio:
+        truth = 0.9 * (w * r.amplitude) ** p * r.amplitude * turn / (2 * np.pi * (w * r.amplitude) ** 2)
+        assert r.low < truth < r.high  # 95 %, seed fixed
+        assert r.value == pytest.approx(truth, rel=0.03)
 
 
 def test_a_double_well_may_have_a_known_negative_stiffness() -> None:
