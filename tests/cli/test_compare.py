@@ -17,6 +17,7 @@ from bayesdamp.pipeline.tasks import Task, compute_and_store
 from bayesdamp.store.files import write_json
 from bayesdamp.store.results import Store
 from tests.records.tables import T, Y, write_table
+from tests.studies import COMPARED, VISCOUS, signal_text, study_text
 
 
 def write(path: Path) -> Path:
@@ -66,6 +67,18 @@ def test_a_wrong_option_is_one_line_and_nothing_is_written(tmp_path, refused, op
     file = write_table(tmp_path / "b.csv", "t,angle,other", T, Y, np.exp(-0.1 * T) * np.cos(5 * T + 1))
     assert line in refused("compare", str(file), *options.split(), "--out", str(tmp_path / "out"))
     assert not (tmp_path / "out").exists()
+
+
+def test_a_study_of_many_records_ends_with_a_table_of_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = [f"rig-{i}" for i in range(6)]
+    others = [signal_text(name, VISCOUS) for name in names[1:]]
+    text = "\n".join([study_text(COMPARED, simulate=VISCOUS, name=names[0]), *others])
+    (tmp_path / "study.toml").write_text(text)
+    assert main(["study", str(tmp_path / "study.toml"), "--quick", "--out", str(tmp_path / "out")]) == 0
+    table = [line.split()[0] for line in capsys.readouterr().out.splitlines() if " viscous " in line]
+    assert table == names
 
 
 def test_one_bad_file_of_several_is_named_and_the_others_are_compared(tmp_path, capsys, monkeypatch) -> None:

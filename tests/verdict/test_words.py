@@ -103,6 +103,11 @@ LIMITS = "Of the energy lost, each of these other damping terms can account for 
         # A term that alone takes all the energy has no interval; each term of a sum has one.
         (replace(SURE, energy=(VISCOUS,)), ["Energy lost: all of it viscous with probability 0.99."]),
         (replace(SURE, energy=(replace(VISCOUS, low=1.0),)), ["Energy lost: all of it viscous."]),
+        # A twin that loses as much at every amplitude, and is not excluded, may be the cause instead.
+        (
+            replace(SURE, energy=(replace(VISCOUS, low=1.0),), other_forms=(Bound("structural", 0.95),)),
+            ["Energy lost: all of it viscous or structural (rate independent)."],
+        ),
         # A fraction that is rounded to 0 % is an upper limit.
         (
             replace(SURE, energy=(Share("viscous", 0.84, 0.78, 0.93, 1.0), Share("coulomb", 0.006, 0.0, 0.06, 0.5))),
