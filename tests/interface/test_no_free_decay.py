@@ -86,12 +86,9 @@ def test_a_close_second_oscillation_counts_if_no_law_fits(monkeypatch: pytest.Mo
 
 @pytest.mark.parametrize("wrong", [1.0, 1.02])
 def test_a_wrong_stiffness_is_not_a_second_oscillation(wrong: float) -> None:
-    t = np.linspace(0, 30, 3000)
-    p = {"stiffness": 20.0, "rest_angle": 0.0, "zeta": 0.02, "mu_c": 0.03, "theta0": 0.4, "omega0": 0.0}
-    noise = 1e-3 * np.random.default_rng(3).standard_normal(t.size)
-    signal = Signal(t, trajectory("pendulum", p, t)[:, 0] + noise)
-    options = {"restoring": ["pendulum"], "known": {"stiffness": 20.0 * wrong}}
-    verdict = answer(signal, compare_models(signal, **options), sample=False).verdict
+    options = {"theta0": 0.4, "duration": 30.0, "samples": 3000, "noise_sd": 1e-3, "seed": 3}
+    signal = bd.simulate({"viscous": 0.02, "coulomb": 0.03}, "pendulum", stiffness=20.0, **options)
+    verdict = bd.compare(signal, sample=False, known={"stiffness": 20.0 * wrong}).verdict
     assert verdict.motion is None
     assert (wrong > 1) == verdict.remarks[0].startswith("No law fits with the specified stiffness")
 
