@@ -30,7 +30,7 @@ from bayesdamp.inference.deviation.candidate import (
     refit,
 )
 from bayesdamp.inference.deviation.draws import orbits_of, unit_works
-from bayesdamp.inference.deviation.linear import LinearModel, LinearPosterior, linear_posterior
+from bayesdamp.inference.deviation.linear import Grid, LinearModel, LinearPosterior, linear_posterior
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.physics.damping import TERMS
@@ -272,7 +272,11 @@ class SlicedProposal:
 
 
 def slice_proposal(
-    comparison: ModelComparison, result: CandidateResult, base: Parameters, posterior: LinearPosterior
+    comparison: ModelComparison,
+    result: CandidateResult,
+    base: Parameters,
+    posterior: LinearPosterior,
+    coarse: bool = False,
 ) -> SlicedProposal | None:
     """Build the distribution from which the sampling of a candidate starts, in slices of one damping parameter.
 
@@ -289,6 +293,9 @@ def slice_proposal(
         Priors and names of the scores.
     posterior : LinearPosterior
         The posterior of the linear model about the mode, in the coordinates of `base`.
+    coarse : bool
+        Whether the posterior of each slice is computed on the coarse grid of sizes and lengths of the deviations
+        (`CandidateResult.grid`).
 
     Returns
     -------
@@ -310,7 +317,8 @@ def slice_proposal(
     width = SLICE_WIDTH * min(float(sds[place]), 1.0)
     proposal = SlicedProposal(base, place, *_product_and_size(result, base, place), width, ())
     middle = float(np.clip(mode[place], -LARGEST_SCORE, LARGEST_SCORE))
-    first = _slice_at(comparison, result, proposal, middle, np.delete(mode, place))
+    grid = result.grid(coarse)
+    first = _slice_at(comparison, result, proposal, grid, middle, np.delete(mode, place))
     if first is None:
         return None
     slices, best = [first[0]], _log_weight(first[0])
@@ -320,7 +328,7 @@ def slice_proposal(
             a = middle + side * i * width
             start = u.copy()
             start[: d - 1] += side * width * at.slopes * u[proposal.own]
-            new = _slice_at(comparison, result, proposal, a, start) if abs(a) <= LARGEST_SCORE else None
+            new = _slice_at(comparison, result, proposal, grid, a, start) if abs(a) <= LARGEST_SCORE else None
             if new is None:
                 break
             at, u = new
@@ -363,6 +371,7 @@ def _slice_at(
     comparison: ModelComparison,
     result: CandidateResult,
     proposal: SlicedProposal,
+    grid: Grid,
     a: float,
     start: np.ndarray,
 ) -> tuple[Slice, np.ndarray] | None:
@@ -370,7 +379,8 @@ def _slice_at(
 
     a is the standard normal score of the sliced damping parameter. The other unknowns are the remaining scores and the
     deviations from the laws. proposal: supplies parameters, indices and width; the slices that it already has are not
-    used. start: point from which the mode is searched, (K − 1,).
+    used. grid: the sizes and correlation lengths of the deviations. start: point from which the mode is searched, (K −
+    1,).
 
     Return None if no motion can be linearised there. Return None also if the coefficient is 0 at the mode and the term
     has another parameter that multiplies it (`SlicedProposal.product`).
@@ -402,7 +412,7 @@ def _slice_at(
             return None
         matrix[s, c] = -u[s] / pivot
         model = model.transform(u, matrix)
-    posterior = linear_posterior(model, result.grid(), result.variance, comparison.samples)
+    posterior = linear_posterior(model, grid, result.variance, comparison.samples)
     # How the mode of some scores moves with a; the other scores and the deviations are fixed.
     square = model.root[:, :d].T @ model.root[:, :d] / result.variance + np.eye(d)
     sds = np.sqrt(np.diagonal(np.linalg.inv(square)))
@@ -470,7 +480,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     if result is None or "exponent" not in result.fit.parameters.priors:
         return ()
     parameters, prior = result.fit.parameters, result.fit.parameters.priors["exponent"]
-    proposal = slice_proposal(comparison, result, parameters, result.posterior)
+    proposal = slice_proposal(comparison, result, parameters, result.posterior, coarse=True)
     if proposal is None:
         scores = result.posterior.draws(DRAWS, np.random.default_rng(0))[0][
             :, parameters.free_names.index("exponent")
