@@ -41,6 +41,9 @@ SLICE_WIDTH = 1.0
 """Width of a slice of the range of one damping parameter, such as an exponent, in posterior sds of its standard normal
 score (where this sd is above 1, in units of 1). With this width the sum over slices has no visible error: for a normal
 density the relative error of the sum is 2 exp(−2π²)."""
+COARSE_WIDTH = 1.5
+"""Width of the slices, in units of `SLICE_WIDTH`, if only the evidence along the parameter is needed
+(`exponent_quantiles`). It moves the ends of a 95 % interval of an exponent by at most 4 % of its width (measured)."""
 ONE_SLICE_SD = 0.05
 """Smallest posterior sd of a damping parameter's standard normal score for which `slice_proposal` cuts the parameter's
 range into slices; it is relative to the prior sd. Below it one linear model is enough (measured at 0.01: the effective
@@ -294,8 +297,8 @@ def slice_proposal(
     posterior : LinearPosterior
         The posterior of the linear model about the mode, in the coordinates of `base`.
     coarse : bool
-        Whether the posterior of each slice is computed on the coarse grid of sizes and lengths of the deviations
-        (`CandidateResult.grid`).
+        Whether the slices are wider (`COARSE_WIDTH`), and the posterior of each is computed on the coarse grid of sizes
+        and lengths of the deviations (`CandidateResult.grid`).
 
     Returns
     -------
@@ -314,7 +317,7 @@ def slice_proposal(
         return None
     mode = posterior.means[int(np.argmax(posterior.log_each))].copy()
     mode[:d][base.positive] = np.maximum(mode[:d][base.positive], 0.0)
-    width = SLICE_WIDTH * min(float(sds[place]), 1.0)
+    width = SLICE_WIDTH * min(float(sds[place]), 1.0) * (COARSE_WIDTH if coarse else 1.0)
     proposal = SlicedProposal(base, place, *_product_and_size(result, base, place), width, ())
     middle = float(np.clip(mode[place], -LARGEST_SCORE, LARGEST_SCORE))
     grid = result.grid(coarse)
