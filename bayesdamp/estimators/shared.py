@@ -21,7 +21,13 @@ from pydantic import BaseModel, ConfigDict
 from bayesdamp.physics.damping import TERMS
 from bayesdamp.physics.oscillator import Oscillator, reference_of
 from bayesdamp.plugins import Plugin
-from bayesdamp.records.oscillation.features import Features, features as measure, midpoints, turning_points
+from bayesdamp.records.oscillation.features import (
+    Features,
+    features as measure,
+    midpoints,
+    once_per_record,
+    turning_points,
+)
 from bayesdamp.types import DERIVATIVES, Estimate, Problem, Reference, Refusal, Signal
 
 if TYPE_CHECKING:
@@ -33,7 +39,7 @@ DEGREE = 7
 LEAST_SAMPLES = 4
 """Least number of samples before the first interruption of the sampling (`before_gap`). A record with fewer is refused,
 because the start of the motion is determined from these samples."""
-NOISE_SAMPLES, NOISE_PARTS = 32_768, 8
+NOISE_SAMPLES, NOISE_PARTS = 8_192, 8
 """The noise is measured from at most `NOISE_SAMPLES` samples. In a longer record these samples are in `NOISE_PARTS`
 parts of equal length, spread evenly over the record."""
 NO_NOISE = 1e-6
@@ -245,6 +251,7 @@ def has_noise(signal: Signal, features: Features) -> bool:
     return noise_level(signal) > NO_NOISE * float(np.abs(features.turning_amplitudes).max())
 
 
+@once_per_record
 def noise_level(signal: Signal) -> float:
     """Return the standard deviation of the noise in the record's unit; the rounding error if there is no noise.
 
