@@ -87,16 +87,16 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def at_once(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
+def at_once(function: Callable[[T], R], items: Iterable[T], slow: bool = True) -> list[R]:
     """Apply `function` to each item in parallel threads; return the results in the order of the items.
 
     There are at most `MAX_THREADS` threads. With a single core or item, the calls are made one after another in this
-    thread; so they are in a process of a pool and in a thread, which share the cores with others. If calls fail, the
-    exception of the first failed item, in the order of the items, is raised.
+    thread; so they are in a process of a pool and in a thread, which share the cores with others, and if `slow` is
+    False. If calls fail, the exception of the first failed item, in the order of the items, is raised.
     """
     work = list(items)
     shares = multiprocessing.parent_process() or threading.current_thread() is not threading.main_thread()
-    threads = 1 if shares else min(cores(), MAX_THREADS, len(work))
+    threads = min(cores(), MAX_THREADS, len(work)) if slow and not shares else 1
     if threads < 2:
         return [function(item) for item in work]
     with futures.ThreadPoolExecutor(threads) as pool:

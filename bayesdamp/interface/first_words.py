@@ -123,7 +123,7 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False, unexplained: float 
         not known. Two close oscillations that explain much more count, even if no amplitude rises.
     """
     other = _other_motion(signal, no_law_fits, unexplained)
-    if other is None:
+    if other is None or not other.clear:
         return None
     small = other.complete and (no_law_fits or (unexplained > 0 and other.kind == "beats"))
     if other.size < (thresholds.SMALL_OTHER_MOTION if small else thresholds.OTHER_MOTION):
@@ -161,14 +161,17 @@ def no_free_decay(signal: Signal, no_law_fits: bool = False, unexplained: float 
 
 
 def remark_on(signal: Signal, unexplained: float = 0.0) -> str:
-    """Return a remark on the frequency and the relative size of a second oscillation; empty if there is none.
+    """Return a remark on a second oscillation; empty if there is none.
 
-    The size is the amplitude relative to that of the first oscillation. It is not compared with a limit. Call this
-    function only if `no_free_decay` returned None: the second oscillation is then too small to change the verdict.
-    `unexplained`: as in `no_free_decay`.
+    It states the frequency and the amplitude relative to that of the first oscillation, which is not compared with a
+    limit; or that there may be two oscillations, if this is not clear (`OtherMotion.clear`). Call this function only if
+    `no_free_decay` returned None. `unexplained`: as in `no_free_decay`.
     """
     other = _other_motion(signal, False, unexplained)
     if other is None or len(other.modes.frequencies) < 2:
         return ""
+    if not other.clear:
+        at = " and ".join(fmt.digits(f) for f in sorted(other.modes.frequencies.tolist()))
+        return f"Two oscillations, at {at} Hz, would explain the record far better than the laws; it may contain both."
     at = f"{fmt.digits(other.modes.frequencies[1])} Hz"
     return f"A second oscillation, at {at}, has {fmt.percentage(other.size)} % of the amplitude."

@@ -26,6 +26,9 @@ frequency became up to a third wider, those of damping ratios hardly)."""
 HOLE = 2.0
 """A gap between samples is a hole if it is longer than this many lengths of an averaging window (1/`A_CYCLE` of a
 cycle). Samples before and after a hole are not averaged together (conventional)."""
+SLOW_CYCLES = 25.0
+"""Motions of at least this many cycles take so long that they are computed in several threads. With fewer, the threads
+would mostly wait for the interpreter's lock (measured)."""
 LEAST = 0.05
 """The used part of a record ends where the amplitude has fallen to this fraction of the first one. Laws that hold to a
 few per cent over a decade of amplitudes do not hold over two, and at smaller amplitudes the sensor's resolution and
@@ -144,6 +147,11 @@ class Data:
         It is the last `t`, or the last sample of the last window if y are means over windows.
         """
         return float(self.t[-1] if self.samples is None else self.samples[-1, -1])
+
+    @property
+    def slow(self) -> bool:
+        """Return whether it saves time to compute several motions in threads (`SLOW_CYCLES`)."""
+        return self.cycles > SLOW_CYCLES
 
     @property
     def samples(self) -> np.ndarray | None:

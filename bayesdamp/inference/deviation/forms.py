@@ -172,7 +172,7 @@ def _evaluate_rivals(
         return result
 
     assert solver.kernel  # compiled before several threads ask for it
-    return [r for r in at_once(evaluate, sums) if r is not None]
+    return [r for r in at_once(evaluate, sums, data.slow) if r is not None]
 
 
 @dataclass(frozen=True)

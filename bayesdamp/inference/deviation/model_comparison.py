@@ -468,7 +468,7 @@ def compare_candidates(
         raise Refusal(next(iter(refused.values())))
     reference = reference or Reference(float(f"{data.amplitude:.2g}"), float(f"{data.frequency:.2g}"))
     fits = _CandidateFits(data, asked, reference, priors, known or {}, refused)
-    at_once(fits.fit_fullest, fits.laws)
+    at_once(fits.fit_fullest, fits.laws, data.slow)
     for _ in range(ROUNDS if data.averaged is not None else 0):
         fits = fits.refitted(solvers=fits.corrected_solvers())
     frictions: tuple[Friction, ...] = ()
@@ -488,7 +488,7 @@ def compare_candidates(
         fit = fits.fit_of(c)
         return None if fit is None else comparison.evaluate(c, fits.solvers[c.restoring], fit)
 
-    results = at_once(evaluate, [c for c in asked if c not in refused])
+    results = at_once(evaluate, [c for c in asked if c not in refused], data.slow)
     if not any(results):
         what = "the equation of motion cannot be fitted with any of the damping models"
         raise Refusal(f"{what}; choose a part of the record, or compare other damping models")
@@ -728,7 +728,11 @@ class _CandidateFits:
         other = copy(self)
         other.data, other.solvers = data or self.data, {**self.solvers, **(solvers or {})}
         every = list(self.fits)
-        fits = at_once(lambda c: refit(other.solvers[c.restoring], other.data, self.fits[c]), every)
+
+        def fit(c: MotionCandidate) -> LeastSquaresFit | None:
+            return refit(other.solvers[c.restoring], other.data, self.fits[c])
+
+        fits = at_once(fit, every, other.data.slow)
         other.fits = self.fits | {c: fit for c, fit in zip(every, fits, strict=True) if fit is not None}
         return other
 
@@ -757,7 +761,7 @@ class _CandidateFits:
         def mode(law: str, least: float = -np.inf) -> Linearisation | None:
             return linearise_at_mode(self.solvers[law], data, fits[law], None, starts[law], least)
 
-        found = at_once(lambda law: linearise(self.solvers[law], data, fits[law]), fits)
+        found = at_once(lambda law: linearise(self.solvers[law], data, fits[law]), fits, data.slow)
         starts = {law: at for law, at in zip(fits, found, strict=True) if at is not None}
         if not starts:
             return {}
@@ -765,7 +769,8 @@ class _CandidateFits:
         best = mode(first)
         assert best is not None
         others, least = [law for law in starts if law != first], log_evidence(best) - HOPELESS
-        modes = {first: best, **dict(zip(others, at_once(lambda law: mode(law, least), others), strict=True))}
+        further = at_once(lambda law: mode(law, least), others, data.slow)
+        modes = {first: best, **dict(zip(others, further, strict=True))}
         self.behind.update(law for law in modes if modes[law] is None)
         return {law: at for law in fits if (at := modes.get(law)) is not None}
 
@@ -823,7 +828,7 @@ class _CandidateFits:
             return share * peak, log, fit
 
         shares = SHARES if any(near.values[i] > 0 for i in switching) else ()
-        tried = [width for width in at_once(under, shares) if width is not None]
+        tried = [width for width in at_once(under, shares, self.data.slow) if width is not None]
         if not tried:
             return (), self.epsilon
         for _ in range(BETWEEN if len(tried) > 2 else 0):

@@ -310,6 +310,10 @@ class OtherMotion:
         "steady" and "excited".
     misfit
         For two oscillations, the standard deviation of the residual relative to that of the noise; 1 for other kinds.
+    clear
+        False if the record may also be the decay of one oscillator that follows none of the compared laws: two
+        oscillations of close frequencies explain it far better than they do, but their sizes are alike (`SIZES_ALIKE`)
+        or their lines overlap (`LEAST_WIDTHS`).
     """
 
     kind: Literal["growing", "steady", "beats", "two modes", "driven", "excited"]
@@ -317,6 +321,7 @@ class OtherMotion:
     size: float
     complete: bool = False
     misfit: float = 1.0
+    clear: bool = True
 
 
 def find_other_motion(
@@ -406,16 +411,14 @@ def _other_by_modes(
             levels = falls < MAX_SUSTAINED_FALL and abs(early / late - 1) < MAX_SUSTAINED_FALL
         together = min(duration, 1 / max(fastest - slowest, 1e-300))  # time in s with comparable amplitudes
         nats = 0.5 * t.size * ((unexplained / max(rough, 1e-12 * float(np.std(y)))) ** 2 + 1 - misfit**2)
+        possible = complete and nats > NATS_AHEAD and fastest < RATES_ALIKE * slowest
         apart = 2 * np.pi * (g - f) > LEAST_WIDTHS * (fastest + slowest)
-        ahead = nats > NATS_AHEAD and fastest < RATES_ALIKE * slowest and size < SIZES_ALIKE and apart
-        complete = complete and ((g - f) * together > LEAST_BEATS or ahead)
-        if (
-            relative_rise(ranges, noise) < MIN_RISE
-            and not levels
-            and not ((no_law_fits or ahead) and complete)
-        ):
+        ahead = possible and size < SIZES_ALIKE and apart
+        complete = ahead or (complete and (g - f) * together > LEAST_BEATS)
+        clear = relative_rise(ranges, noise) >= MIN_RISE or levels or ((no_law_fits or ahead) and complete)
+        if not clear and not possible:
             return None
-        return OtherMotion("driven" if steady else "beats", two, size, complete, misfit)
+        return OtherMotion("driven" if steady else "beats", two, size, complete, misfit, clear)
     if not complete and g - f < fastest:  # two damped sinusoids imitate how another decay ends
         return None
     multiple = two.frequencies[1] / two.frequencies[0]
