@@ -38,10 +38,6 @@ with the one before that which was accepted."""
 SETTLED = 0.1
 """The Gauss–Newton steps end before a step that would change the motion by less than this: norm of the change over all
 samples, in standard deviations of the noise. Such a step changes a log evidence by less than 0.1 nats (measured)."""
-HARDLY = 0.25
-"""The search for a mode ends without a result if a step changes the log evidence by less than this fraction of what it
-lacks. Of 260 sums of all terms under wrong laws, of simulated and measured records, this left out 127, none of which
-would have reached that evidence."""
 MOST_G, MOST_H = 3.0, 0.4
 """`MOST_G` and `MOST_H`: largest |g| and |h| at which a motion is linearised; beyond them the linearisation fails. The
 damping force is multiplied by exp g, and the frequency by 1 + h."""
@@ -137,25 +133,6 @@ class Linearisation:
         coarse: if true, the grid contains only every other size, and only the shortest and the longest length.
         """
         return grid_of(self.knots, coarse=coarse, absorbed=self.fit.parameters.absorbs)
-
-    def log_evidences(self, variance: float) -> np.ndarray:
-        """Return the log of evidence times prior probability at each of c points of the coarse grid, in nats, (c,).
-
-        A grid point is one combination of sizes (prior sds) and correlation lengths of the deviations. Coefficients may
-        be negative here, a common scale of coefficients is ignored, and the residuals count as uncorrelated. variance:
-        variance of the noise, in the record's unit squared.
-        """
-        return log_evidences(self.model, self.grid(coarse=True), variance, self.model.count)
-
-    def prior_root(self, place: int) -> np.ndarray:
-        """Return a matrix R, (K, K), for which R Rᵀ is the prior covariance of the unknowns.
-
-        All scores have the variance 1 here; a common scale of coefficients is ignored. The prior sds and correlation
-        lengths of g and h are those of the point of the coarse grid with the index `place`.
-        """
-        d, root = self.fit.z.size, np.eye(self.u.size)
-        root[d:, d:] = self.grid(coarse=True).only(np.array([place])).factors[0]
-        return root
 
     def distance(self, u: np.ndarray, variance: float) -> float:
         """Return the norm of the change of the linearised motion from `self.u` to u, (K,), in sds of the noise.
@@ -391,18 +368,16 @@ def linearise_at_mode(
     fit: LeastSquaresFit,
     variance: float | None,
     start: Linearisation | None = None,
-    least: float = -np.inf,
 ) -> Linearisation | None:
     """Linearise a candidate about the joint mode of its parameters and deviations g and h, by Gauss–Newton steps.
 
     In each step the hyperparameters (prior sds and correlation lengths of the deviations) have their most probable
-    values in the coarse grid of `Linearisation.grid`. The steps end
+    values in the coarse grid of `Linearisation.grid` (see `prior_root`). The steps end
 
     - before a step that would change the motion by less than `SETTLED`;
     - if no attempt in `STEPS` is accepted. An attempt is accepted if its sum of squared residuals is at most the larger
       of two values: the present sum, and the sum that the linear model predicts (apart from a small tolerance);
-    - after `MOST_STEPS` steps;
-    - without a result, after a step with which the log evidence remains below `least` and hardly changes (`HARDLY`).
+    - after `MOST_STEPS` steps.
 
     Parameters
     ----------
@@ -417,26 +392,19 @@ def linearise_at_mode(
         Variance of the noise, in the record's unit squared; if None, that of `Linearisation.variance` at each step.
     start : Linearisation, optional
         The linearisation at which the steps start; by default that at the fit without deviations.
-    least : float
-        Log evidence in nats that the candidate must reach (`Linearisation.log_evidences`).
 
     Returns
     -------
     Linearisation or None
-        The linearisation at the end of the last step; None if the motion cannot be linearised at the start, or if the
-        candidate does not reach `least`.
+        The linearisation at the end of the last step; None if the motion cannot be linearised at the start.
     """
     at = start or linearise(solver, data, fit)
     if at is None:
         return None
-    d, first, before = fit.z.size, 0, np.inf
+    d, grid, first = fit.z.size, at.grid(coarse=True), 0
     for _ in range(MOST_STEPS):
         used = variance if variance is not None else at.variance(data)
-        logs = at.log_evidences(used)
-        evidence = float(np.logaddexp.reduce(logs))
-        if abs(evidence - before) < HARDLY * (least - evidence):
-            return None
-        before, root = evidence, at.prior_root(int(np.argmax(logs)))
+        root = prior_root(at.model, grid, used)
         for i, (share, hold) in enumerate(STEPS[first:], first):
             mode = mode_of(at.model, root, used, at.z, hold)
             if at.distance(mode, used) < SETTLED:
@@ -451,6 +419,22 @@ def linearise_at_mode(
         else:
             break
     return at
+
+
+def prior_root(model: LinearModel, grid: Grid, variance: float) -> np.ndarray:
+    """Return a matrix R, (K, K), for which R Rᵀ is the prior covariance of a linear model's K unknowns.
+
+    The unknowns are the parameters, transformed so that their priors are standard normal (scores), then the deviations
+    from the laws at knots in time: g (the damping force is multiplied by exp g) and h (the frequency is multiplied by 1
+    + h). All scores have the variance 1 here; a common scale of coefficients is ignored. The prior sds and correlation
+    lengths of g and h have their most probable values in the grid, which are computed without the condition that
+    coefficients are ≥ 0. variance: variance of the noise, in the record's unit squared.
+    """
+    top = int(np.argmax(log_evidences(model, grid, variance, model.count)))
+    root = np.eye(model.root.shape[1])
+    d = model.positive.size
+    root[d:, d:] = grid.only(np.array([top])).factors[0]
+    return root
 
 
 def mode_of(

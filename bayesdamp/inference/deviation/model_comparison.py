@@ -19,7 +19,6 @@ from bayesdamp.inference.deviation.candidate import (
     MotionCandidate,
     exact_model,
     initial_values,
-    linearise,
     linearise_at_mode,
     parameters_of,
     refit,
@@ -83,9 +82,6 @@ REACH = 12.0
 this many nats below the best prediction. The prediction is from the fit of the sum of all terms
 (`ModelComparison.expected_evidences`). Of 1,253 candidates on 50 simulated records none that this would leave out was
 closer than 8.5 nats (measured)."""
-HOPELESS = 30.0
-"""A restoring law is left out if the log evidence of its sum of all damping terms remains more than this many nats
-below that of the first law, while the mode is searched (`candidate.HARDLY`)."""
 NEAR = 20.0
 """For a record of very many cycles, motions are computed by averaging over cycles. The motion of a candidate (a sum of
 damping terms under a restoring law) is then corrected by the full equation of motion if the candidate's log evidence is
@@ -476,8 +472,7 @@ def compare_candidates(
         frictions, epsilon = fits.choose_friction()
         fits = fits.with_width(epsilon)
     comparison, fits, modes = choose_noise(fits, frictions, noises, approximate)
-    why = {law: FAR_BEHIND if law in fits.behind else NO_LARGEST for law in fits.laws if law not in modes}
-    refused |= {c: why[c.restoring] for c in asked if c.restoring in why and c not in refused}
+    refused |= {c: NO_LARGEST for c in asked if c.restoring not in modes and c not in refused}
     expected: dict[MotionCandidate, float] = {}
     for law, mode in modes.items():
         expected |= comparison.expected_evidences([c for c in asked if c.restoring == law], mode)
@@ -589,8 +584,7 @@ class _CandidateFits:
     `fits` contains the fits that have been made, by candidate. A candidate that cannot be fitted is added to `refused`
     with the reason. terms: names of all damping terms of the candidates. plain: names of the terms whose only parameter
     is the coefficient. laws: names of the restoring laws. solvers: by law, the solver of the sum of all terms. scales:
-    by law, the fixed references (equilibrium, amplitude, peak velocity) that forces may contain. behind: names of the
-    laws whose candidates are all far behind the best (see `modes`).
+    by law, the fixed references (equilibrium, amplitude, peak velocity) that forces may contain.
     """
 
     def __init__(
@@ -608,7 +602,6 @@ class _CandidateFits:
         self.plain = tuple(t for t in self.terms if not TERMS.get(t).inferred)
         self.laws = list(dict.fromkeys(c.restoring for c in candidates))
         self.fits: dict[MotionCandidate, LeastSquaresFit] = {}
-        self.behind: set[str] = set()
         epsilon = self.known_under(self.laws[0]).get("epsilon", reference.friction_width)
         knots = knots_of(data.end, data.cycles)
         self.solvers = {law: data.solver(self.terms, law, epsilon, knots) for law in self.laws}
@@ -750,29 +743,15 @@ class _CandidateFits:
         """Linearise the candidate with the most damping terms (`fullest`) about its mode, for each restoring law.
 
         The mode is the most probable motion. Return the linearised candidates by the name of the law. Candidates that
-        have no fit or cannot be linearised are left out; so are those far behind the best (`HOPELESS`), whose laws are
-        added to `behind`.
+        have no fit or cannot be linearised are left out.
         """
-        data, fits = self.data, {c.restoring: self.fits[c] for c in self.fullest if c in self.fits}
+        whole = [c for c in self.fullest if c in self.fits]
 
-        def log_evidence(at: Linearisation) -> float:
-            return float(np.logaddexp.reduce(at.log_evidences(at.variance(data))))
+        def mode(c: MotionCandidate) -> Linearisation | None:
+            return linearise_at_mode(self.solvers[c.restoring], self.data, self.fits[c], None)
 
-        def mode(law: str, least: float = -np.inf) -> Linearisation | None:
-            return linearise_at_mode(self.solvers[law], data, fits[law], None, starts[law], least)
-
-        found = at_once(lambda law: linearise(self.solvers[law], data, fits[law]), fits, data.slow)
-        starts = {law: at for law, at in zip(fits, found, strict=True) if at is not None}
-        if not starts:
-            return {}
-        first = max(starts, key=lambda law: log_evidence(starts[law]))
-        best = mode(first)
-        assert best is not None
-        others, least = [law for law in starts if law != first], log_evidence(best) - HOPELESS
-        further = at_once(lambda law: mode(law, least), others, data.slow)
-        modes = {first: best, **dict(zip(others, further, strict=True))}
-        self.behind.update(law for law in modes if modes[law] is None)
-        return {law: at for law in fits if (at := modes.get(law)) is not None}
+        modes = at_once(mode, whole, self.data.slow)
+        return {c.restoring: at for c, at in zip(whole, modes, strict=True) if at is not None}
 
     def choose_friction(
         self, adapting: Callable[..., AdaptedData | None] | None = None

@@ -211,7 +211,7 @@ from numba import njit
 
 # For functions that only other compiled functions call. Wrappers for calls from Python take a fifth of the time to
 # compile.
-inner = njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath={{"contract"}})
+inner = njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 EXACT, TINY = {EXACT!r}, {TINY!r}

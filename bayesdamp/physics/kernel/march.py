@@ -237,7 +237,7 @@ def sums(x, v, weight, epsilon, rounding, q, active, out):
                 out[d, j] += weight[i] * work[j]
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@njit(cache=True, nogil=True)
 def march(
     coefficients, q, active, law, epsilon, rounding, start, knots, g, h, tolerance, sizes, tangents, max_steps
 ):
