@@ -63,6 +63,18 @@ def test_a_small_second_mode_is_only_a_remark() -> None:
 BEATING = (0.024, 1.08, 0.01)
 
 
+def test_two_equal_close_oscillations_are_a_remark() -> None:
+    """Control: a single oscillation of the same size."""
+    both, one = (
+        verdict_on((0.3, 1.0, 0.01), *second, noise=0.0003, restoring=["linear"])
+        for second in ([(0.3, 1.013, 0.01)], [])
+    )
+    remarks = [[r for r in v.remarks if "Two oscillations" in r] for v in (both, one)]
+    found = "at 0.6366 and 0.6449 Hz, would explain the record far better than the laws; it may contain both."
+    assert remarks == [[f"Two oscillations, {found}"], []]
+    assert not both.decided
+
+
 def test_a_close_second_oscillation_counts_if_no_law_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     """The amplitude of no record rises, and the last has less than one beat. Controls: without the second oscillation
     the damping is viscous, and a law that explains nearly everything is not replaced by two oscillations."""

@@ -10,15 +10,15 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 from bayesdamp.inference.deviation.parameters import Parameters
-from bayesdamp.numerics.levenberg_marquardt import MIN_LAMBDA
+from bayesdamp.numerics.levenberg_marquardt import FIRST_LAMBDA, MIN_LAMBDA
 from bayesdamp.physics.amplitude import AmplitudeSolver
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import TOLERANCE
 
-FIRST_DAMPING, LESS, MORE, MOST_DAMPING = 1e-6, 0.01, 8.0, 1e8
-"""Rules for Marquardt's damping parameter λ in a fit (conventional). It starts at `FIRST_DAMPING`. After a successful
-step it is multiplied by `LESS`. After a failed step it is raised to at least `FIRST_DAMPING` and then multiplied by
-`MORE`. From `MOST_DAMPING` on, no further step is tried."""
+LESS, MORE, AGAIN, MOST_DAMPING = 0.05, 8.0, 1e-6, 1e8
+"""Rules for Marquardt's damping parameter λ in a fit (conventional). After a successful step λ is multiplied by `LESS`.
+After a failed step it is raised to at least `AGAIN` and then multiplied by `MORE`. From `MOST_DAMPING` on, no further
+step is tried."""
 MOST_STEPS = 40
 """Largest number of successful Levenberg–Marquardt steps in one search (conventional)."""
 ROUGH, CLOSE = 1e-2, 0.01
@@ -171,7 +171,7 @@ def _search(
     def fit_at(z: np.ndarray, motion: Motion, jacobian: np.ndarray) -> LeastSquaresFit:
         return LeastSquaresFit(parameters, active, z, y - motion.y, jacobian, motion.without_tangents())
 
-    motion, damping, steps, last = solve(z), FIRST_DAMPING, 0, False
+    motion, damping, steps, last = solve(z), FIRST_LAMBDA, 0, False
     if motion is None:
         return None
     while True:
@@ -205,7 +205,7 @@ def _search(
             after = float(residual @ residual) + variance * float(new @ new)
             if trial is not None and after < cost:
                 break
-            damping = max(damping, FIRST_DAMPING) * MORE
+            damping = max(damping, AGAIN) * MORE
         damping, steps = max(damping * LESS, MIN_LAMBDA), steps + 1
         z, motion = new, trial
         last = cost - after < enough or steps == MOST_STEPS

@@ -207,7 +207,7 @@ below an estimate of the largest one."""
 LEFT_OUT = 3e-3
 """The evidence is a sum over grid points (sizes and correlation lengths of the deviations) and values of the common
 prior scale of coefficients. The least probable combinations, with at most this total posterior probability (computed
-from upper bounds of their evidences), are left out. This lowers a log evidence by about a thousandth of a nat or
+from upper bounds of their evidences), are left out. This lowers a log evidence by about three thousandths of a nat or
 less."""
 
 
