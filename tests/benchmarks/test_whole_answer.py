@@ -26,6 +26,9 @@ FIRST, VERDICT, END, CPU, MEMORY = COLUMNS
 RECORDS = 10
 """Number of records in the comparison with the script: two of each group of the contest."""
 
+USUAL = {"PYTHONUNBUFFERED": "1", "PYTHONDONTWRITEBYTECODE": ""}
+"""Variables of the environment. An installation stores the compiled bytecode of modules, so a command must find it."""
+
 LAUNCHER = """
 import json, resource, subprocess, sys
 status = subprocess.run(sys.argv[1:], stderr=subprocess.STDOUT).returncode
@@ -73,7 +76,7 @@ def measure(command: str, *records: str, fresh: bool = False, again: bool = True
     start, first, verdict = time.perf_counter(), np.nan, np.nan
     with subprocess.Popen(
         [sys.executable, "-c", LAUNCHER, sys.executable, "-m", "bayesdamp", name, *records, *options],
-        text=True, stdout=subprocess.PIPE, env={**os.environ, "PYTHONUNBUFFERED": "1", **caches},
+        text=True, stdout=subprocess.PIPE, env={**os.environ, **USUAL, **caches},
     ) as process:  # fmt: skip
         for line in process.stdout:
             now = time.perf_counter() - start
