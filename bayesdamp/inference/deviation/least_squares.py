@@ -15,19 +15,18 @@ from bayesdamp.physics.amplitude import AmplitudeSolver
 from bayesdamp.physics.kernel import Motion, Solver
 from bayesdamp.physics.kernel.solve import TOLERANCE
 
-LESS, MORE, AGAIN, MOST_DAMPING = 0.05, 8.0, 1e-6, 1e8
+LESS, MORE, AGAIN, MOST_DAMPING = 0.2, 8.0, 1e-6, 1e8
 """Rules for Marquardt's damping parameter λ in a fit (conventional). After a successful step λ is multiplied by `LESS`.
 After a failed step it is raised to at least `AGAIN` and then multiplied by `MORE`. From `MOST_DAMPING` on, no further
 step is tried."""
 MOST_STEPS = 40
 """Largest number of successful Levenberg–Marquardt steps in one search (conventional)."""
-ROUGH, CLOSE = 1e-2, 0.01
-"""The search ends when a step improves the fit by less than this. `ROUGH` is for parts of the record and for rough
-fits: a relative decrease of the sum of squares. `CLOSE` is for the last search over the whole record: an increase of
-the log posterior density in nats."""
+ROUGH, CLOSE = 1e-2, 1e-6
+"""The search ends when a step decreases the sum of squares by less than this relative amount. `ROUGH` is for parts of
+the record and for rough fits, `CLOSE` for the last search over the whole record."""
 NOTHING = 0.1
-"""A step is tried only if the linear model predicts at least this fraction of the improvement at which the search ends
-(`ROUGH`, `CLOSE`); otherwise the search ends at once."""
+"""A step is tried only if the linear model predicts a decrease of the sum of squares that is at least this fraction of
+the decrease at which the search ends (`ROUGH`, `CLOSE`); otherwise the search ends at once."""
 LARGEST = 1e100
 """A fit fails if the absolute value of a derivative of the motion is not below this: the motion then depends
 chaotically on its start, and sums of squares overflow. The derivatives are by the inferred parameters, transformed so
@@ -163,7 +162,7 @@ def _search(
     Parameters are those of `fit`. rough: whether to use the larger tolerances for parts of the record and for rough
     fits. Return None if the motion at z is unbounded, or if a motion depends chaotically on its parameters.
     """
-    tolerance = SEARCHED if rough else TOLERANCE
+    tolerance, close = (SEARCHED, ROUGH) if rough else (TOLERANCE, CLOSE)
 
     def solve(z: np.ndarray) -> Motion | None:
         return solver.solve(parameters.values(z), active, stop=y.size, tolerance=tolerance)
@@ -191,13 +190,12 @@ def _search(
         # Marquardt's scale includes the prior; otherwise a score that does not change the motion would jump to 0.
         scale = np.linalg.norm(plain, axis=0)
         cost = float(r @ r) + variance * float(z @ z)
-        enough = ROUGH * cost if rough else 2 * CLOSE * variance
         while True:
             root = np.concatenate([plain, np.diag(np.sqrt(damping) * scale)])
             aim = np.concatenate([wanted, np.sqrt(damping) * scale * z])
             new = nonnegative(root, aim, parameters.positive)
             promised = cost - left - float(np.sum((plain @ new - wanted) ** 2))
-            if damping >= MOST_DAMPING or promised < NOTHING * enough:
+            if damping >= MOST_DAMPING or promised < NOTHING * close * cost:
                 return fit_at(z, motion, jacobian)
             new = parameters.retract(solver.restoring, z, new)
             trial = solve(new)
@@ -208,4 +206,4 @@ def _search(
             damping = max(damping, AGAIN) * MORE
         damping, steps = max(damping * LESS, MIN_LAMBDA), steps + 1
         z, motion = new, trial
-        last = cost - after < enough or steps == MOST_STEPS
+        last = (cost - after) / cost < close or steps == MOST_STEPS

@@ -204,10 +204,10 @@ NEGLIGIBLE = 30.0
 """The evidence is a sum over grid points (sizes and correlation lengths of the deviations) and values of the common
 prior scale of coefficients. A combination is left out if an upper bound of its log evidence is more than this many nats
 below an estimate of the largest one."""
-LEFT_OUT = 3e-3
+LEFT_OUT = 1e-3
 """The evidence is a sum over grid points (sizes and correlation lengths of the deviations) and values of the common
 prior scale of coefficients. The least probable combinations, with at most this total posterior probability (computed
-from upper bounds of their evidences), are left out. This lowers a log evidence by about three thousandths of a nat or
+from upper bounds of their evidences), are left out. This lowers a log evidence by about a thousandth of a nat or
 less."""
 
 
