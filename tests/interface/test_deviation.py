@@ -120,11 +120,7 @@ def test_a_fit_has_the_numbers_of_its_draws() -> None:
 
 def test_the_outcome_says_why_the_draws_are_not_used(monkeypatch) -> None:
     """Without importance sampling. The likelihood is evaluated for the first draws and for each of two moves."""
-    for name, value in {
-        "LEAST_EFFECTIVE": 2.0,
-        "EFFECTIVE_FRACTION": 0.99999,
-        "MOST_TEMPERATURES": 1,
-    }.items():
+    for name, value in {"LEAST_EFFECTIVE": 2.0, "EFFECTIVE_FRACTION": 0.9999, "MOST_TEMPERATURES": 1}.items():
         monkeypatch.setattr(tempered, name, value)
     post = bd.sample(fit(), chains=2, draws=50)
     assert "converged: the exact likelihood is not reached after 1 temperatures" in post.outcome
