@@ -485,17 +485,16 @@ def compare_candidates(
         fit = fits.fit_of(c)
         return None if fit is None else comparison.evaluate(c, fits.solvers[c.restoring], fit)
 
-    left = [c for c in asked if c not in refused]
-    close = [c for c in left if not expected[c] < top - CLOSE_REACH]
-    found = dict(zip(close, at_once(evaluate, close, data.slow), strict=True))
-    logs = {c: r.log_evidence for c, r in found.items() if r is not None and np.isfinite(expected[c])}
+    probable = [c for c in asked if c not in refused and not expected[c] < top - CLOSE_REACH]
+    improbable = [c for c in asked if c not in refused and c not in probable]
+    fitted = dict(zip(probable, at_once(evaluate, probable, data.slow), strict=True))
+    logs = {c: r.log_evidence for c, r in fitted.items() if r is not None and np.isfinite(expected[c])}
     best = max(logs.values(), default=np.nan)
-    rest = [c for c in left if c not in found]
     if logs and all(abs(log - best - expected[c] + top) < TRUSTED for c, log in logs.items()):
-        refused |= dict.fromkeys(rest, FAR_BEHIND)
+        refused |= dict.fromkeys(improbable, FAR_BEHIND)
     else:
-        found |= zip(rest, at_once(evaluate, rest, data.slow), strict=True)
-    results = [found[c] for c in left if c in found]
+        fitted |= zip(improbable, at_once(evaluate, improbable, data.slow), strict=True)
+    results = [fitted[c] for c in asked if c in fitted]
     if not any(results):
         what = "the equation of motion cannot be fitted with any of the damping models"
         raise Refusal(f"{what}; choose a part of the record, or compare other damping models")
