@@ -76,7 +76,7 @@ def measure(command: str, *records: str, fresh: bool = False, again: bool = True
     start, first, verdict = time.perf_counter(), np.nan, np.nan
     with subprocess.Popen(
         [sys.executable, "-c", LAUNCHER, sys.executable, "-m", "bayesdamp", name, *records, *options],
-        text=True, stdout=subprocess.PIPE, env={**os.environ, **USUAL, **caches},
+        text=True, stdout=subprocess.PIPE, env=os.environ | caches | USUAL,
     ) as process:  # fmt: skip
         for line in process.stdout:
             now = time.perf_counter() - start
@@ -105,10 +105,7 @@ def test_commands() -> None:
         "50,000 samples": (measure("compare --quick", record(50_000)), {}),
         "10 cycles": (measure("compare --quick", record(cycles=10)), {}),
         "300 cycles": (measure("compare --quick", record(cycles=300)), {}),
-        "one law, one damping": (
-            measure("compare --quick --restoring linear --damping viscous", record()),
-            {},
-        ),
+        "one model": (measure("compare --quick --restoring linear --damping viscous", record()), {}),
         "a million samples, 1,000 cycles": (measure("compare --quick", record(1_000_000, 1_000)), {}),
         "a million samples, 30,000 cycles": (measure("compare --quick", hours), {END: 30.0}),
         "the same without 5 % of it": (measure("compare --quick", hole), {END: 30.0}),

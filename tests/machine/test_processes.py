@@ -39,22 +39,16 @@ def test_workers_have_one_thread_and_the_environment_is_not_changed(monkeypatch:
     assert dict(os.environ) == before
 
 
-def names_of_threads(items: int, slow: bool = True) -> set[str]:
+def threads(items: int, slow: bool = True) -> set[str]:
     return set(at_once(lambda _: (time.sleep(0.01), threading.current_thread().name)[1], range(items), slow))
 
 
-def test_calls_are_made_in_threads_only_if_these_do_not_share_the_cores(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_threads_are_used_only_if_they_do_not_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "cores", lambda: 2)
-    own = threading.current_thread().name
-    assert len(names_of_threads(4)) == 2
-    assert own not in names_of_threads(4)
-    assert names_of_threads(4, slow=False) == names_of_threads(1) == {own}
-    with ThreadPoolExecutor(1) as pool:
-        assert len(pool.submit(names_of_threads, 4).result()) == 1
-    with processes(1) as pool:
-        assert len(pool.submit(names_of_threads, 4).result(timeout=60)) == 1
+    assert len(threads(4)) == 2
+    assert threads(4, slow=False) == threads(1) == {threading.current_thread().name}
+    with ThreadPoolExecutor(1) as pool, processes(1) as others:
+        assert [len(each.submit(threads, 4).result(timeout=60)) for each in (pool, others)] == [1, 1]
 
 
 def test_a_run_that_is_killed_leaves_no_process(tmp_path: Path) -> None:

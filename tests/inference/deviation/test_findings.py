@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -76,6 +77,23 @@ def test_expected_evidence_is_near_that_of_a_fit(comparison: ModelComparison) ->
     for r in comparison.results:
         assert expected[r.candidate] == pytest.approx(r.log_evidence, abs=3.0)
     assert expected[hopeless] < comparison.best.log_evidence - 20
+
+
+@pytest.mark.parametrize(("wrong", "left_out"), [(0.0, True), (2.0, False)])
+def test_predictions_are_checked(monkeypatch: pytest.MonkeyPatch, wrong: float, left_out: bool) -> None:
+    """The prediction for one sum is lowered to 15 nats behind, and that for another one is wrong by so many nats."""
+    predict = ModelComparison.expected_evidences
+    far, near = (MotionCandidate((term,), "linear") for term in ("quadratic", "coulomb"))
+
+    def changed(*of: Any) -> dict[MotionCandidate, float]:
+        expected = predict(*of)
+        own = {far: max(expected.values()) - 15.0, near: expected.get(near, 0.0) - wrong}
+        return expected | own if near in expected else expected
+
+    monkeypatch.setattr(ModelComparison, "expected_evidences", changed)
+    comparison = compare_signal(SHORT, restoring=["linear"], known={"epsilon": EPSILON})
+    assert (far in comparison.refused) is left_out
+    assert near not in comparison.refused
 
 
 def test_a_prior_changes_evidence_by_its_density_and_no_sum_is_left_out() -> None:

@@ -70,9 +70,7 @@ def test_few_samples_in_a_period_are_not_beats() -> None:
 @pytest.mark.parametrize(
     ("second", "clear"), [((0.2, 1.013), [True]), ((0.3, 1.013), [False]), ((0.2, 1.005), [])]
 )
-def test_equal_or_very_close_oscillations_look_like_one(
-    second: tuple[float, float], clear: list[bool]
-) -> None:
+def test_equal_or_very_close_ones_look_like_one(second: tuple[float, float], clear: list[bool]) -> None:
     """The sum of equal ones, cos(ct) cos(ωt) exp(-rt), has a constant frequency, as with an eddy-current brake."""
     t, y = sum_of((0.3, 1.0, 0.01), (*second, 0.01), noise=0.001)
     others = [find_other_motion(t, y, PERIOD, unexplained=left) for left in (0.01, 0.0)]
