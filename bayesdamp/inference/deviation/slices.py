@@ -30,7 +30,7 @@ from bayesdamp.inference.deviation.candidate import (
     refit,
 )
 from bayesdamp.inference.deviation.draws import orbits_of, unit_works
-from bayesdamp.inference.deviation.linear import Grid, LinearModel, LinearPosterior, linear_posterior
+from bayesdamp.inference.deviation.linear import LinearModel, LinearPosterior, linear_posterior
 from bayesdamp.inference.deviation.model_comparison import CandidateResult, ModelComparison
 from bayesdamp.inference.deviation.parameters import Parameters
 from bayesdamp.physics.damping import TERMS
@@ -41,9 +41,6 @@ SLICE_WIDTH = 1.0
 """Width of a slice of the range of one damping parameter, such as an exponent, in posterior sds of its standard normal
 score (where this sd is above 1, in units of 1). With this width the sum over slices has no visible error: for a normal
 density the relative error of the sum is 2 exp(−2π²)."""
-COARSE_WIDTH = 1.5
-"""Width of the slices, in units of `SLICE_WIDTH`, if only the evidence along the parameter is needed
-(`exponent_quantiles`). It moves the ends of a 95 % interval of an exponent by at most 4 % of its width (measured)."""
 ONE_SLICE_SD = 0.05
 """Smallest posterior sd of a damping parameter's standard normal score for which `slice_proposal` cuts the parameter's
 range into slices; it is relative to the prior sd. Below it one linear model is enough (measured at 0.01: the effective
@@ -275,11 +272,7 @@ class SlicedProposal:
 
 
 def slice_proposal(
-    comparison: ModelComparison,
-    result: CandidateResult,
-    base: Parameters,
-    posterior: LinearPosterior,
-    coarse: bool = False,
+    comparison: ModelComparison, result: CandidateResult, base: Parameters, posterior: LinearPosterior
 ) -> SlicedProposal | None:
     """Build the distribution from which the sampling of a candidate starts, in slices of one damping parameter.
 
@@ -296,9 +289,6 @@ def slice_proposal(
         Priors and names of the scores.
     posterior : LinearPosterior
         The posterior of the linear model about the mode, in the coordinates of `base`.
-    coarse : bool
-        Whether the slices are wider (`COARSE_WIDTH`), and the posterior of each is computed on the coarse grid of sizes
-        and lengths of the deviations (`CandidateResult.grid`).
 
     Returns
     -------
@@ -317,11 +307,10 @@ def slice_proposal(
         return None
     mode = posterior.means[int(np.argmax(posterior.log_each))].copy()
     mode[:d][base.positive] = np.maximum(mode[:d][base.positive], 0.0)
-    width = SLICE_WIDTH * min(float(sds[place]), 1.0) * (COARSE_WIDTH if coarse else 1.0)
+    width = SLICE_WIDTH * min(float(sds[place]), 1.0)
     proposal = SlicedProposal(base, place, *_product_and_size(result, base, place), width, ())
     middle = float(np.clip(mode[place], -LARGEST_SCORE, LARGEST_SCORE))
-    grid = result.grid(coarse)
-    first = _slice_at(comparison, result, proposal, grid, middle, np.delete(mode, place))
+    first = _slice_at(comparison, result, proposal, middle, np.delete(mode, place))
     if first is None:
         return None
     slices, best = [first[0]], _log_weight(first[0])
@@ -331,7 +320,7 @@ def slice_proposal(
             a = middle + side * i * width
             start = u.copy()
             start[: d - 1] += side * width * at.slopes * u[proposal.own]
-            new = _slice_at(comparison, result, proposal, grid, a, start) if abs(a) <= LARGEST_SCORE else None
+            new = _slice_at(comparison, result, proposal, a, start) if abs(a) <= LARGEST_SCORE else None
             if new is None:
                 break
             at, u = new
@@ -374,7 +363,6 @@ def _slice_at(
     comparison: ModelComparison,
     result: CandidateResult,
     proposal: SlicedProposal,
-    grid: Grid,
     a: float,
     start: np.ndarray,
 ) -> tuple[Slice, np.ndarray] | None:
@@ -382,8 +370,7 @@ def _slice_at(
 
     a is the standard normal score of the sliced damping parameter. The other unknowns are the remaining scores and the
     deviations from the laws. proposal: supplies parameters, indices and width; the slices that it already has are not
-    used. grid: the sizes and correlation lengths of the deviations. start: point from which the mode is searched, (K −
-    1,).
+    used. start: point from which the mode is searched, (K − 1,).
 
     Return None if no motion can be linearised there. Return None also if the coefficient is 0 at the mode and the term
     has another parameter that multiplies it (`SlicedProposal.product`).
@@ -415,7 +402,7 @@ def _slice_at(
             return None
         matrix[s, c] = -u[s] / pivot
         model = model.transform(u, matrix)
-    posterior = linear_posterior(model, grid, result.variance, comparison.samples)
+    posterior = linear_posterior(model, result.grid(), result.variance, comparison.samples)
     # How the mode of some scores moves with a; the other scores and the deviations are fixed.
     square = model.root[:, :d].T @ model.root[:, :d] / result.variance + np.eye(d)
     sds = np.sqrt(np.diagonal(np.linalg.inv(square)))
@@ -483,7 +470,7 @@ def exponent_quantiles(comparison: ModelComparison) -> tuple[float, ...]:
     if result is None or "exponent" not in result.fit.parameters.priors:
         return ()
     parameters, prior = result.fit.parameters, result.fit.parameters.priors["exponent"]
-    proposal = slice_proposal(comparison, result, parameters, result.posterior, coarse=True)
+    proposal = slice_proposal(comparison, result, parameters, result.posterior)
     if proposal is None:
         scores = result.posterior.draws(DRAWS, np.random.default_rng(0))[0][
             :, parameters.free_names.index("exponent")
