@@ -14,8 +14,6 @@ from pydantic import BaseModel, TypeAdapter
 
 _adapter = cache(TypeAdapter)
 UNIONS = (Union, UnionType)
-PLAIN = (NoneType, bool, int, float, str)
-"""Types of values that stay as they are in JSON."""
 
 
 class Storable:
@@ -60,8 +58,6 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
     TypeError
         If a part of the value cannot be converted.
     """
-    if type(value) in PLAIN:  # most values; the checks below are slow
-        return value
     below = f"{path}/" if path else ""
     if isinstance(value, Storable):
         value = value._reduced()
@@ -84,7 +80,7 @@ def split(value: object, arrays: dict[str, np.ndarray] | None = None, path: str 
         return value.value
     if isinstance(value, Path):
         return str(value)
-    if isinstance(value, str | int | float):
+    if value is None or isinstance(value, str | int | float):
         return value
     raise TypeError(f"cannot store a {type(value).__name__}")
 
