@@ -90,9 +90,9 @@ def cores() -> int:
 def at_once(function: Callable[[T], R], items: Iterable[T], slow: bool = True) -> list[R]:
     """Apply `function` to each item in parallel threads; return the results in the order of the items.
 
-    There are at most `MAX_THREADS` threads. With a single core or item, the calls are made one after another in this
-    thread; so they are in a process of a pool and in a thread, which share the cores with others, and if `slow` is
-    False. If calls fail, the exception of the first failed item, in the order of the items, is raised.
+    There are at most `MAX_THREADS` threads. The calls are made one after another in this thread if there is only one
+    core or item, if `slow` is False, or if this is a process of a pool or a thread other than the main one, because
+    these share the cores. If calls fail, the exception of the first failed item, in the order of the items, is raised.
     """
     work = list(items)
     shares = multiprocessing.parent_process() or threading.current_thread() is not threading.main_thread()

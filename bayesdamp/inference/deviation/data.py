@@ -27,7 +27,7 @@ HOLE = 2.0
 """A gap between samples is a hole if it is longer than this many lengths of an averaging window (1/`A_CYCLE` of a
 cycle). Samples before and after a hole are not averaged together (conventional)."""
 SLOW_CYCLES = 25.0
-"""Motions of at least this many cycles take so long that they are computed in several threads. With fewer, the threads
+"""Motions of more than this many cycles take so long that they are computed in several threads. With fewer, the threads
 would mostly wait for the interpreter's lock (measured)."""
 LEAST = 0.05
 """The used part of a record ends where the amplitude has fallen to this fraction of the first one. Laws that hold to a
