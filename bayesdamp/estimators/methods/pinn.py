@@ -4,8 +4,9 @@ The method is that of section 3.5, equations 17 to 19, of the paper that `bayesd
 
 The motion θ(t) is a network. Its inputs are time, and the sines and cosines of the phase of the recorded oscillation
 and of multiples of this phase. Angles are in units of the amplitude A, and the residual of the equation of motion in
-units of Aω², with the angular frequency ω. Damping coefficients are trained along with the weights. All derivatives are
-computed by automatic differentiation, and the loss, a sum of squares, is lowered by Levenberg–Marquardt steps.
+units of Aω², with the angular frequency ω. Damping coefficients are trained along with the weights. Time derivatives
+follow from the chain rule, derivatives by the unknowns from automatic differentiation; the loss, a sum of squares, is
+lowered by Levenberg–Marquardt steps.
 """
 
 from typing import Literal

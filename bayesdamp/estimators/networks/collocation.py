@@ -3,7 +3,6 @@
 The loss is equation 17 of the paper that `bayesdamp.estimators` cites.
 """
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -11,13 +10,11 @@ import torch
 from torch import Tensor
 
 from bayesdamp.estimators.networks.training import (
-    REAL,
     DenseNetwork,
     Evaluated,
     ScaledRecord,
     descend,
     jacobian,
-    jets,
     single_thread,
     train,
 )
@@ -33,10 +30,6 @@ UNINFORMED = 0.05
 COLLINEAR = 1e-3
 """Fraction of the largest singular value below which singular values are left out when the output layer of the
 untrained network is fitted to the record."""
-with warnings.catch_warnings():
-    # torch uses deprecated functions of its own for the first derivative.
-    warnings.simplefilter("ignore", DeprecationWarning)
-    torch.func.jvp(torch.sin, (torch.zeros(1),), (torch.ones(1),))
 
 
 class Collocation(ScaledRecord):
@@ -61,18 +54,20 @@ class Collocation(ScaledRecord):
         harmonics, collocation = options.harmonics, options.collocation
         self.network = DenseNetwork((1 + 2 * harmonics, options.width, options.width, 1))
         self.physics_weight, self.start_weight = options.physics_weight, options.start_weight
-        phase, end = phase_of(signal, features).convert().coef.tolist(), float(signal.t[-1])
-
-        def inputs(t: Tensor) -> Tensor:
-            """Return time scaled to −1 to 1, and sines and cosines of multiples of the phase, (n, inputs); t in s."""
-            angle = torch.stack([c * t**power for power, c in enumerate(phase)]).sum(0)
-            angles = angle[:, None] * torch.arange(1.0, harmonics + 1, dtype=REAL)
-            return torch.cat([(2.0 * t / end - 1.0)[:, None], torch.sin(angles), torch.cos(angles)], dim=1)
+        phase, end = phase_of(signal, features), float(signal.t[-1])
 
         def input_jets(t: np.ndarray, order: int) -> Tensor:
-            """Return the inputs at times t (n,), and their derivatives by ωt up to `order`, (n, 1 + order, inputs)."""
-            time = np.stack([t, np.full_like(t, 1.0 / self.w), np.zeros_like(t)], axis=-1)
-            return jets(inputs, torch.from_numpy(time[:, : order + 1]))
+            """Return the inputs at times t (n,), and their derivatives by ωt up to `order`, (n, 1 + order, inputs).
+
+            The inputs are time, scaled to −1 to 1, and sines and cosines of multiples of the phase. t: in s.
+            """
+            multiples = np.arange(1.0, harmonics + 1)
+            angle, rate, bend = (phase.deriv(k)(t)[:, None] * multiples / self.w**k for k in range(3))
+            waves = np.exp(1j * angle)
+            jets = [waves, 1j * rate * waves, (1j * bend - rate**2) * waves][: order + 1]
+            times = [2.0 * t / end - 1.0, np.full(t.size, 2.0 / (end * self.w)), np.zeros(t.size)]
+            rows = [np.column_stack([time, wave.imag, wave.real]) for time, wave in zip(times, jets)]
+            return torch.from_numpy(np.stack(rows, axis=1))
 
         self.data_inputs, self.begin_inputs = input_jets(self.t, self.order), input_jets(np.zeros(2), 1)
         # Evenly spread but at no fixed phase, so that friction's effect within a cycle is sampled everywhere.
@@ -111,7 +106,7 @@ class Collocation(ScaledRecord):
         `physics_weight` times the mean square residual. x: the unknowns, (k,), or one row for each residual.
         """
         angle, velocity, acceleration = self.motion(x, self.physics_inputs).unbind(1)
-        physical = x[..., self.network.count :] * torch.from_numpy(self.units)
+        physical = x.split([self.network.count, self.units.size], dim=-1)[1] * torch.from_numpy(self.units)
         damping, restoring = physical.tensor_split([len(self.coefficients)], dim=-1)
         force = self.restoring_force(self.rest + self.a * angle, restoring)
         force = force + (self.damping_shapes(self.a * self.w * velocity) * damping).sum(-1)
@@ -124,7 +119,8 @@ class Collocation(ScaledRecord):
         record's amplitude A and angular frequency ω. x: the unknowns, (k,), or one row for each of the n times; only
         the weights are used. inputs: the network's inputs and their derivatives by ωt, (n, j, inputs).
         """
-        return self.network.output(x[..., : self.network.count], inputs)
+        weights, _ = x.split([self.network.count, self.units.size], dim=-1)
+        return self.network.output(weights, inputs)
 
     def evaluate(self, x: np.ndarray) -> Evaluated:
         """Return the misfits of record, start and equation of motion, (n,), in this order, for the unknowns x (k,).

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from bayesdamp.estimators.networks.training import REAL, Evaluated, descend, jacobian, single_thread
+from bayesdamp.estimators.networks.training import REAL, Evaluated, descend, jacobian, product, single_thread
 
 PATIENCE = 4
 """A training ends if the error on the test records has not become smaller in this many rounds in a row."""
@@ -47,10 +47,10 @@ class RecurrentNetwork:
         matrix = weights[..., :split].unflatten(-1, (self.gates, -1))
         of_input, of_state, bias = matrix.split([self.inputs, self.units, 1], dim=-1)
         out, shift = weights[..., split:-1], weights[..., -1]
-        driven = sequences @ of_input.mT + bias.mT
+        driven = product(of_input, sequences) + bias.mT
         state = memory = torch.zeros(len(sequences), self.units, dtype=REAL)
         for x in driven.unbind(1):
-            y = (state[:, None] @ of_state.mT)[:, 0]
+            y = product(of_state, state[:, None])[:, 0]
             if self.cell == "lstm":
                 *switches, new = (x + y).chunk(4, dim=1)
                 take, keep, show = map(torch.sigmoid, switches)

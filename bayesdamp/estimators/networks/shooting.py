@@ -14,6 +14,7 @@ from bayesdamp.estimators.networks.training import (
     ScaledRecord,
     descend,
     jacobian,
+    product,
     single_thread,
     train,
 )
@@ -90,7 +91,7 @@ class Shooting(ScaledRecord):
         first, second, last = x[..., : self.count].split([self.width, self.width**2, self.width], dim=-1)
         hidden = torch.tanh(velocity[:, None] * first)
         matrices = second.unflatten(-1, (self.width, self.width))
-        hidden = torch.tanh((hidden[:, None] @ matrices.mT)[:, 0])
+        hidden = torch.tanh(product(matrices, hidden[:, None])[:, 0])
         return self.force_unit * (hidden * last).sum(-1)
 
     def paths(self, x: Tensor) -> Tensor:
