@@ -69,8 +69,7 @@ def _log_probability_of_two(mean: np.ndarray, covariance: np.ndarray) -> np.ndar
     sd = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 1e-300))
     correlation = (covariance[..., 0, 1] / sd.prod(axis=-1))[..., None]
     spread = np.sqrt(np.maximum(1.0 - correlation**2, 1e-300))
-    at = mean / sd
-    at = np.where(at == 0.0, 1e-300, at)
+    at = np.where(mean == 0.0, 1e-300, mean / sd)
     slopes = (at[..., ::-1] - correlation * at) / (at * spread)
     parts = 0.5 * scipy.special.ndtr(at) - scipy.special.owens_t(at, slopes)
     probability = parts[..., 0] + parts[..., 1] - 0.5 * ((at[..., 0] < 0.0) != (at[..., 1] < 0.0))

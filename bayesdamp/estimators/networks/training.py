@@ -147,10 +147,10 @@ def _tanh(jet: Tensor) -> Tensor:
     value, *rates = jet.unbind(1)
     result = torch.tanh(value)
     slope = 1.0 - result**2
-    derivatives = [slope * rate for rate in rates]
+    parts = [result, *(slope * rate for rate in rates)]
     if len(rates) == 2:
-        derivatives[1] = derivatives[1] - 2.0 * result * rates[0] * derivatives[0]
-    return torch.stack([result, *derivatives], 1)
+        parts[2] = parts[2] - 2.0 * result * rates[0] * parts[1]
+    return torch.stack(parts, 1)
 
 
 def _affine(matrix: Tensor, bias: Tensor, inputs: Tensor) -> Tensor:

@@ -415,13 +415,7 @@ def _fit_blocks(
         own, phase = t[a:b], curves.phase_at(t[a:b])
         turned = np.exp(curves.log_size(own) - float(curves.log_size(at))) * np.exp(1j * phase)
         since = (own - own.mean()) / (0.5 * (own[-1] - own[0]))
-        columns = [
-            turned.real,
-            -turned.imag,
-            np.ones_like(own),
-            since * turned.real,
-            -since * turned.imag,
-        ]
+        columns = [turned.real, -turned.imag, np.ones_like(own), since * turned.real, -since * turned.imag]
         for k in range(2, OVERTONES + 1):
             columns += [np.cos(k * phase), np.sin(k * phase)]
         rows = np.column_stack(columns)

@@ -122,11 +122,7 @@ class Repeats:
 
 
 def join_runs(
-    runs: Sequence[RecordLikelihood],
-    priors: Mapping[str, Prior],
-    log_sizes: np.ndarray,
-    *,
-    seed: int = 0,
+    runs: Sequence[RecordLikelihood], priors: Mapping[str, Prior], log_sizes: np.ndarray, *, seed: int = 0
 ) -> Repeats:
     """Compute the evidence and the joint posterior of one sum of damping terms from several records of one specimen.
 

@@ -261,10 +261,7 @@ class SpecimenComparison:
 
 
 def compare_runs(
-    records: Sequence[RunComparison],
-    given: Mapping[str, Prior] | None = None,
-    *,
-    seed: int = 0,
+    records: Sequence[RunComparison], given: Mapping[str, Prior] | None = None, *, seed: int = 0
 ) -> SpecimenComparison:
     """Compare every model (a sum of damping terms and a restoring law) on several records of one specimen.
 

@@ -136,11 +136,7 @@ class Proposal(Protocol):
 
 
 def sample_posterior(
-    ratio: Callable[[np.ndarray], np.ndarray],
-    start: Proposal,
-    *,
-    draws: int = SMC_DRAWS,
-    seed: int = 0,
+    ratio: Callable[[np.ndarray], np.ndarray], start: Proposal, *, draws: int = SMC_DRAWS, seed: int = 0
 ) -> TemperedDraws:
     """Draw from the posterior with exact motions, starting from that of a linear model, and compute its evidence.
 
