@@ -38,8 +38,7 @@ def test_the_wheel_contains_the_package_and_its_studies(wheel: Path) -> None:
     studies = {f"bayesdamp/studies/{p.name}" for p in (ROOT / "studies").iterdir()}
     assert {"bayesdamp/py.typed", "bayesdamp/report/templates/report.html"} | studies <= names
     files = (ROOT / "bayesdamp").rglob("*.py")
-    modules = {str(p.relative_to(ROOT)) for p in files if "__pycache__" not in p.parts}
-    assert modules <= names
+    assert {str(p.relative_to(ROOT)) for p in files if "__pycache__" not in p.parts} <= names
     assert not [n for n in names if n.startswith(("tests", "docs", "reports", "validation"))]
 
 
