@@ -30,12 +30,14 @@ USUAL = {"PYTHONUNBUFFERED": "1", "PYTHONDONTWRITEBYTECODE": ""}
 """Variables of the environment. An installation stores the compiled bytecode of modules, so a command must find it."""
 
 LAUNCHER = """
-import json, resource, subprocess, sys
+import json, resource, subprocess, sys, time
+print(time.monotonic(), flush=True)
 status = subprocess.run(sys.argv[1:], stderr=subprocess.STDOUT).returncode
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(json.dumps([status, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024]))
 """
-"""A small process starts the command: to a process's peak memory Linux adds that of the process that forked it."""
+"""A small process starts the command: to a process's peak memory Linux adds that of the process that forked it. It
+prints the time at which it starts the command, because its own start must not count."""
 
 
 @cache
@@ -73,13 +75,14 @@ def measure(command: str, *records: str, fresh: bool = False, again: bool = True
     caches = {name: str(home / f"fresh_{again}") for name in ("BAYESDAMP_CACHE", "NUMBA_CACHE_DIR") if fresh}
     if name == "compare":
         options += ["--out", str(home / f"answer_{time.monotonic_ns()}")]
-    start, first, verdict = time.perf_counter(), np.nan, np.nan
+    first, verdict = np.nan, np.nan
     with subprocess.Popen(
         [sys.executable, "-c", LAUNCHER, sys.executable, "-m", "bayesdamp", name, *records, *options],
         text=True, stdout=subprocess.PIPE, env=os.environ | caches | USUAL,
     ) as process:  # fmt: skip
+        start = float(process.stdout.readline())
         for line in process.stdout:
-            now = time.perf_counter() - start
+            now = time.monotonic() - start
             first = now if "It oscillates" in line and np.isnan(first) else first
             verdict = now if ": Viscous + Coulomb" in line and np.isnan(verdict) else verdict
     status, cpu, memory = json.loads(line)

@@ -35,8 +35,7 @@ def test_the_page_loads_nothing(page):
 
 
 def test_the_page_has_every_section_in_order(page):
-    ids = [i for i in Page(page).ids if i in SECTIONS.names()]
-    assert ids == [
+    assert [i for i in Page(page).ids if i in SECTIONS.names()] == [
         "answer", "study", "record", "estimates", "posteriors", "evidence", "fit_quality", "priors", "provenance",
     ]  # fmt: skip
 

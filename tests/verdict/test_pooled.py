@@ -43,8 +43,7 @@ def test_mean_spread_and_prediction_are_those_of_a_sum_in_two_dimensions(sds: np
         assert quantile == pytest.approx(np.interp(q, of_spread, spread), rel=0.03, abs=1e-3)
     width = np.sqrt(spread**2 + np.median(sds) ** 2)
     for end, q in ((p.low, 0.025), (p.high, 0.975)):
-        below = float(np.sum(density * norm.cdf(end, mean[:, None], width)))
-        assert below == pytest.approx(q, abs=0.003)
+        assert np.sum(density * norm.cdf(end, mean[:, None], width)) == pytest.approx(q, abs=0.003)
 
 
 def test_the_unit_does_not_matter() -> None:
