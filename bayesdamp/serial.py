@@ -14,6 +14,8 @@ from pydantic import BaseModel, TypeAdapter
 
 _adapter = cache(TypeAdapter)
 UNIONS = (Union, UnionType)
+UNCHANGED = (str, int, bool, NoneType)
+"""Types whose values `join` does not change."""
 
 
 class Storable:
@@ -93,16 +95,19 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
     TypeError or ValueError if the structure of the value does not match the type. The types of single numbers and texts
     are not checked.
     """
-    arrays, below = arrays or {}, f"{path}/" if path else ""
-    if path in arrays:
+    if arrays and path in arrays:
         return arrays[path]
-    if get_origin(kind) in UNIONS:
+    origin, args = _parts(kind)
+    if origin in UNIONS:
         kind = _member(kind, value)
-    args, origin = get_args(kind), get_origin(kind) or kind
+        origin, args = _parts(kind)
+    if origin is float:
+        return np.nan if value is None or value != value else value
     if origin in UNIONS:
         return _adapter(kind).validate_python(value)
-    if not isinstance(origin, type):
+    if origin in UNCHANGED or not isinstance(origin, type):
         return value
+    below = f"{path}/" if path else ""
     if issubclass(origin, Storable):
         return origin._restored(join(origin._STORED, value, arrays, path))
     if issubclass(origin, BaseModel):
@@ -118,9 +123,13 @@ def join(kind: Any, value: Any, arrays: Mapping[str, np.ndarray] | None = None, 
         return {k: join(args[1], v, arrays, f"{below}{k}") for k, v in value.items()}
     if issubclass(origin, np.ndarray):
         return np.array(value)
-    if issubclass(origin, Enum | Path):
-        return origin(value)
-    return np.nan if origin is float and (value is None or value != value) else value
+    return origin(value) if issubclass(origin, Enum | Path) else value
+
+
+@cache
+def _parts(kind: Any) -> tuple[Any, tuple[Any, ...]]:
+    """Return the type without its arguments, and the arguments: for tuple[int, ...] these are tuple and (int, ...)."""
+    return get_origin(kind) or kind, get_args(kind)
 
 
 def _member(kind: Any, value: object) -> Any:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import pickle
 import threading
 from collections.abc import Callable, Collection
-from concurrent.futures import BrokenExecutor, Executor, Future
+from concurrent.futures import Executor, Future
 from contextlib import nullcontext
 from functools import lru_cache
 from pathlib import Path
@@ -41,7 +41,7 @@ from bayesdamp.pipeline.progress import Progress, describe_stage, progress_bar
 from bayesdamp.pipeline.records import StudyRecord, keep_free_decay, read_free_decay, take_free_decay
 from bayesdamp.pipeline.tables import write_tables, write_verdicts
 from bayesdamp.pipeline.tasks import Task, compute_and_store, digest_of
-from bayesdamp.pipeline.workers import KILLED_OUTCOME, open_pool, restart, run_in_pool
+from bayesdamp.pipeline.workers import KILLED_OUTCOME, is_kill, open_pool, restart, run_in_pool
 from bayesdamp.plugins import use_modules
 from bayesdamp.records.oscillation.features import features
 from bayesdamp.sources import package_digest
@@ -147,9 +147,10 @@ def run_study(
             from bayesdamp.report.sections import render  # imports Jinja
 
             try:
-                render(out, None if scheduler else pool)
-            except BrokenExecutor:
-                assert pool is not None
+                render(out, pool)
+            except Exception as fault:
+                if pool is None or not is_kill(fault):
+                    raise
                 restart(pool)
                 render(out)
         results = ((n, store.find(n, arrays=False)) for n in names)

@@ -128,7 +128,7 @@ def run_in_pool(
             try:
                 return submit(job, tuple(given_up)).result()
             except Exception as fault:
-                if not _is_kill(fault):
+                if not is_kill(fault):
                     raise
             restart(pool)
             name = next_task(job, given_up)
@@ -152,7 +152,7 @@ def run_in_pool(
                     future.result()
                     done()
                 except Exception as fault:
-                    if not _is_kill(fault):
+                    if not is_kill(fault):
                         raise
                     unclear.append(job)
             if unclear and not running:
@@ -174,6 +174,6 @@ def restart(pool: Executor) -> None:
         start_again()
 
 
-def _is_kill(fault: Exception) -> bool:
+def is_kill(fault: Exception) -> bool:
     """Return whether an exception of a job means that its process was killed, on this machine or on a Dask worker."""
     return isinstance(fault, BrokenExecutor) or type(fault).__name__ == "KilledWorker"

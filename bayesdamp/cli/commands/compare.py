@@ -13,7 +13,7 @@ from bayesdamp.cli.files import check_folder, check_names
 from bayesdamp.config import Recording, Study
 from bayesdamp.config.load import RecordOptions, comparison_study
 from bayesdamp.interface.first_words import first_words, no_free_decay
-from bayesdamp.machine import cores
+from bayesdamp.machine import Processes, cores
 from bayesdamp.pipeline.records import keep_free_decay, read_free_decay
 from bayesdamp.pipeline.workers import open_pool
 from bayesdamp.plugins import read_modules, use_modules
@@ -105,7 +105,7 @@ def compare(
     use_modules(plugins)  # they may contain readers
     chosen, options = r.SelectedRecords([], [], [], []), r.ReadingOptions()
     envelopes = are_envelopes(records, reading["angle"], reading["unit"], reading["quantity"])
-    in_pool = len(records) > MOST_EARLY_LINES and not (envelopes or plugins or scheduler)
+    in_pool = len(records) > MOST_EARLY_LINES and not (envelopes or plugins)
     width = (workers or (cores() if exact else min(cores(), len(records)))) if in_pool else 1
     if in_pool and not quiet:
         typer.echo(f"reading {len(records)} files", err=True)
@@ -178,8 +178,10 @@ def compare(
             typer.echo(f"{before}; this run is written to {folder}", err=True)
         depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
         running = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
+        if scheduler is not None and isinstance(pool, Processes):
+            pool.end()  # the scheduler's workers do the rest
         has_signal = [record.signal is not None for record in chosen.records]
-        running |= {"pool": pool, "checked": bool(has_signal) and all(has_signal)}
+        running |= {"pool": None if scheduler else pool, "checked": bool(has_signal) and all(has_signal)}
         chosen = r.SelectedRecords([], [], [], [])  # frees the memory of the records
         return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **running)
 

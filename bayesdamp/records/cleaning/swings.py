@@ -13,6 +13,7 @@ import numpy as np
 import scipy  # loads its modules when they are used
 
 from bayesdamp.records.oscillation.features import TurningPoints, local_median, true_runs
+from bayesdamp.records.oscillation.noise import neighbourhoods
 from bayesdamp.types import InputError
 
 Reason = Literal["period", "amplitude", "midline", "shape"]
@@ -96,9 +97,7 @@ def find_stretches(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
     spans: list[tuple[int, int]] = []
     for first, last in _runs_in_phase(t, turns, floor):  # swings first .. last - 1
         # A median of five, because a spike or a gap spoils one turning point, and so two ranges.
-        ranges = scipy.ndimage.median_filter(
-            np.abs(np.diff(turns.values[first : last + 1])), 5, mode="nearest"
-        )
+        ranges = np.median(neighbourhoods(np.abs(np.diff(turns.values[first : last + 1])), 5), axis=1)
         # Indices at which turning points are missing in a gap of the samples.
         gaps = np.diff(turns.times[first : last + 1])
         across = np.flatnonzero(gaps > 1.6 * np.median(gaps))
@@ -165,7 +164,7 @@ def _runs_in_phase(t: np.ndarray, turns: TurningPoints, floor: float) -> list[tu
     begin, end = np.maximum(turns.times - width, t[0]), np.minimum(turns.times + width, t[-1])
     samples = np.searchsorted(t, end, side="right") - np.searchsorted(t, begin)
     sampled = samples >= 0.75 * (end - begin) / float(np.median(np.diff(t))) - 1
-    clear = (ranges > 2 * floor) & (scipy.ndimage.median_filter(ranges, 3, mode="nearest") > 2 * floor)
+    clear = (ranges > 2 * floor) & (np.median(neighbourhoods(ranges, 3), axis=1) > 2 * floor)
     good = (gaps > 0.7 * typical) & (gaps < 1.6 * typical) & clear & sampled[1:] & sampled[:-1]
     runs: list[tuple[int, int]] = []
 
@@ -504,8 +503,8 @@ class Series:
             return Reach(float(times[0]), 0.0, True)
         back = times[0] - self.grid[a:b]
         scale = float(np.exp(fall))
-        places = (times[2] - back * gaps[1] / pace - self.grid[0]) / self.spacing
-        later = scipy.ndimage.map_coordinates(self.values, [places], mode="nearest") - turns.values[2]
+        places = np.clip(times[2] - back * gaps[1] / pace, self.grid[0], self.grid[-1])
+        later = scipy.interpolate.CubicSpline(self.grid, self.values)(places) - turns.values[2]
         off = self.values[a:b] - turns.values[0] - later * scale
         width = max(int(0.1 * gaps[0] / self.spacing), 0) | 1
         share = np.minimum(back / pace, 1.0)
@@ -513,7 +512,7 @@ class Series:
         allowed = (1 + scale) * (0.5 * self.step) + (TEMPLATE_TOLERANCE + unsure * share) * ranges[0]
         allowed = allowed + np.minimum(speed, 2 * ranges[0] / pace) * late * share
         blur = 4.5 * self.noise * np.sqrt(1 + scale**2)
-        smooth = scipy.ndimage.uniform_filter1d(off, width, mode="nearest")
+        smooth = neighbourhoods(off, width).mean(axis=1)
         agrees = (np.abs(smooth) <= allowed + blur / np.sqrt(width)) & (np.abs(off) <= allowed + blur)
         wrong = np.flatnonzero(~agrees)
         first = int(wrong[-1]) + 1 if wrong.size else 0

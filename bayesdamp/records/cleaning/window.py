@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-import scipy  # loads its modules when they are used
 
 from bayesdamp.formatting import time_span
 from bayesdamp.records.cleaning.swings import (
@@ -20,7 +19,13 @@ from bayesdamp.records.cleaning.swings import (
 )
 from bayesdamp.records.oscillation.features import TurningPoints, resample, turning_points, without_gap_edges
 from bayesdamp.records.oscillation.modes import few_samples, find_excited, find_other_motion
-from bayesdamp.records.oscillation.noise import LEAST_SHARE, coarse_periods, roughness, samples_a_cycle
+from bayesdamp.records.oscillation.noise import (
+    LEAST_SHARE,
+    coarse_periods,
+    neighbourhoods,
+    roughness,
+    samples_a_cycle,
+)
 from bayesdamp.types import FreeDecay, InputError
 
 # Unless a comment says otherwise, these thresholds were set on simulated and measured records.
@@ -210,7 +215,7 @@ def free_decay(
     decays = _find_decays(t, y, periods, step, name)
     if seek_start and seek_stop:
         times, (a, b) = decays.turns.times, decays.best
-        power = scipy.ndimage.median_filter(np.abs(np.diff(decays.turns.values)), 3, mode="nearest") ** 2
+        power = np.median(neighbourhoods(np.abs(np.diff(decays.turns.values)), 3), axis=1) ** 2
         own, loudest = float(power[a : b - 1].sum()), int(np.argmax(power))
         for first, last in decays.stretches:
             if (first, last) != decays.best and decays.is_relevant((first, last)):
@@ -367,7 +372,7 @@ def _largest_rise(decays: _Decays) -> float:
     ranges = ranges[gaps[: ranges.size] < 1.6 * usual]  # leave out gaps in the samples
     if ranges.size < 4 * AVERAGED_SWINGS:
         return 0.0
-    smooth = scipy.ndimage.uniform_filter1d(ranges, AVERAGED_SWINGS, mode="nearest")
+    smooth = neighbourhoods(ranges, AVERAGED_SWINGS).mean(axis=1)
     falling = smooth[int(np.argmax(smooth)) :]
     rise = float((falling - np.minimum.accumulate(falling)).max())
     return rise if rise < MAX_NOISE_RISE * float(smooth.max()) else 0.0
@@ -463,7 +468,7 @@ def _count_driven(sizes: np.ndarray, noise: float) -> int:
     falls twice as much. The result is 0 if there are fewer than `LEAST_DRIVEN` such half cycles. sizes: ranges of the
     half cycles, (n,). noise: sd of the noise of a sample, in the same unit.
     """
-    smooth = scipy.ndimage.uniform_filter1d(sizes, AVERAGED_SWINGS, mode="nearest")
+    smooth = neighbourhoods(sizes, AVERAGED_SWINGS).mean(axis=1)
     level = np.cumsum(sizes) / np.arange(1, sizes.size + 1)
     below = smooth < level - np.maximum(4 * noise / AVERAGED_SWINGS**0.5, LEAST_FALL * level)
     falls = np.flatnonzero(below[LEAST_DRIVEN:]) + LEAST_DRIVEN

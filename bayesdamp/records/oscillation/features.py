@@ -10,7 +10,6 @@ from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
-import scipy  # loads its modules when they are used
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.records.oscillation.noise import (
@@ -18,6 +17,7 @@ from bayesdamp.records.oscillation.noise import (
     coarse_period,
     coarse_periods,
     group_by_size,
+    neighbourhoods,
     roughness,
 )
 from bayesdamp.types import DERIVATIVES, FeatureValues, Refusal, Signal
@@ -110,7 +110,7 @@ def resample(
     if not smooth:
         return grid, values, a_period
     if a_period >= 24:  # so that spikes do not count as turning points
-        values = scipy.ndimage.median_filter(values, 5 if a_period >= 40 else 3, mode="nearest")
+        values = np.median(neighbourhoods(values, 5 if a_period >= 40 else 3), axis=1)
     half = a_period // 10
     if half:
         kernel = np.hanning(2 * half + 3)[1:-1]
@@ -286,10 +286,7 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
         Standard deviation of the noise of a sample, in the unit of y; if it is small, the fits use narrower windows.
     """
     grid, smooth, a_period = resample(t, y, period)
-    width = int(1.2 * a_period) | 1
-    swing = 0.5 * (
-        scipy.ndimage.maximum_filter1d(smooth, width) - scipy.ndimage.minimum_filter1d(smooth, width)
-    )
+    swing = 0.5 * np.ptp(neighbourhoods(smooth, int(1.2 * a_period) | 1), axis=1)
     extrema, first = zigzag(smooth, swing)
     if len(extrema) < FEW_TURNS:  # heavy damping: each half cycle is less than half of the one before
         extrema, first = zigzag(smooth, 0.5 * swing)

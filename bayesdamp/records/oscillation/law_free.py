@@ -22,7 +22,7 @@ import scipy  # loads its modules when they are used
 from threadpoolctl import threadpool_limits
 
 from bayesdamp.records.oscillation.features import features, once_per_record
-from bayesdamp.records.oscillation.noise import block_means, group_by_size
+from bayesdamp.records.oscillation.noise import block_means, group_by_size, neighbourhoods
 from bayesdamp.types import DERIVATIVES, NORMAL_95, LawFreeDamping, Refusal, Signal
 
 SHORTEST_WINDOW, LONGEST_WINDOW, WINDOW_FRACTION = 2.0, 8.0, 0.05
@@ -173,8 +173,8 @@ def sinusoids(signal: Signal) -> Sinusoids:
     if turns.size >= 3:
         local = turns[2:] - turns[:-2]
         if local.size >= 5:
-            local = scipy.ndimage.median_filter(local, 5, mode="nearest")
-            local = scipy.ndimage.uniform_filter1d(local, 5, mode="nearest")
+            local = np.median(neighbourhoods(local, 5), axis=1)
+            local = neighbourhoods(local, 5).mean(axis=1)
         local = np.interp(middles, turns[1:-1], local)
     # Fit again with the frequency from the slope of the phases, which is more precise than turning points.
     constant = np.zeros(middles.size)

@@ -142,6 +142,15 @@ def block_means(values: np.ndarray, block: int) -> np.ndarray:
     return values[: values.size // block * block].reshape(-1, block).mean(axis=1)
 
 
+def neighbourhoods(values: np.ndarray, width: int) -> np.ndarray:
+    """Return for each value the `width` values around it, (n, width); the first and the last value repeat at the ends.
+
+    If `width` is even, there is one value more before than after it. values: (n,).
+    """
+    padded = np.pad(values, (width // 2, (width - 1) // 2), mode="edge")
+    return np.lib.stride_tricks.sliding_window_view(padded, width)
+
+
 def on_grid(t: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """Return a record on equally spaced times: the spacing in s, at most MOST_SAMPLES values, (m,), and which are real.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -245,15 +245,15 @@ class RunFolder:
         """The function that reads a stored result by its name, with a cache of `MOST_RESULTS` results."""
         return lru_cache(MOST_RESULTS)(self._store.find)
 
-    def task_results(self, *parts: object) -> list[TaskResult]:
-        """Return the undamaged results of all tasks whose names begin with these parts, and have more parts after them.
+    def task_results(self, *parts: object) -> Iterator[TaskResult]:
+        """Yield the undamaged results of all tasks whose names begin with these parts, and have more parts after them.
 
-        Without parts, return those of all tasks. The parts are as for `task_result`.
+        Without parts, yield those of all tasks. The parts are as for `task_result`.
         """
         prefix = "".join(f"{part}/" for part in parts)
         names = self._names.get(parts[:2], ()) if len(parts) > 1 else self._places
         results = (self.task_result(name) for name in names if name.startswith(prefix))
-        return [task_result for task_result in results if task_result is not None]
+        return filter(None, results)
 
     @cached_property
     def _names(self) -> dict[tuple[object, ...], list[str]]:

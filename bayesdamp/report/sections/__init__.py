@@ -1,5 +1,6 @@
 """Define the sections of a report, fill their templates, and write report.html from the files in a run's folder."""
 
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -42,6 +43,8 @@ ONE_MODEL = "There are many signals: the figures show only the most probable mod
 """Note in sections with figures of models, if there are more than `_MOST` signals."""
 DRAWN_LIST = ".drawn"
 """Name of the file in `figures/` that lists the figure files of the last report, one in each line."""
+_ONE_AT_A_TIME = threading.Lock()
+"""Held while parts are drawn for a pool: a Dask worker may have several threads, for which Matplotlib is not made."""
 
 
 def fill(template: str, **values: object) -> Markup:
@@ -268,8 +271,9 @@ def _parts(
     wanted: pairs of a section's name and a signal, which are also the keys of the result.
     """
     parts = {}
-    for name, signal in wanted:
-        section = SECTIONS.get(name)
-        assert isinstance(section, SignalSection)
-        parts[name, signal] = section.part_with_figures(run, signal)
+    with _ONE_AT_A_TIME:
+        for name, signal in wanted:
+            section = SECTIONS.get(name)
+            assert isinstance(section, SignalSection)
+            parts[name, signal] = section.part_with_figures(run, signal)
     return parts, run.drawings.files

@@ -33,7 +33,7 @@ class FitQualitySection(SignalSection):
 
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether models were fitted to a signal; False if the run contains only answers (`only_answered`)."""
-        fitted = any(r["signal"] == signal for r in run.fits) or bool(run.task_results("mode", signal))
+        fitted = any(r["signal"] == signal for r in run.fits) or any(run.task_results("mode", signal))
         return fitted and not run.only_answered
 
     def part(self, run: RunFolder, signal: str) -> Markup:

@@ -35,7 +35,7 @@ class PosteriorsSection(SignalSection):
     def shows(self, run: RunFolder, signal: str) -> bool:
         """Return whether posteriors were sampled on a signal."""
         has_rows = any(r["signal"] == signal for r in run.posteriors)
-        return has_rows or bool(run.task_results("posterior", signal))
+        return has_rows or any(run.task_results("posterior", signal))
 
     def part(self, run: RunFolder, signal: str) -> Markup:
         """Return figures of the marginal posteriors, and tables of parameters and derived quantities, by model.

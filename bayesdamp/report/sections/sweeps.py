@@ -18,7 +18,7 @@ class SweepsSection(Section):
 
     def applies(self, run: RunFolder) -> bool:
         """Return whether the run has a series: at least three signals that differ only in noise, sampling or length."""
-        return len(run.signals) >= 3 and bool(error_series(run))
+        return len(run.signals) >= 3 and bool(run.estimates) and bool(error_series(run))
 
     def render(self, run: RunFolder) -> str:
         """Return a figure of the estimators' errors for each series of signals."""

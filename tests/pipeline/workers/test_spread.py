@@ -52,7 +52,10 @@ def scheduler(tmp_path_factory):
 def test_a_dask_cluster_gives_the_tables_of_one_process(study, alone, scheduler, tmp_path):
     assert run_study(study, tmp_path / "out", scheduler=scheduler) == 0
     assert tables_of(tmp_path / "out") == tables_of(alone)
-    assert (tmp_path / "out" / "report.html").is_file()
+    figures = [
+        {p.name: p.read_bytes() for p in (out / "figures").iterdir()} for out in (tmp_path / "out", alone)
+    ]
+    assert figures[0] == figures[1] != {}
     assert Store(tmp_path / "out").names() == Store(alone).names()
 
 
