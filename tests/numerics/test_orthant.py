@@ -11,7 +11,7 @@ FALSE_ALARM = 1e-4
 """Probability of a false alarm of each comparison of draws."""
 
 
-@pytest.mark.parametrize("k", [1, 2, 3])
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
 def test_the_probability_is_that_of_scipy(k: int) -> None:
     rng = np.random.default_rng(k)
     means = rng.normal(0, 1.5, (8, k))

@@ -157,7 +157,7 @@ class LinearProposal:
         A component is one of the normal distributions whose mixture is the posterior. The cut-off of coefficients at
         zero is ignored.
         """
-        return self.posterior.means[int(np.argmax(self.posterior.log_each))]
+        return self.posterior.top_mean
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Draw the unknowns u, (count, K), from the posterior of the linear model.

@@ -162,8 +162,7 @@ class SlicedProposal:
         is ignored.
         """
         part = self.slices[int(np.argmax(self._logs))]
-        mean = part.posterior.means[int(np.argmax(part.posterior.log_each))]
-        return np.insert(mean, self.place, part.middle)
+        return np.insert(part.posterior.top_mean, self.place, part.middle)
 
     def _split(self, w: np.ndarray) -> Iterator[tuple[np.ndarray, Slice, np.ndarray, np.ndarray]]:
         """Yield the draws w, (n, K), slice by slice.
@@ -301,11 +300,11 @@ def slice_proposal(
     leading = np.flatnonzero(own & ~base.positive)
     if not leading.size:
         return None
-    sds = posterior.sds(np.eye(d, posterior.means.shape[1]))
+    mode = posterior.top_mean
+    sds = posterior.sds(np.eye(d, mode.size))
     place = int(leading[np.argmax(sds[leading])])
     if sds[place] < ONE_SLICE_SD:
         return None
-    mode = posterior.means[int(np.argmax(posterior.log_each))].copy()
     mode[:d][base.positive] = np.maximum(mode[:d][base.positive], 0.0)
     width = SLICE_WIDTH * min(float(sds[place]), 1.0)
     proposal = SlicedProposal(base, place, *_product_and_size(result, base, place), width, ())
