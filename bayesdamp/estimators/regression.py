@@ -442,10 +442,8 @@ def solve_support(white: WhiteRows, support: np.ndarray, sigma: float) -> Soluti
     a, b = white.columns[:, terms] / scale, white.inertia
     own = sigma**2 * white.moments[np.ix_(terms, terms)] / np.outer(scale, scale)
     mixed = sigma**2 * white.moments[terms, -1] / scale
-    gram = a.T @ a
-    inverse = np.linalg.pinv(a, rcond=1e-12)
-    plain = -inverse @ b
-    free = gram - own
+    gram, inverse = a.T @ a, np.linalg.pinv(a, rcond=1e-12)
+    plain, free = -inverse @ b, gram - own
     sound = bool(np.linalg.eigvalsh(free)[0] > 0.5 * np.linalg.eigvalsh(gram)[0]) if terms.size else True
     # The correction is added to the uncorrected solution, so that no digits are lost for a record without noise.
     x = plain + (np.linalg.solve(free, mixed + own @ plain) if sound else 0.0)

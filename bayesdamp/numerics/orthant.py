@@ -10,17 +10,15 @@ from itertools import product
 import numpy as np
 import scipy  # loads its modules when they are used
 
-GAUSS_POINTS, GAUSS_POINTS_OF_FOUR = 12, 8
-"""Number of Gauss–Legendre nodes for each coordinate in the integral of `log_probability`, and the same for four
-coordinates, of which two are integrated so. The log evidence of a record, which contains such integrals, is then
-accurate to 0.003 nats, and to 0.005 (measured; the error is largest where two coordinates are almost perfectly
-correlated)."""
+GAUSS_POINTS = {2: 12, 3: 12, 4: 8}
+"""Number of Gauss–Legendre nodes for each integral over a coordinate in `log_probability`, by the number of
+coordinates. The log evidence of a record, which contains such integrals, is then accurate to 0.003 nats, for four
+coordinates to 0.005 (measured; the error is largest where two coordinates are almost perfectly correlated)."""
 LEAST_OF_TWO = 1e-8
 """Probability below which rounding makes the closed form for two coordinates inaccurate (its relative error is here
 about 1e-8); nested Gauss rules then replace it."""
-MAX_NESTED, LATTICE_POINTS = 4, 256
-"""`MAX_NESTED`: largest number of coordinates for which `log_probability` uses nested Gauss rules. For more coordinates
-it averages over a lattice of `LATTICE_POINTS` points instead (conventional)."""
+LATTICE_POINTS = 256
+"""Number of points of the lattice over which `log_probability` averages for more coordinates (conventional)."""
 SURE_SDS = 7.0
 """If the mean of every coordinate is at least this many of its standard deviations above zero, the probability that all
 coordinates are ≥ 0 is taken as 1 (the error is 1e-12 for each coordinate)."""
@@ -35,8 +33,8 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Return log P(all coordinates ≥ 0), shape (c,), for normals with means (c, k) and covariances (c, k, k).
 
     It is 0 if k = 0, or if k > 2 and all means are at least `SURE_SDS` standard deviations above zero. For k = 2 it has
-    a closed form (`_log_probability_of_two`), for k > `MAX_NESTED` (up to 62) a lattice is used
-    (`_log_probability_by_lattice`), and otherwise a Gauss rule (`_log_probability_by_nodes`).
+    a closed form (`_log_probability_of_two`). For k = 3 and 4 nested Gauss rules are used
+    (`_log_probability_by_nodes`), for more (up to 62) a lattice (`_log_probability_by_lattice`).
     """
     count, k = mean.shape
     if k == 0:
@@ -49,11 +47,8 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     logs = np.zeros(count)
     unsure = np.any(mean < SURE_SDS * sd, axis=1)
     normals = _least_probable_first(mean[unsure], covariance[unsure])
-    points = GAUSS_POINTS if k < MAX_NESTED else GAUSS_POINTS_OF_FOUR
-    nested = k <= MAX_NESTED
-    logs[unsure] = (
-        _log_probability_by_nodes(*normals, points) if nested else _log_probability_by_lattice(*normals)
-    )
+    compute = _log_probability_by_nodes if k in GAUSS_POINTS else _log_probability_by_lattice
+    logs[unsure] = compute(*normals, GAUSS_POINTS.get(k, LATTICE_POINTS))
     return logs
 
 
@@ -81,7 +76,9 @@ def _log_probability_of_two(mean: np.ndarray, covariance: np.ndarray) -> np.ndar
     rare = ~(probability >= LEAST_OF_TWO)  # also those that are not a number
     if rare.any():
         covariance = np.broadcast_to(covariance, (*mean.shape, 2))[rare]
-        logs[rare] = _log_probability_by_nodes(*_least_probable_first(mean[rare], covariance), GAUSS_POINTS)
+        logs[rare] = _log_probability_by_nodes(
+            *_least_probable_first(mean[rare], covariance), GAUSS_POINTS[2]
+        )
     return logs
 
 
@@ -112,19 +109,19 @@ def _log_probability_by_nodes(mean: np.ndarray, covariance: np.ndarray, points: 
     return first + top[:, 0] + np.log(np.exp(inner - top) @ (0.5 * weights))
 
 
-def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray, points: int) -> np.ndarray:
     """Return log P(all k coordinates ≥ 0), (c,), of c normal distributions, by a lattice rule.
 
     It is used for many coordinates, for which nested Gauss rules would need too many nodes. mean: (c, k). covariance:
-    (c, k, k). The probability is the mean, over a lattice of quantile levels (R. D. Richtmyer 1951), of the product of
-    the coordinates' conditional probabilities (Geweke, Hajivassiliou and Keane).
+    (c, k, k). The probability is the mean, over a lattice of `points` quantile levels (R. D. Richtmyer 1951),
+    of the product of the coordinates' conditional probabilities (Geweke, Hajivassiliou and Keane).
     """
     count, k = mean.shape
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
     part = covariance / (scale[:, :, None] * scale[:, None, :]) + 1e-9 * np.eye(k)
     lower, centres = np.linalg.cholesky(part), mean / scale
-    levels = np.mod(0.5 + np.arange(1, LATTICE_POINTS + 1)[:, None] * np.sqrt(PRIMES[:k]), 1.0)
-    z, log = np.zeros((count, LATTICE_POINTS, k)), np.zeros((count, LATTICE_POINTS))
+    levels = np.mod(0.5 + np.arange(1, points + 1)[:, None] * np.sqrt(PRIMES[:k]), 1.0)
+    z, log = np.zeros((count, points, k)), np.zeros((count, points))
     for i in range(k):
         centre = centres[:, i, None] + np.einsum("cpj,cj->cp", z[:, :, :i], lower[:, i, :i])
         sd = lower[:, i, i, None]

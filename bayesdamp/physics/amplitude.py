@@ -437,8 +437,7 @@ def log_loss(
     log = np.log(np.maximum(loss, least))
     # A cubic spline would overshoot if the loss is zero at some amplitudes; PCHIP (monotonic) does not.
     spline = scipy.interpolate.CubicSpline if loss.min() > least else scipy.interpolate.PchipInterpolator
-    table = spline(LOSS_GRID, log)
-    ends = LOSS_GRID[[0, -1]]
+    table, ends = spline(LOSS_GRID, log), LOSS_GRID[[0, -1]]
     slopes = table(ends, 1)
 
     def at(x: np.ndarray) -> np.ndarray:

@@ -431,8 +431,7 @@ def prior_root(model: LinearModel, grid: Grid, variance: float) -> np.ndarray:
     coefficients are ≥ 0. variance: variance of the noise, in the record's unit squared.
     """
     top = int(np.argmax(log_evidences(model, grid, variance, model.count)))
-    root = np.eye(model.root.shape[1])
-    d = model.positive.size
+    root, d = np.eye(model.root.shape[1]), model.positive.size
     root[d:, d:] = grid.only(np.array([top])).factors[0]
     return root
 

@@ -316,8 +316,7 @@ def slice_proposal(
     for side in (1.0, -1.0):
         at, u = first
         for i in range(1, MOST_SLICES + 1):
-            a = middle + side * i * width
-            start = u.copy()
+            a, start = middle + side * i * width, u.copy()
             start[: d - 1] += side * width * at.slopes * u[proposal.own]
             new = _slice_at(comparison, result, proposal, a, start) if abs(a) <= LARGEST_SCORE else None
             if new is None:

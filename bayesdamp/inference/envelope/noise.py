@@ -188,8 +188,7 @@ def infer_noise(
     span = float(t[-1] - t[0])
     step = span / (t.size - 1)
     apart = step / each
-    lag = np.abs(t[:, None] - t)
-    inverse = np.exp(-x)
+    lag, inverse = np.abs(t[:, None] - t), np.exp(-x)
     thermal = np.exp(lag / -slow_time)
     rough = max(float(np.std(np.diff(residual)[: max(4, t.size // 2)])) / np.sqrt(2), LEAST_SCATTER)
     overall = max(float(np.std(residual)), rough)

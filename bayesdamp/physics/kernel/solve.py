@@ -361,7 +361,8 @@ class Solver:
             Width ε in rad/s of the range of velocities in which dry friction changes its sign; by default the solver's.
         """
         m, first_of_law, _ = self._sections
-        terms, own = np.split(self._places, [len(self.terms), self.law_places.start])[:2]
+        terms = self._places[: len(self.terms)]
+        own = self._places[terms.size : self.law_places.start]
         switched, q = np.zeros(m, bool), np.zeros((len(further), first_of_law - m))
         switched[terms], q[:, own - m] = active, further
         out = np.zeros((len(further), m))

@@ -262,8 +262,7 @@ def robust_step(rows: np.ndarray, t: np.ndarray) -> tuple[float, float]:
     tuple of float
         Slope of the line (time step from row to row), and the largest distance of a time from the line, both in s.
     """
-    x = rows - rows.mean()
-    weights = np.ones(t.size)
+    x, weights = rows - rows.mean(), np.ones(t.size)
     step, rest = 0.0, t
     for _ in range(20):
         mean_x, mean_t = np.average(x, weights=weights), np.average(t, weights=weights)

@@ -205,8 +205,7 @@ def _ends_of_fall(ranges: np.ndarray, floor: float) -> list[int]:
     if ranges.size == 0:
         return [0]
     top = int(np.argmax(ranges))
-    low = top + int(np.argmin(ranges[top:]))
-    marks = [0]
+    low, marks = top + int(np.argmin(ranges[top:])), [0]
     if ranges[top] - ranges[0] > max(MAX_RISE * ranges[0], 4 * floor):
         marks.append(top)
     if ranges[-1] - ranges[low] > max(MAX_RISE * ranges[low], 4 * floor):
@@ -413,8 +412,7 @@ def _predict_before(later: np.ndarray) -> tuple[float, float]:
     if later.size >= 8:
         columns = np.hstack([columns, (-1.0) ** x[:, None]])
     inverse = np.linalg.pinv(columns[1:])
-    c = inverse @ later
-    free = later.size - columns.shape[1]
+    c, free = inverse @ later, later.size - columns.shape[1]
     variance = float(np.sum((later - columns[1:] @ c) ** 2)) / free
     weights = columns[0] @ inverse
     slack = float(scipy.special.stdtrit(free, 1 - EXCEEDANCE / 2)) * np.sqrt(

@@ -497,8 +497,7 @@ def _find_start(series: Series, swings: Swings, why: Reason | None, before: floa
     −∞ if it is not in the decay.
     """
     t, decay = series.t, swings.turns
-    gap = float(swings.gaps[0])
-    far = series.reach(decay)
+    gap, far = float(swings.gaps[0]), series.reach(decay)
     begins_late = far.at - t[0] > 1.01 * series.spacing
     if far.whole and not begins_late and swings.opens_like_later(far.at):
         return 0

@@ -600,8 +600,7 @@ def _follow_on(levels: Levels, begin: int) -> tuple[int, NoiseFloor | None]:
     record ends before the decay reaches it, or if what looks like a floor may belong to the decay.
     """
     t, y, tb, yb, edges = levels.t, levels.y, levels.tb, levels.yb, levels.edges
-    count = tb.size
-    fit = fit_power_law(levels, begin)
+    count, fit = tb.size, fit_power_law(levels, begin)
     x, floor, floor_at, stop, scale = fit.x, fit.floor, fit.floor_at, fit.stop, fit.scale
     behind = slice(int(edges[floor_at]), stop)
     measured = NoiseFloor(floor)

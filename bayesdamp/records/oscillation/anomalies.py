@@ -86,8 +86,7 @@ def is_clipped(y: np.ndarray, per_cycle: float) -> bool:
     per_cycle
         Number of samples in a cycle.
     """
-    size = 0.5 * float(np.ptp(y))
-    levels = np.unique(y)
+    size, levels = 0.5 * float(np.ptp(y)), np.unique(y)
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1e-9 * size]
     if gaps.size == 0:

@@ -209,8 +209,7 @@ def refine(
         Half width of the window of samples around each time, s, (k,). A window with fewer than `LEAST_SAMPLES` samples
         is widened, up to threefold.
     """
-    out = np.full((at.size, 3), np.nan)
-    width = half.copy()
+    out, width = np.full((at.size, 3), np.nan), half.copy()
     for wider in (1.5, 2.25, 3.0):
         few = np.searchsorted(t, at + width) - np.searchsorted(t, at - width) < LEAST_SAMPLES
         if wider > 2.5:  # at the ends of a record the window would become one-sided
@@ -295,8 +294,7 @@ def turning_points(t: np.ndarray, y: np.ndarray, period: float, roughness: float
     spacing = (t[-1] - t[0]) / (t.size - 1)
     index = np.array(extrema)
     at, kind = grid[index], first * (-1.0) ** np.arange(index.size)
-    gaps = np.diff(at)
-    local = np.full(at.size, period)
+    gaps, local = np.diff(at), np.full(at.size, period)
     if gaps.size:  # local period: twice the mean distance to the neighbours
         near = np.concatenate([gaps[:1], 0.5 * (gaps[1:] + gaps[:-1]), gaps[-1:]])
         local = np.clip(2 * near, 0.5 * period, 2 * period)
@@ -514,8 +512,7 @@ def features(signal: Signal) -> Features:
         raise Refusal("no oscillation stands out of the noise")
     if turns.times.size < 3:
         raise Refusal("fewer than three turning points between its ends are regular and above the noise")
-    middle = midpoints(turns.values)
-    sizes = _sizes(turns)
+    middle, sizes = midpoints(turns.values), _sizes(turns)
     # The final period and noise.
     period = mean_period(turns, sizes)
     noise = roughness(t, y, period)
@@ -577,8 +574,7 @@ def _join_across_holes(
     times of the samples, (n,), and period of the oscillation, in s. Runs of fewer than three turning points are left
     out.
     """
-    missing = holes(t, period)
-    pieces = [turns]
+    missing, pieces = holes(t, period), [turns]
 
     def follows(a: TurningPoints, b: TurningPoints) -> bool:
         """Return whether run b follows run a, with less than two periods between them that are not in gaps."""

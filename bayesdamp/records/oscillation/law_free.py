@@ -564,8 +564,7 @@ def _smooth_power(windows: Sinusoids, logs: np.ndarray, power: float) -> tuple[n
     variance, the smoothed log amplitudes (or phases), their slopes in scaled time, and the standard deviations of the
     slopes, (v, k) each.
     """
-    x = windows.scaled_times
-    middle = logs.mean()
+    x, middle = windows.scaled_times, logs.mean()
     base = np.exp(power * (logs - middle))
     values = logs - middle if power == 0 else (base - 1) / power
     # Covariance of the transformed values, and kernel of the integrated random walk, which starts at the first window.
@@ -586,8 +585,7 @@ def _smooth_power(windows: Sinusoids, logs: np.ndarray, power: float) -> tuple[n
     inverse = np.linalg.inv(columns.T @ weighted)
     c = (inverse @ (values @ weighted)[:, :, None])[:, :, 0]
     rest = values - c @ columns.T
-    off = rest * precision
-    free = x.size - 2
+    off, free = rest * precision, x.size - 2
     variance = (np.sum(rest * off, axis=1) + NOISE_WEIGHT * scale) / (free + NOISE_WEIGHT)
     prior = np.where(WALKS == 0, PROBABILITY_NO_WALK, (1 - PROBABILITY_NO_WALK) / (WALKS.size - 1))
     log = (
