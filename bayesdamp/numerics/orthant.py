@@ -19,6 +19,9 @@ LEAST_OF_TWO = 1e-8
 about 1e-8); nested Gauss rules then replace it."""
 LATTICE_POINTS = 256
 """Number of points of the lattice over which `log_probability` averages for more coordinates (conventional)."""
+JITTER = 1e-9
+"""Variances of three or more coordinates are increased by this fraction, so that rounding errors do not matter if some
+are perfectly correlated."""
 SURE_SDS = 7.0
 """If the mean of every coordinate is at least this many of its standard deviations above zero, the probability that all
 coordinates are ≥ 0 is taken as 1 (the error is 1e-12 for each coordinate)."""
@@ -46,6 +49,7 @@ def log_probability(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         return scipy.special.log_ndtr(mean[:, 0] / sd[:, 0])
     logs = np.zeros(count)
     unsure = np.any(mean < SURE_SDS * sd, axis=1)
+    covariance = covariance + JITTER * np.einsum("cii,ij->cij", covariance, np.eye(k))
     normals = _least_probable_first(mean[unsure], covariance[unsure])
     compute = _log_probability_by_nodes if k in GAUSS_POINTS else _log_probability_by_lattice
     logs[unsure] = compute(*normals, GAUSS_POINTS.get(k, LATTICE_POINTS))
@@ -118,7 +122,7 @@ def _log_probability_by_lattice(mean: np.ndarray, covariance: np.ndarray, points
     """
     count, k = mean.shape
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
-    part = covariance / (scale[:, :, None] * scale[:, None, :]) + 1e-9 * np.eye(k)
+    part = covariance / (scale[:, :, None] * scale[:, None, :])
     lower, centres = np.linalg.cholesky(part), mean / scale
     levels = np.mod(0.5 + np.arange(1, points + 1)[:, None] * np.sqrt(PRIMES[:k]), 1.0)
     z, log = np.zeros((count, points, k)), np.zeros((count, points))

@@ -149,8 +149,7 @@ def view_motion(record: FileRecord) -> RecordView:
     clock = f"times from column {time!r}" if time is not None else f"{raw.rate or 0:.6g} Hz"
     reading = f"column {value!r} as {quantity}, {clock}, {raw.y.size} samples"
     about = raw.provenance if signal is None else signal.provenance
-    lines = list(about.sentences)
-    window = None
+    lines, window = list(about.sentences), None
     if signal is None:
         lines.append(f"No free decay: {record.refusal}")
         lines += [MAYBE_ENVELOPE] if raw.y.min() >= 0 else []

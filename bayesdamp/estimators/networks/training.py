@@ -242,8 +242,7 @@ def descend(evaluate: Callable[[np.ndarray], Evaluated], x: np.ndarray) -> Itera
     evaluations, damping, failed = 1, FIRST, False
     r, derive = evaluate(x)
     while True:
-        jacobian = derive()
-        loss = float(r @ r)
+        jacobian, loss = derive(), float(r @ r)
         yield Round(x, loss, evaluations)
         gradient, hessian = jacobian.T @ r, jacobian.T @ jacobian
         diagonal, unit = hessian.diagonal().copy(), float(hessian.diagonal().mean())

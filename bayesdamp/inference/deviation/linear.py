@@ -870,7 +870,7 @@ def _singular_values(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     decomposition of the wide matrices. The latter is used if the squares D² would have fewer than eight digits.
     """
     squares, left = np.linalg.eigh(matrices @ np.swapaxes(matrices, 1, 2))
-    if np.any(squares[:, 0] < LEAST_SQUARE * squares[:, -1]):
+    if np.any(squares[:, 0] <= LEAST_SQUARE * squares[:, -1]):
         return np.linalg.svd(matrices, full_matrices=False)
     sizes = np.sqrt(squares)
     return left, sizes, np.swapaxes(left, 1, 2) @ matrices / sizes[:, :, None]

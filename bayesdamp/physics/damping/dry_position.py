@@ -74,8 +74,7 @@ class DryPosition(DampingTerm):
         """
         s, q = further["friction_slope"], further["friction_curvature"]
         scale = further.get("reference_amplitude", amplitude)
-        end = amplitude / scale
-        discriminant = s * s - 4.0 * q
+        end, discriminant = amplitude / scale, s * s - 4.0 * q
         zeros = []  # zeros of 1 + s u + q u², by a formula without cancellation for small q
         if discriminant > 0.0:
             half = -0.5 * (s + math.copysign(math.sqrt(discriminant), s))

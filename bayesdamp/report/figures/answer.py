@@ -187,8 +187,7 @@ def overview(curves: Mapping[str, Sequence[np.ndarray]], unit: str) -> Figure:
         Unit of the amplitudes, for the label of the axis.
     """
     figure = Figure(figsize=(WIDTH, 3.4))
-    ax = figure.subplots()
-    few = len(curves) <= MOST_COLOURED
+    ax, few = figure.subplots(), len(curves) <= MOST_COLOURED
     inks = cycle(INKS if few else (MUTED,))
     for (name, (at, ratio, low, high)), ink in zip(curves.items(), inks, strict=False):
         ax.fill_between(at, 100 * low, 100 * high, color=ink, alpha=0.15 if few else 0.05, lw=0)

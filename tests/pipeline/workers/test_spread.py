@@ -50,13 +50,11 @@ def scheduler(tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_dask_cluster_gives_the_tables_of_one_process(study, alone, scheduler, tmp_path):
-    assert run_study(study, tmp_path / "out", scheduler=scheduler) == 0
-    assert tables_of(tmp_path / "out") == tables_of(alone)
-    figures = [
-        {p.name: p.read_bytes() for p in (out / "figures").iterdir()} for out in (tmp_path / "out", alone)
-    ]
-    assert figures[0] == figures[1] != {}
-    assert Store(tmp_path / "out").names() == Store(alone).names()
+    out = tmp_path / "out"
+    assert run_study(study, out, scheduler=scheduler) == 0
+    assert (tables_of(out), Store(out).names()) == (tables_of(alone), Store(alone).names())
+    drawn = {p.name: p.read_bytes() for p in (out / "figures").iterdir()}
+    assert drawn == {p.name: p.read_bytes() for p in (alone / "figures").iterdir()} != {}
 
 
 @pytest.mark.slow

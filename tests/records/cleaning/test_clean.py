@@ -171,8 +171,7 @@ def test_bursts_without_repeated_stamps_need_a_decision_of_the_user():
 
 def test_missing_rows_are_not_taken_for_rounded_stamps():
     """Every tenth row of 100 Hz is missing. Negative control: the same stamps, rounded from 90 Hz."""
-    rng = np.random.default_rng(5)
-    index = np.arange(600)
+    rng, index = np.random.default_rng(5), np.arange(600)
     stamps = index[index % 10 != 9] / 100
     for noise in (0.0, 0.01):
         for t, is_uniform in ((stamps, False), (np.arange(stamps.size) / 90, True)):

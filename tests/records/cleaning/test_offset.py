@@ -48,8 +48,7 @@ def test_the_zero_is_estimated():
 def test_a_record_without_an_offset_has_none():
     """An offset needs three standard errors: one record in 370 has one by chance, and three of 40 one run in 5,000."""
     for quantity in ("velocity", "acceleration"):
-        y = motion(quantity)
-        rng = np.random.default_rng(2)
+        y, rng = motion(quantity), np.random.default_rng(2)
         assert sum(offset(y + 0.02 * rng.standard_normal(y.size), quantity) != 0 for _ in range(40)) < 3
     assert offset(motion("angle") + 0.4, "angle") == 0.0
 
