@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from inspect import Parameter, Signature, signature
@@ -15,7 +15,7 @@ from bayesdamp.cli.options import parse_time, reading
 from bayesdamp.formatting import show
 from bayesdamp.interface.signal import Signal, cut
 from bayesdamp.pipeline.progress import map_with_bar
-from bayesdamp.pipeline.workers import restart
+from bayesdamp.pipeline.workers import is_kill, restart
 from bayesdamp.records.files.contents import unit_by_name
 from bayesdamp.records.read import FROM_FIRST, read_each, read_records
 from bayesdamp.records.record import QUESTIONS, Finding, RawRecord, findings, unit_or_guess
@@ -246,14 +246,16 @@ def select_records(
     InputError
         The first error of a file, if no file is usable.
     """
-    read = partial(_choose, options=options, cleaned=len(paths) > 1)
+    # The workers of a scheduler may run in another folder, to which relative paths do not refer.
+    read = partial(_choose, folder=Path.cwd(), options=options, cleaned=len(paths) > 1)
     run = map if pool is None else pool.map
     if not quiet:
         run = partial(map_with_bar, run)
     try:
         chosen, failed = read_each(paths, read, run)
-    except BrokenExecutor:  # one of the processes was killed
-        assert pool is not None
+    except Exception as fault:
+        if pool is None or not is_kill(fault):
+            raise
         restart(pool)
         chosen, failed = read_each(paths, read)
     parts: list[list[Any]] = [list(chain.from_iterable(part)) for part in zip(*chosen)]
@@ -262,12 +264,12 @@ def select_records(
 
 
 def _choose(
-    path: Path, options: ReadingOptions, cleaned: bool
+    path: Path, folder: Path, options: ReadingOptions, cleaned: bool
 ) -> tuple[list[FileRecord], list[str], list[str]]:
     """Return the records of a file that are used, lines on what looks wrong, and lines on how they were read.
 
-    `cleaned`: whether to search for the free decay also in a record that is alone in the file or that the user
-    selected. InputError is raised in these cases:
+    `folder`: the folder that a relative path refers to. `cleaned`: whether to search for the free decay also in a
+    record that is alone in the file or that the user selected. InputError is raised in these cases:
 
     - the file cannot be read;
     - the file contains several records, and none of them is a free decay;
@@ -276,7 +278,7 @@ def _choose(
     """
     notes: list[str] = []
     all_of_it = options.runs is None and not options.channels and options.angle is None
-    records = records_in(path, options, cleaned=cleaned)
+    records = [replace(r, path=path) for r in records_in(folder / path, options, cleaned=cleaned)]
     several = len(records) > 1
     if several and all_of_it:
         every = records if cleaned else [with_free_decay(record, options) for record in records]

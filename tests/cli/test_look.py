@@ -1,5 +1,6 @@
 """`bayesdamp look` and `bayesdamp init`, and files with several records in `compare` and in a study."""
 
+import os
 import re
 from concurrent.futures import BrokenExecutor
 from pathlib import Path
@@ -14,6 +15,7 @@ from bayesdamp.cli.commands.compare import early_lines
 from bayesdamp.cli.records import ReadingOptions, records_in, select_records, study_signals
 from bayesdamp.config import Recording, in_keys, load_study
 from bayesdamp.config.load import comparison_study
+from bayesdamp.machine import processes
 from bayesdamp.pipeline.records import read_raw
 from bayesdamp.types import InputError
 from tests.records.tables import T, Y, write_table
@@ -69,12 +71,10 @@ def test_look_shows_the_columns_if_none_can_be_chosen(tmp_path, capsys) -> None:
 
 def test_look_reports_a_gap_in_the_samples(tmp_path, capsys) -> None:
     """On the record's own time axis. Control: a record without a gap."""
-    for name, recorded in (("whole", T >= 0), ("gap", (T < 4) | (T > 5))):
-        y = Y + 0.1 * NOISE
-        path = write_table(tmp_path / f"{name}.csv", "t (s),angle (rad)", T[recorded] + 20, y[recorded])
-        printed = output_of_look(path, capsys)
-        shown = "No samples for 1.04 s from 23.98 s on; the fit bridges the gap." in printed
-        assert shown is (name == "gap")
+    for name, recorded in (("whole.csv", T >= 0), ("gap.csv", (T < 4) | (T > 5))):
+        path = write_table(tmp_path / name, "t,angle (rad)", T[recorded] + 20, (Y + 0.1 * NOISE)[recorded])
+        shown = "No samples for 1.04 s from 23.98 s on; the fit" in output_of_look(path, capsys)
+        assert shown is (name == "gap.csv")
     assert " as angle in rad, 50 Hz, " in output_of_look(path, capsys, "--angle", "2", "--rate", "50")
 
 
@@ -92,11 +92,16 @@ def test_times_in_an_unlikely_unit_are_refused_unless_the_unit_is_given(tmp_path
     assert read_raw(Recording(file=path.name, path=path, angle=2, time=1, time_unit="s")).t is not None
 
 
-def test_files_are_read_here_if_a_process_that_reads_them_is_killed(tmp_path) -> None:
-    pool = Mock(map=Mock(side_effect=BrokenExecutor))
-    path = write_table(tmp_path / "a.csv", "t,angle", T, Y)
-    assert len(select_records([path], ReadingOptions(), pool=pool).records) == 1
-    pool.restart.assert_called_once_with()
+def test_files_are_read_by_processes_or_here_if_one_is_killed(tmp_path, monkeypatch) -> None:
+    """Their paths are relative to the folder of this process, not to that of the others."""
+    write_table(tmp_path / "a.csv", "t,angle", T, Y)
+    killed = Mock(map=Mock(side_effect=BrokenExecutor))
+    with processes(1) as pool:
+        assert pool.submit(os.getcwd).result() != str(tmp_path)  # the process has started
+        monkeypatch.chdir(tmp_path)
+        chosen = [select_records([Path("a.csv")], ReadingOptions(), pool=p) for p in (pool, killed)]
+        assert [record.path for each in chosen for record in each.records] == [Path("a.csv")] * 2
+    killed.restart.assert_called_once_with()
 
 
 def test_the_frequency_of_a_fast_or_slow_record_is_printed(tmp_path) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +14,7 @@ from bayesdamp.cli.files import check_folder, check_names
 from bayesdamp.config import Recording, Study
 from bayesdamp.config.load import RecordOptions, comparison_study
 from bayesdamp.interface.first_words import first_words, no_free_decay
-from bayesdamp.machine import Processes, cores
+from bayesdamp.machine import cores
 from bayesdamp.pipeline.records import keep_free_decay, read_free_decay
 from bayesdamp.pipeline.workers import open_pool
 from bayesdamp.plugins import read_modules, use_modules
@@ -110,7 +111,8 @@ def compare(
     if in_pool and not quiet:
         typer.echo(f"reading {len(records)} files", err=True)
     # Many records are read, and later compared, by several processes.
-    with open_pool(width, None) as pool:
+    say = partial(typer.echo, err=True)
+    with open_pool(width, scheduler if in_pool else None, say) as pool:
         if envelopes:
             given = {"restoring": restoring, "exact": exact, "runs": reading["runs"]}
             given |= {"channel": reading["channels"], "time-unit": reading["time_unit"]}
@@ -178,10 +180,8 @@ def compare(
             typer.echo(f"{before}; this run is written to {folder}", err=True)
         depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
         running = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
-        if scheduler is not None and isinstance(pool, Processes):
-            pool.end()  # the scheduler's workers do the rest
         has_signal = [record.signal is not None for record in chosen.records]
-        running |= {"pool": None if scheduler else pool, "checked": bool(has_signal) and all(has_signal)}
+        running |= {"pool": pool, "checked": bool(has_signal) and all(has_signal)}
         chosen = r.SelectedRecords([], [], [], [])  # frees the memory of the records
         return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **running)
 

@@ -158,7 +158,7 @@ class RunFolder:
 
     @cached_property
     def parts(self) -> dict[tuple[str, str], Markup]:
-        """Parts of the report that other processes have drawn, by the names of the section and of the signal."""
+        """Parts of the report that other processes have made, by the names of the section and of the signal."""
         return {}
 
     @property

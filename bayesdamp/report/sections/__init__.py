@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -33,8 +34,8 @@ signal that are drawn: the most probable ones. The tables contain all models."""
 MOST_DRAWN = 20
 """Largest number of signals for which the report has figures: the first ones of the study. A figure takes 0.2 s and
 adds 0.1 MB to the page (measured), so those of a thousand signals would make it too large for a browser."""
-DRAWN_AT_ONCE = 3
-"""Number of parts of sections that one process of a pool draws at once (conventional)."""
+DRAWN_AT_ONCE, WRITTEN_AT_ONCE = 3, 60
+"""Numbers of parts of sections, with and without figures, that a process of a pool makes at once (conventional)."""
 WITHOUT_FIGURES = (
     f"Only the first {MOST_DRAWN} of {{}} signals have figures. To see others, compare their files alone."
 )
@@ -44,7 +45,7 @@ ONE_MODEL = "There are many signals: the figures show only the most probable mod
 DRAWN_LIST = ".drawn"
 """Name of the file in `figures/` that lists the figure files of the last report, one in each line."""
 _ONE_AT_A_TIME = threading.Lock()
-"""Held while parts are drawn for a pool: a Dask worker may have several threads, for which Matplotlib is not made."""
+"""Held while parts are made for a pool: a Dask worker may have several threads, for which Matplotlib is not made."""
 
 
 def fill(template: str, **values: object) -> Markup:
@@ -195,7 +196,7 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
     folder
         The run's folder. No other files are read.
     pool
-        Executor that draws the sections in parallel; None to draw them in this process.
+        Executor that makes the parts of the sections in parallel; None to make them in this process.
 
     Returns
     -------
@@ -227,7 +228,7 @@ def render(folder: Path, pool: Executor | None = None) -> Path:
 def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]]:
     """Return the HTML page of a run, and the names of the files of its figures.
 
-    `pool` draws in parallel those parts of the sections that show a single signal. They are drawn in this process if it
+    `pool` makes in parallel those parts of the sections that show a single signal. They are made in this process if it
     is None, or if the user has added plug-ins, which exist only in this process. Raises OtherVersionError if an
     incompatible version of bayesdamp wrote the run.
     """
@@ -235,13 +236,15 @@ def page_of(run: RunFolder, pool: Executor | None = None) -> tuple[str, set[str]
     sections.sort(key=lambda section: section.order)
     files: list[str] = []
     if pool is not None and not has_added_plugins():  # a user's own section exists in this process only
-        drawn = [
+        wanted = [
             (section.name, signal)
-            for signal in run.signals[:MOST_DRAWN]
+            for signal in run.signals
             for section in sections
             if isinstance(section, SignalSection) and section.shows(run, signal)
         ]
-        pieces = [drawn[i : i + DRAWN_AT_ONCE] for i in range(0, len(drawn), DRAWN_AT_ONCE)]
+        drawn = sum(signal in run.signals[:MOST_DRAWN] for _, signal in wanted)
+        starts = [*range(0, drawn, DRAWN_AT_ONCE), *range(drawn, len(wanted), WRITTEN_AT_ONCE)]
+        pieces = [wanted[i:j] for i, j in pairwise([*starts, len(wanted)])]
         for parts, names in pool.map(partial(_parts, RunFolder(run.folder.resolve())), pieces):
             run.parts |= parts
             files += names
