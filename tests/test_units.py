@@ -27,12 +27,8 @@ def test_recorded_values_are_labelled_with_quantity_and_unit():
     units = {("deg", "angle"): "deg", ("deg", "velocity"): "deg/s", ("deg", "acceleration"): "deg/s²",
              ("g", "acceleration"): "g", ("rpm", "velocity"): "rpm", ("rpm", "acceleration"): "rpm/s"}  # fmt: skip
     assert {pair: quantity_unit(*pair) for pair in units} == units
-    names = {
-        ("deg", "angle"): "angle",
-        ("in", "angle"): "position",
-        ("V", "angle"): "signal",
-        ("V", "velocity"): "velocity",
-    }
+    names = {("deg", "angle"): "angle", ("in", "angle"): "position",
+             ("V", "angle"): "signal", ("V", "velocity"): "velocity"}  # fmt: skip
     assert {(unit, q): UNITS[unit].quantity_name(q) for unit, q in names} == names
 
 

@@ -258,9 +258,8 @@ def select_records(
             raise
         restart(pool)
         chosen, failed = read_each(paths, read)
-    parts: list[list[Any]] = [list(chain.from_iterable(part)) for part in zip(*chosen)]
-    every, doubted, notes = parts
-    return SelectedRecords(every, doubted, notes, failed)
+    parts: list[Any] = [list(chain.from_iterable(part)) for part in zip(*chosen)]
+    return SelectedRecords(*parts, failed=failed)
 
 
 def _choose(

@@ -111,8 +111,7 @@ def compare(
     if in_pool and not quiet:
         typer.echo(f"reading {len(records)} files", err=True)
     # Many records are read, and later compared, by several processes.
-    say = partial(typer.echo, err=True)
-    with open_pool(width, scheduler if in_pool else None, say) as pool:
+    with open_pool(width, scheduler if in_pool else None, partial(typer.echo, err=True)) as pool:
         if envelopes:
             given = {"restoring": restoring, "exact": exact, "runs": reading["runs"]}
             given |= {"channel": reading["channels"], "time-unit": reading["time_unit"]}
@@ -180,10 +179,9 @@ def compare(
             typer.echo(f"{before}; this run is written to {folder}", err=True)
         depth = Depth.ANSWER if quick else Depth.WHOLE if exact else Depth.SAMPLED
         running = {"workers": 1 if alone else workers, "scheduler": scheduler, "fresh": fresh, "quiet": quiet}
-        has_signal = [record.signal is not None for record in chosen.records]
-        running |= {"pool": pool, "checked": bool(has_signal) and all(has_signal)}
+        running["checked"] = bool(chosen.records) and all(record.signal for record in chosen.records)
         chosen = r.SelectedRecords([], [], [], [])  # frees the memory of the records
-        return run_and_print(study, folder, depth, as_json=as_json, failed=failed, **running)
+        return run_and_print(study, folder, depth, as_json=as_json, failed=failed, pool=pool, **running)
 
 
 def read_by_study(records: Sequence[r.FileRecord], study: Study) -> list[r.FileRecord]:

@@ -62,6 +62,9 @@ PRESERVED_DENSITY = 1e-3
 conventional)."""
 FEWEST_CYCLES = 1.95
 """Smallest number of cycles with which a part of a record is used (two, less a margin; conventional)."""
+FEWEST_LEVELS = 6
+"""Smallest number of recording levels that a free decay must span. With five, 4 of 7 intervals did not contain the
+true damping ratio, with six, 3 of 13 (simulated pendulums)."""
 MAX_STEPS_OFF = 2.0
 """A record is decimated only if all of its time stamps differ from equally spaced times by at most this many sampling
 steps."""
@@ -215,6 +218,9 @@ def clean(
         window = free_decay(t, y, periods, step, seek_start, seek_stop, name)
     first, last = a + window.first, a + window.last
     t, y = times[first : last + 1], raw.y[first : last + 1] * scale
+    if step and (levels := round(float(np.ptp(y)) / step) + 1) < FEWEST_LEVELS:
+        few = f"its free decay has only {levels} different values; at least {FEWEST_LEVELS} are needed"
+        raise InputError(f"{few}: record it with a finer resolution", name)
     signal = Signal(t - t[0], y, quantity, base, name, step)
     try:
         measured = features(signal)

@@ -397,8 +397,8 @@ def _other_by_modes(
     if slow == 1 and f * duration < DRIFT_CYCLES and two.rates[slow] < RATE_SIGMAS * two.errors[slow]:
         return None  # a drift of the baseline
     noise = float(np.std(y)) * two.left**0.5
-    rough = roughness(t, y, 1 / f)
-    misfit, complete = noise / max(rough, 1e-300), noise < MOST_MISFIT * rough
+    rough = max(roughness(t, y, 1 / f), 1e-12 * float(np.std(y)))
+    misfit, complete = noise / rough, noise < MOST_MISFIT * rough
     if g / f - 1 < CLOSE_FREQUENCIES or 2 * np.pi * (g - f) < fastest + slowest:
         ranges = _ranges(t, y, 1 / f)
         # `levels`: in the last third, the amplitude and the slower mode stay constant, well above the noise.
@@ -410,7 +410,7 @@ def _other_by_modes(
             early, late = np.median(last[: last.size // 2]), np.median(last[-(last.size // 2) :])
             levels = falls < MAX_SUSTAINED_FALL and abs(early / late - 1) < MAX_SUSTAINED_FALL
         together = min(duration, 1 / max(fastest - slowest, 1e-300))  # time in s with comparable amplitudes
-        nats = 0.5 * t.size * ((unexplained / max(rough, 1e-12 * float(np.std(y)))) ** 2 + 1 - misfit**2)
+        nats = 0.5 * t.size * ((unexplained / rough) ** 2 + 1 - misfit**2)
         possible = complete and nats > NATS_AHEAD and fastest < RATES_ALIKE * slowest
         apart = 2 * np.pi * (g - f) > LEAST_WIDTHS * (fastest + slowest)
         ahead = possible and size < SIZES_ALIKE and apart

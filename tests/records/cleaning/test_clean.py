@@ -114,10 +114,10 @@ def test_an_impossible_clock_or_option_is_refused(t, options, message):
 
 
 def test_no_oscillation_is_refused():
-    """Noise, a shuffled record, an exponential, a trend, and too few samples in a cycle."""
-    rng = np.random.default_rng(0)
-    for y in (rng.standard_normal(1000), rng.permutation(decay(T)), np.exp(-T), T):
-        with pytest.raises(InputError, match=r"oscillation|periods"):
+    """Noise, a shuffled record, an exponential, a trend, five levels, and too few samples in a cycle."""
+    rng, levels = np.random.default_rng(0), np.round(2 * np.exp(-T / 50) * np.cos(9 * T))
+    for y in (rng.standard_normal(1000), rng.permutation(decay(T)), np.exp(-T), T, levels):
+        with pytest.raises(InputError, match=r"oscillation|periods|has only 5 different values"):
             clean(record(T, y), name="x")
     t = np.arange(0, 60, 0.31)
     coarse = decay(t, 0.04, 2 * np.pi * 1.1) + 0.002 * rng.standard_normal(t.size)

@@ -106,8 +106,7 @@ def test_a_slow_pull_that_is_larger_than_the_decay_does_not_hide_it(long: int) -
 
 
 def test_the_decay_ends_before_friction_stops_the_motion() -> None:
-    for seed in SEEDS:
-        rng = np.random.default_rng(seed)
+    for rng in map(np.random.default_rng, SEEDS):
         record = with_faults(sticking(rng), rng)
         start, stop = ends(record)
         assert start <= 0.05
@@ -116,8 +115,7 @@ def test_the_decay_ends_before_friction_stops_the_motion() -> None:
 
 def test_the_decay_ends_where_noise_hides_the_turning_points() -> None:
     """Viscous decays in closed form: at the stop the amplitude is one to six times the noise."""
-    for seed in SEEDS:
-        rng = np.random.default_rng(seed)
+    for rng in map(np.random.default_rng, SEEDS):
         noise, zeta = rng.choice([0.01, 0.03, 0.1]), rng.uniform(0.1, 0.4)
         t = np.arange(0, 8 / zeta, 1 / rng.uniform(12, 60))
         y = np.exp(-zeta * t) * np.cos(W * t + rng.uniform(0, 6)) + noise * rng.standard_normal(t.size)

@@ -59,6 +59,13 @@ def test_one_oscillation_is_not_several(parts: tuple[tuple[float, float, float],
     assert find_other_motion(*sum_of(*parts), PERIOD) is None
 
 
+def test_a_rounded_record_of_a_body_that_stops_is_one_oscillation() -> None:
+    """At rest all values are equal, so that the noise seems to be zero."""
+    t = np.arange(0, 40, 0.02)
+    y = np.maximum(0.3 * np.exp(-0.05 * t) - 0.01 * t, 0) * np.cos(OMEGA * t)
+    assert find_other_motion(t, np.round(y, 2), PERIOD) is None
+
+
 def test_few_samples_in_a_period_are_not_beats() -> None:
     """The largest sample of a period rises and falls if the period has 4.1 samples; the amplitude only falls."""
     t, rate = np.arange(0, 600, 1 / 4.1), 2 * np.pi * 0.0007
