@@ -284,9 +284,8 @@ def _choose(
         records = [record for record in every if record.signal is not None]
         notes += [f"{path.name}: {r.label} is left out: {r.refusal}" for r in every if r.signal is None]
         if not records:
-            raise InputError(
-                f"{path.name}: none of its {len(every)} records is a free decay: {every[0].refusal}"
-            )
+            none = f"{path.name}: none of its {len(every)} records is a free decay"
+            raise InputError(f"{none}: {every[0].refusal}")
     for record in records:
         if record.refusal:
             raise InputError(record.refusal)

@@ -46,6 +46,7 @@ def decide(
 
     A law-free value is measured without assuming a damping law or a restoring law. It contradicts the value of a law if
     they differ by more than a threshold, and their 95 % intervals do not overlap although the law-free one is widened.
+    A damping ratio also contradicts a law that has no oscillation of its amplitude.
 
     A damping is named without reservation (`decided`) if all of these conditions are met: its probability is at least
     `thresholds.DECIDED`; it is also the most probable damping under exact laws; the grade is not `DEVIATES`; and no
@@ -113,7 +114,7 @@ def decide(
         for own in own_ratios:
             value, low, high = (float(np.interp(own.amplitude, known, row)) for row in rows)
             law_there = Interval(value, low, high)
-            contradicted = contradicted or _contradicts(law_there, own, least)
+            contradicted = contradicted or np.isnan(value) or _contradicts(law_there, own, least)
         own = own_frequency
         if by_law is not None and abs(np.log(by_law.amplitude / own.amplitude)) < thresholds.SAME_AMPLITUDE:
             off = _contradicts(by_law, own, thresholds.CONTRADICTS_FREQUENCY)

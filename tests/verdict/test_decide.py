@@ -216,6 +216,8 @@ def test_a_law_that_contradicts_the_measured_damping_is_not_named() -> None:
     assert not any("grows as v" in remark for remark in verdict.remarks)
     assert "so none is named" in verdict.sentence
     assert "(probability" not in verdict.sentence
+    without = tuple(Ratio(a, *(np.nan,) * 5) for a in (0.3, 0.1, 0.03))  # the law has no such oscillation
+    assert verdict_of(ratios=without, curve=(), law_free=law_free()).contradicted
 
 
 def test_energy_is_not_stated_where_the_damping_is_measured_without_a_law() -> None:

@@ -219,8 +219,8 @@ def clean(
     first, last = a + window.first, a + window.last
     t, y = times[first : last + 1], raw.y[first : last + 1] * scale
     if step and (levels := round(float(np.ptp(y)) / step) + 1) < FEWEST_LEVELS:
-        few = f"its free decay has only {levels} different values; at least {FEWEST_LEVELS} are needed"
-        raise InputError(f"{few}: record it with a finer resolution", name)
+        few = f"its decay has only {levels} different values"
+        raise InputError(f"{few}; record it with a finer resolution", name)
     signal = Signal(t - t[0], y, quantity, base, name, step)
     try:
         measured = features(signal)

@@ -99,6 +99,9 @@ window (for windows that are raised cosines)."""
 MOST_HARMONIC = 0.05
 """Largest amplitude of the third harmonic, relative to the first, that is used in corrections; a larger one is replaced
 by this value (conventional)."""
+LEAST_PACE = 0.01
+"""A frequency is limited to at least this fraction of that of small oscillations, and an energy to at least this
+fraction of the squared largest velocity, where they are extrapolated (conventional)."""
 Smoothed = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 """A function of scaled times (k,) that returns smoothed log amplitudes or phases, their slopes, and the variances or
 standard deviations of the slopes, with the last axis (k,) each."""
@@ -375,9 +378,8 @@ def law_free(signal: Signal) -> LawFree:
             break
     else:
         if order:
-            raise Refusal(
-                f"the amplitude cannot be computed from the {signal.quantity}: the spring is too far from linear"
-            )
+            what = f"the amplitude cannot be computed from the {signal.quantity}"
+            raise Refusal(f"{what}: the spring is too far from linear")
     line = _fit_line(windows, sizes)
     # The motion on a cubic spring is x = a (cos φ + ε cos 3φ), with the third harmonic ε. The sinusoids in the windows
     # have the amplitude a; the amplitude of the motion is a (1 + ε).
@@ -507,27 +509,28 @@ def _backbone_curves(c: np.ndarray, a: np.ndarray) -> np.ndarray:
 
     def action_slope(b: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Return dJ/da, where J = (11 ω + ω₀²/ω) a²/24."""
-        share = (c[0] / w) ** 2
+        share = np.minimum((c[0] / w) ** 2, 1 + 24 * MOST_HARMONIC)
         steep = 2 * b * np.polynomial.polynomial.polyval(b**2, slope)
         return b * w * (11 + share) / 12 + b**2 * steep * (11 - share) / 24
 
     inside, w = 0.5 * a[:, None] * (_X + 1), _pace(c, a)
     within = _pace(c, inside)
-    energy = 0.5 * a * ((within * action_slope(inside, within)) @ _W)
-    return np.stack([w, a * action_slope(a, w) / (2 * np.maximum(energy, 1e-300)), energy])
+    energy = np.maximum(0.5 * a * ((within * action_slope(inside, within)) @ _W), LEAST_PACE * (a * w) ** 2)
+    return np.stack([w, a * action_slope(a, w) / (2 * energy), energy])
 
 
 def _pace(c: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Return the frequency ω at relative amplitudes a: a polynomial in a² with coefficients c, limited to above 0."""
-    return np.maximum(np.polynomial.polynomial.polyval(a**2, c), 1e-6 * abs(c[0]) + 1e-300)
+    return np.maximum(np.polynomial.polynomial.polyval(a**2, c), LEAST_PACE * abs(c[0]))
 
 
 def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
     """Fit the frequency as a polynomial in the squared amplitude to the phases in the windows.
 
     The phases are modelled as a constant plus the time integral of this polynomial. Polynomials with one, two and three
-    coefficients are fitted (fewer in short records, if these fit: `POOR_FIT`), and weighted in the result by the
-    Bayesian information criterion. amplitude: amplitude of the displacement in the windows, (k,).
+    coefficients are fitted (fewer in short records, if these fit: `POOR_FIT`). Those that are positive at all
+    amplitudes up to the largest are weighted in the result by the Bayesian information criterion. amplitude: amplitude
+    of the displacement in the windows, (k,).
     """
     t, largest = windows.times, float(amplitude.max())
     a = amplitude / largest
@@ -548,7 +551,9 @@ def _fit_backbone(windows: Sinusoids, amplitude: np.ndarray) -> Backbone:
         variance = (float(np.sum((aim - white @ c) ** 2)) + NOISE_WEIGHT) / freedom
         wide = float(scipy.special.stdtrit(independent - count - 1 + NOISE_WEIGHT, 0.975)) / NORMAL_95
         covariance = (inverse @ inverse.T)[1:, 1:] * max(variance, 1.0) * wide**2
-        fits.append((independent * np.log(variance) + (count + 1) * np.log(independent), c[1:], covariance))
+        if count == 1 or np.all(np.polynomial.polynomial.polyval(np.linspace(0, 1, 21), c[1:]) > 0):
+            score = independent * np.log(variance) + (count + 1) * np.log(independent)
+            fits.append((score, c[1:], covariance))
     logs = np.array([f[0] for f in fits])
     weights = np.exp(-0.5 * (logs - logs.min()))
     weights /= weights.sum()

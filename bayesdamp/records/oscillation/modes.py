@@ -393,8 +393,7 @@ def _other_by_modes(
     f, g = float(two.frequencies.min()), float(two.frequencies.max())
     if f * duration < MIN_CYCLES:
         return None
-    slow = int(np.argmin(two.frequencies))
-    if slow == 1 and f * duration < DRIFT_CYCLES and two.rates[slow] < RATE_SIGMAS * two.errors[slow]:
+    if two.frequencies[1] == f and f * duration < DRIFT_CYCLES and two.rates[1] < RATE_SIGMAS * two.errors[1]:
         return None  # a drift of the baseline
     noise = float(np.std(y)) * two.left**0.5
     rough = max(roughness(t, y, 1 / f), 1e-12 * float(np.std(y)))

@@ -46,17 +46,11 @@ def test_scores_at_the_ends_are_finite():
         assert np.all(np.isfinite(np.asarray(prior.score(np.array(law.support())))))
 
 
-@pytest.mark.parametrize(
-    "table",
-    [
-        {"prior": "normal", "mean": 0.0, "sd": -1.0},
-        {"prior": "uniform", "low": 2.0, "high": 1.0},
-        {"prior": "loguniform", "low": 0.0, "high": 1.0},
-        {"prior": "halfnormal", "scale": float("nan")},
-        {"prior": "halfnormal", "scale": 1.0, "sd": 1.0},
-        {"prior": "cauchy", "scale": 1.0},
-    ],
-)
+@pytest.mark.parametrize("table", [
+    {"prior": "normal", "mean": 0.0, "sd": -1.0}, {"prior": "uniform", "low": 2.0, "high": 1.0},
+    {"prior": "loguniform", "low": 0.0, "high": 1.0}, {"prior": "halfnormal", "scale": float("nan")},
+    {"prior": "halfnormal", "scale": 1.0, "sd": 1.0}, {"prior": "cauchy", "scale": 1.0},
+])  # fmt: skip
 def test_invalid_priors_are_refused(table):
     with pytest.raises(ValidationError):
         TypeAdapter(Prior).validate_python(table)
