@@ -63,8 +63,8 @@ conventional)."""
 FEWEST_CYCLES = 1.95
 """Smallest number of cycles with which a part of a record is used (two, less a margin; conventional)."""
 FEWEST_LEVELS = 6
-"""Smallest number of recording levels that a free decay must span. With five, 4 of 7 intervals did not contain the
-true damping ratio, with six, 3 of 13 (simulated pendulums)."""
+"""Smallest number of different values (recording levels) that a free decay must have. With five, 3 of 5 intervals did
+not contain the true damping ratio, with six, 2 of 13 (simulated pendulums)."""
 MAX_STEPS_OFF = 2.0
 """A record is decimated only if all of its time stamps differ from equally spaced times by at most this many sampling
 steps."""
