@@ -194,10 +194,12 @@ class Data:
     def equilibrium(self, restoring: str, law: np.ndarray) -> float | None:
         """Return the stable equilibrium in rad or m nearest to the midline, for restoring parameters `law`, (r,).
 
-        None if none is within two amplitudes (`amplitude`) of the midline. restoring: name of the law. law: values in
-        the order of `RestoringLaw.parameters`.
+        None if none is within two amplitudes (`amplitude`) of the midline. For a velocity or acceleration the position
+        is not recorded: the midline is at 0, and the equilibrium may be up to π rad or m from it. restoring: name of
+        the law. law: values in the order of `RestoringLaw.parameters`.
         """
-        return _equilibrium(restoring, tuple(law.tolist()), self.rest, 2 * self.amplitude)
+        reach = max(2 * self.amplitude, 0.0 if self.quantity == "angle" else np.pi)
+        return _equilibrium(restoring, tuple(law.tolist()), self.rest, reach)
 
     def rest_under(self, restoring: str, law: np.ndarray) -> float:
         """Return the equilibrium (rad or m) nearest to the midline, as `equilibrium` does; the midline if that is None.

@@ -502,7 +502,10 @@ class Series:
         back = times[0] - self.grid[a:b]
         scale = float(np.exp(fall))
         places = np.clip(times[2] - back * gaps[1] / pace, self.grid[0], self.grid[-1])
-        later = scipy.interpolate.CubicSpline(self.grid, self.values)(places) - turns.values[2]
+        # Interpolate the later swing linearly, and subtract what its curvature adds between two points of the grid.
+        part = (places - self.grid[0]) / self.spacing % 1
+        bend = np.interp(places, self.grid[1:-1], np.diff(self.values, 2))
+        later = np.interp(places, self.grid, self.values) - part * (1 - part) / 2 * bend - turns.values[2]
         off = self.values[a:b] - turns.values[0] - later * scale
         width = max(int(0.1 * gaps[0] / self.spacing), 0) | 1
         share = np.minimum(back / pace, 1.0)
