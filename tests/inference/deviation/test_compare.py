@@ -1,9 +1,11 @@
-"""Comparisons of records that are hard to linearise: few samples, and a frequency that wanders."""
+"""Records that are hard to linearise: few samples, a wandering frequency, an equilibrium that is not recorded."""
 
 import numpy as np
+import pytest
 
 import bayesdamp as bd
 from bayesdamp.inference.deviation.compare import compare_signal
+from bayesdamp.inference.deviation.data import prepare_data
 from bayesdamp.inference.deviation.linear import smooth_root
 from bayesdamp.physics.restoring import LAWS
 from bayesdamp.types import Signal
@@ -35,3 +37,14 @@ def test_a_linear_model_whose_singular_values_do_not_converge_is_solved():
     """LAPACK's gelsd fails on a matrix of 39 well-scaled unknowns that this record leads to."""
     record = simulate_record(813, 76)
     assert "+".join(compare_signal(record.signal).best.candidate.damping) == record.damping
+
+
+def test_the_equilibrium_of_a_velocity_may_be_far_from_zero() -> None:
+    """A spring balances gravity there. Control: the same values as an angle would have to be near it."""
+    t, law = np.linspace(0.0, 20.0, 400), {"stiffness": 9.68, "gravity": 10.17, "spring_angle": -1.26}
+    values = np.array([law[name] for name in LAWS.get("horizontal_pendulum").parameters])
+    y = 0.05 * np.exp(-0.02 * t) * np.cos(2.7 * t)
+    angle, rate = (prepare_data(Signal(t, y, quantity)) for quantity in ("angle", "velocity"))
+    rest = rate.equilibrium("horizontal_pendulum", values)
+    assert 9.68 * (rest + 1.26) == pytest.approx(10.17 * np.cos(rest))
+    assert angle.equilibrium("horizontal_pendulum", values) is None
